@@ -1,0 +1,33 @@
+# What a person does with the project; `make` alone lists it.
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help setup reach test lint bench clean
+
+help: ## List the targets.
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+
+setup: $(STAMP) ## Prepare .venv, the pinned packages and the system libraries.
+
+$(STAMP): pyproject.toml constraints.txt scripts/setup.sh
+	@PYTHON="$(PYTHON)" sh scripts/setup.sh
+	@touch $@
+
+reach: $(STAMP) ## Pepper reaches: the main job. ARGS="--live" shows it in a browser.
+	@$(BIN)/python apps/reach.py $(ARGS)
+
+test: $(STAMP) ## Run the tests. ARGS="-k name" picks some.
+	@$(BIN)/python -m pytest -n auto $(ARGS)
+
+lint: $(STAMP) ## Check format, lint and types.
+	@$(BIN)/ruff format --check .
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+
+bench: $(STAMP) ## Measure speed, as ratios within one run.
+	@$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only $(ARGS)
+
+clean: ## Remove what the targets made.
+	rm -rf .venv out .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,1 @@
+"""Pepper learns to reach: movement primitives, cameras and Drake in one diagram."""

@@ -1,0 +1,55 @@
+"""What every app shares: options, exit codes, and one clear sentence for bad input."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from pepper_drake.errors import InputError, PepperDrakeError
+
+EXIT_DONE = 0
+EXIT_FAILED = 1
+"""The robot did not do its job; the app's report says why."""
+EXIT_BAD_INPUT = 2
+
+
+def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
+    """Makes a parser with the options that every app takes.
+
+    Args:
+        name: The app's name; its default output folder is `out/<name>`.
+        description: The help text, usually the module's docstring.
+    """
+    parser = argparse.ArgumentParser(
+        prog=f"{name}.py",
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("out") / name,
+        metavar="DIR",
+        help="folder for the results (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of all randomness (default: %(default)s)"
+    )
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
+    return parser
+
+
+def run(main: Callable[[], int]) -> None:
+    """Runs an app's `main` and exits with its code; errors a user can mend become one line."""
+    try:
+        code = main()
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        code = EXIT_BAD_INPUT
+    except PepperDrakeError as error:
+        print(f"error: {error}", file=sys.stderr)
+        code = EXIT_FAILED
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        code = 130
+    sys.exit(code)
