@@ -1,0 +1,221 @@
+"""Pepper in a MultibodyPlant: its joints by group, postures, coupled limits and how it is added."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import CollisionFilterDeclaration, GeometrySet
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import Context
+
+from pepper_drake.errors import InputError
+
+MODELS_DIR = Path(__file__).parent
+"""The folder of the package `pepper_drake_models`."""
+
+PEPPER_URDF = MODELS_DIR / "pepper" / "pepper.urdf"
+
+ARMS = ("left", "right")
+
+JOINT_GROUPS: dict[str, tuple[str, ...]] = {
+    "base": ("BaseX", "BaseY", "BaseYaw"),
+    "body": ("HipRoll", "HipPitch", "KneePitch"),
+    "head": ("HeadYaw", "HeadPitch"),
+    "left_arm": ("LShoulderPitch", "LShoulderRoll", "LElbowYaw", "LElbowRoll", "LWristYaw"),
+    "right_arm": ("RShoulderPitch", "RShoulderRoll", "RElbowYaw", "RElbowRoll", "RWristYaw"),
+}
+"""The actuated joints, each in exactly one group."""
+
+POSTURES: dict[str, dict[str, float]] = {
+    "stand": {
+        "HeadPitch": -0.21,
+        "HipPitch": -0.03,
+        "LShoulderPitch": 1.58,
+        "LShoulderRoll": 0.12,
+        "LElbowYaw": -1.22,
+        "LElbowRoll": -0.52,
+        "LWristYaw": -0.03,
+        "RShoulderPitch": 1.58,
+        "RShoulderRoll": -0.12,
+        "RElbowYaw": 1.23,
+        "RElbowRoll": 0.52,
+        "RWristYaw": 0.03,
+    },
+    "upright": {  # Stand with a straight body: the torso frame is exactly 0.82 m above the floor.
+        "LShoulderPitch": 1.58,
+        "LShoulderRoll": 0.12,
+        "LElbowYaw": -1.22,
+        "LElbowRoll": -0.52,
+        "LWristYaw": -0.03,
+        "RShoulderPitch": 1.58,
+        "RShoulderRoll": -0.12,
+        "RElbowYaw": 1.23,
+        "RElbowRoll": 0.52,
+        "RWristYaw": 0.03,
+    },
+    "crouch": {
+        "HeadPitch": 0.44,
+        "HipPitch": -1.03,
+        "KneePitch": 0.51,
+        "LShoulderPitch": 1.11,
+        "LShoulderRoll": 0.04,
+        "LElbowYaw": -0.49,
+        "LElbowRoll": -0.009,
+        "LWristYaw": -0.78,
+        "RShoulderPitch": 1.11,
+        "RShoulderRoll": -0.04,
+        "RElbowYaw": 0.49,
+        "RElbowRoll": 0.009,
+        "RWristYaw": 0.78,
+    },
+}
+"""Named postures [rad]; joints that are not named are zero."""
+
+# Coupled limits of the vendor's documentation (NAOqi 2.8), degrees, linear between the rows.
+_HEAD_YAW = np.radians([33.33, 61.6, 91.4, 119.5])
+_HEAD_PITCH_LOWER = np.radians([-40.5, -35.2, -35.1, -35.0])
+_HEAD_PITCH_UPPER = np.radians([25.5, 20.9, 13.5, 13.5])
+_LEFT_ELBOW_YAW = np.radians([-119.5, -60.0, 0.0, 99.5, 119.5])
+_LEFT_ELBOW_ROLL_LOWER = np.radians([-78.0, -78.0, -89.5, -89.5, -80.0])
+_ELBOW_ROLL_STRAIGHT = 0.00872665
+
+
+def hand_frame(arm: str) -> str:
+    """Returns the name of an arm's hand control frame H, NAOqi's effector ("right" or "left")."""
+    check_arm(arm)
+    return f"{arm[0]}_hand_effector"
+
+
+def arm_group(arm: str) -> str:
+    """Returns the name of an arm's joint group ("right" or "left")."""
+    check_arm(arm)
+    return f"{arm}_arm"
+
+
+def check_arm(arm: str) -> None:
+    """Raises InputError unless `arm` is "left" or "right"."""
+    if arm not in ARMS:
+        raise InputError(f'arm is "{arm}"; it must be "left" or "right"')
+
+
+def head_pitch_limits(head_yaw: float) -> tuple[float, float]:
+    """Returns HeadPitch's (lower, upper) limits [rad] at a HeadYaw [rad]."""
+    yaw = abs(head_yaw)
+    return (
+        float(np.interp(yaw, _HEAD_YAW, _HEAD_PITCH_LOWER)),
+        float(np.interp(yaw, _HEAD_YAW, _HEAD_PITCH_UPPER)),
+    )
+
+
+def elbow_roll_limits(elbow_yaw: float, arm: str) -> tuple[float, float]:
+    """Returns an ElbowRoll's (lower, upper) limits [rad] at that arm's ElbowYaw [rad].
+
+    The right arm is the left one's mirror image: both angles change their sign.
+    """
+    check_arm(arm)
+    if arm == "left":
+        lower = float(np.interp(elbow_yaw, _LEFT_ELBOW_YAW, _LEFT_ELBOW_ROLL_LOWER))
+        return lower, -_ELBOW_ROLL_STRAIGHT
+    lower = float(np.interp(-elbow_yaw, _LEFT_ELBOW_YAW, _LEFT_ELBOW_ROLL_LOWER))
+    return _ELBOW_ROLL_STRAIGHT, -lower
+
+
+def clamp_coupled_limits(positions: Mapping[str, float]) -> dict[str, float]:
+    """Moves HeadPitch and both ElbowRolls into the limits that HeadYaw and the ElbowYaws allow.
+
+    Args:
+        positions: Joint positions [rad] by name, any subset of the joints. A limit whose leading
+            joint (the yaw) is not given is not applied.
+
+    Returns:
+        A copy with the coupled joints clamped; all else as it was.
+    """
+    clamped = dict(positions)
+    if "HeadPitch" in clamped and "HeadYaw" in clamped:
+        lower, upper = head_pitch_limits(clamped["HeadYaw"])
+        clamped["HeadPitch"] = min(max(clamped["HeadPitch"], lower), upper)
+    for arm in ARMS:
+        side = arm[0].upper()
+        yaw, roll = f"{side}ElbowYaw", f"{side}ElbowRoll"
+        if yaw in clamped and roll in clamped:
+            lower, upper = elbow_roll_limits(clamped[yaw], arm)
+            clamped[roll] = min(max(clamped[roll], lower), upper)
+    return clamped
+
+
+def mirror_joint_positions(positions: Mapping[str, float]) -> dict[str, float]:
+    """Returns the mirror image (left for right) of joint positions given by name [rad].
+
+    Pitches keep their sign; yaws, rolls and BaseY change it; L and R swap.
+    """
+    mirrored = {}
+    for name, value in positions.items():
+        keeps_sign = name.endswith("Pitch") or name == "BaseX"
+        other = {"L": "R", "R": "L"}.get(name[0], name[0]) + name[1:]
+        mirrored[other] = value if keeps_sign else -value
+    return mirrored
+
+
+def joint_names() -> tuple[str, ...]:
+    """Returns the names of all actuated joints, group by group."""
+    return tuple(name for group in JOINT_GROUPS.values() for name in group)
+
+
+def posture_positions(posture: str, joints: Mapping[str, float] | None = None) -> dict[str, float]:
+    """Returns every joint's position [rad, m] by name: those of a posture, with changes.
+
+    Args:
+        posture: A name in POSTURES.
+        joints: Positions that replace the posture's.
+
+    Raises:
+        InputError: If the posture or one of the joints is unknown.
+    """
+    if posture not in POSTURES:
+        raise InputError(f'posture is "{posture}"; it must be one of {", ".join(POSTURES)}')
+    positions = {name: 0.0 for name in joint_names()} | POSTURES[posture]
+    for name, value in (joints or {}).items():
+        if name not in positions:
+            raise InputError(f'joints names "{name}", which Pepper does not have')
+        positions[name] = float(value)
+    return positions
+
+
+def set_joint_positions(
+    plant: MultibodyPlant,
+    context: Context,
+    model: ModelInstanceIndex,
+    positions: Mapping[str, float],
+) -> None:
+    """Sets Pepper's joints by name [rad, m]; joints that are not named keep their position."""
+    q = plant.GetPositions(context)
+    for name, value in positions.items():
+        q[plant.GetJointByName(name, model).position_start()] = value
+    plant.SetPositions(context, q)
+
+
+def add_pepper(plant: MultibodyPlant, *, posture: str = "stand") -> ModelInstanceIndex:
+    """Adds Pepper to a plant that is not finalized yet, standing at the world's origin.
+
+    Its floor link is welded to the world; the joints BaseX, BaseY and BaseYaw move it. Gravity is
+    turned off for the model, as a compensation of gravity is part of every motor's controller.
+    Gains are not set. The default context has the posture.
+
+    Args:
+        plant: The plant; with a scene graph, if shapes are wanted.
+        posture: A name in POSTURES.
+
+    Returns:
+        The model instance, named "pepper".
+    """
+    positions = posture_positions(posture)
+    parser = Parser(plant)
+    parser.package_map().AddPackageXml(str(MODELS_DIR / "package.xml"))
+    (model,) = parser.AddModels(str(PEPPER_URDF))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("odom", model))
+    plant.set_gravity_enabled(model, False)
+    for name, value in positions.items():
+        plant.GetJointByName(name, model).set_default_positions([value])
+    return model
