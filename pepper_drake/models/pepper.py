@@ -1,10 +1,9 @@
 """Pepper in a MultibodyPlant: its joints by group, postures, coupled limits and how it is added."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometrySet
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
@@ -175,7 +174,7 @@ def posture_positions(posture: str, joints: Mapping[str, float] | None = None) -
     """
     if posture not in POSTURES:
         raise InputError(f'posture is "{posture}"; it must be one of {", ".join(POSTURES)}')
-    positions = {name: 0.0 for name in joint_names()} | POSTURES[posture]
+    positions = dict.fromkeys(joint_names(), 0.0) | POSTURES[posture]
     for name, value in (joints or {}).items():
         if name not in positions:
             raise InputError(f'joints names "{name}", which Pepper does not have')
