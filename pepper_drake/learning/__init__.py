@@ -1,1 +1,1 @@
-
+"""Demonstrations to movement primitives, as plain functions and dataclasses."""
