@@ -211,8 +211,8 @@ def add_pepper(plant: MultibodyPlant, *, posture: str = "stand") -> ModelInstanc
     """
     positions = posture_positions(posture)
     parser = Parser(plant)
-    parser.package_map().AddPackageXml(str(MODELS_DIR / "package.xml"))
-    (model,) = parser.AddModels(str(PEPPER_URDF))
+    parser.package_map().AddPackageXml(MODELS_DIR / "package.xml")
+    (model,) = parser.AddModels(PEPPER_URDF)
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("odom", model))
     plant.set_gravity_enabled(model, False)
     for name, value in positions.items():
