@@ -1,0 +1,85 @@
+"""The approximator `gmr`: the forcing term by Gaussian mixture regression on the motion's time.
+
+Equations 2.1-2.3 and appendix A of "Learning By Demonstration" (SoftBank Robotics, 2018).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.learning.approximators import (
+    Approximator,
+    Array,
+    ForcingData,
+    fade_out,
+    register,
+)
+from pepper_drake.learning.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
+from pepper_drake.learning.local_lines import LocalLines
+
+
+@dataclass(frozen=True, eq=False)
+class GmrForcing(LocalLines):
+    """A mixture of time and forcing term (s, f), said as its regression, equation 2.3.
+
+    Heights are the components' means of f, slopes are Sigma_fs / Sigma_s, gains are
+    log(pi / sqrt(Sigma_s)). Nothing of the mixture is lost, so its posterior covariance is at hand.
+
+    Attributes:
+        residuals: Covariance of f about each line, shape (K, D, D).
+    """
+
+    residuals: Array
+
+    def covariances(self, phases: npt.ArrayLike) -> Array:
+        """Returns the posterior covariance of the forcing term, (N, D, D), at phases (N,).
+
+        It is that of the conditional mixture: how far f is from the lines, and the lines from
+        each other.
+        """
+        activations, offsets = self.activations(phases)
+        heights, slopes = np.split(self.weights, 2)
+        lines = heights + offsets[:, :, None] * slopes
+        deviations = lines - np.einsum("nk,nkd->nd", activations, lines)[:, None, :]
+        within = np.einsum("nk,kde->nde", activations, self.residuals)
+        between = np.einsum("nk,nkd,nke->nde", activations, deviations, deviations, optimize=True)
+        gate = fade_out(phases, self.alpha_x)[:, None, None]
+        return np.asarray(gate**2 * (within + between))
+
+
+def from_mixture(mixture: GaussianMixture, alpha_x: float) -> GmrForcing:
+    """Says a mixture of (s, f), 1 + D coordinates, as a forcing term."""
+    gains, _, residuals = mixture.experts(num_inputs=1)
+    variances = mixture.covariances[:, 0, 0]
+    held = mixture.priors > 0  # EM may leave a component without any data.
+    return GmrForcing(
+        alpha_x,
+        np.log(mixture.priors[held] / np.sqrt(variances[held])),
+        mixture.means[held, 0],
+        variances[held],
+        np.vstack([mixture.means[held, 1:], gains[held, :, 0]]),
+        residuals[held],
+    )
+
+
+def fit_gmr(data: ForcingData, num_basis: int, seed: int) -> GmrForcing:
+    """Fits a mixture of time and forcing term; k-means starts evenly along the motion.
+
+    Args:
+        data: Samples of the forcing term.
+        num_basis: Number of components.
+        seed: Not used: the even start is not random, and measures better than k-means++.
+
+    Raises:
+        InputError: There are fewer samples than components.
+    """
+    samples = np.column_stack([data.times, data.targets])
+    samples = samples[np.argsort(data.times, kind="stable")]
+    evenly = (np.arange(num_basis) + 0.5) / max(num_basis, 1) * len(samples)
+    start = samples[evenly.astype(int)]
+    mixture = fit_gaussian_mixture(samples, num_basis, initial_means=start, seed=seed)
+    return from_mixture(mixture, data.alpha_x)
+
+
+register(Approximator("gmr", fit_gmr, GmrForcing.from_data))
