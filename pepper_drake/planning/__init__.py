@@ -1,0 +1,1 @@
+"""From a hand's path to joint commands that can be checked before the arm moves."""

@@ -1,0 +1,125 @@
+"""Differential inverse kinematics of one arm, of Drake's own parts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.multibody.inverse_kinematics import DifferentialInverseKinematicsSystem
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.planning import DofMask, JointLimits
+
+from pepper_drake.models.pepper import hand_frame
+from pepper_drake.planning.control_model import ControlModel, arm_joints
+
+
+@dataclass
+class DifferentialIkParams:
+    """Weights and limits of the arm's inverse kinematics.
+
+    Each tick solves, for the arm's five joint velocities v,
+
+        min  position_weight |p-dot_d - J_p v|^2 + orientation_weight |w_d - J_w v|^2
+             + |P (v - posture_gain (q_nominal - q))|^2
+
+    Position comes first: an error of 1 cm/s weighs as much as one of
+    0.01 sqrt(position_weight / orientation_weight) = 0.3 rad/s of direction. The posture term's
+    unit weight is at once the damping near the singular poses: a direction in which the hand
+    hardly moves, |J u| << position_weight^-1/2 = 0.01 m/rad, is left to the posture.
+    """
+
+    time_step: float = 0.01
+    """Period of the controller, s."""
+    position_weight: float = 1e4
+    orientation_weight: float = 10.0
+    posture_gain: float = 5.0
+    """Pull to the nominal posture, 1/s."""
+    speed_fraction: float = 0.5
+    """Share of the rated joint velocities that may be used."""
+    limit_margin: float = 1e-3
+    """Distance to a position limit at which motion towards it ends, rad."""
+    limit_influence: float = 0.1
+    """Distance to a position limit from which on motion towards it is slowed, rad."""
+    linear_velocity_limit: float = 1.0
+    """Per axis of the torso frame, m/s."""
+    angular_velocity_limit: float = 3.0
+    """Per axis of the torso frame, rad/s."""
+
+
+def hand_key(arm: str) -> str:
+    """The hand's scoped frame name, the key of its pose on the bus `desired_cartesian_poses`."""
+    return f"pepper::{hand_frame(arm)}"
+
+
+def make_differential_ik(
+    model: ControlModel, arm: str, params: DifferentialIkParams
+) -> DifferentialInverseKinematicsSystem:
+    """Makes the system that turns the hand's next pose in the torso frame into joint velocities.
+
+    Ports (Drake's): `position` and `nominal_posture` are plant positions (18,),
+    `desired_cartesian_poses` a bus with X_TH under `hand_key(arm)`; `commanded_velocity` has the
+    arm's five joints, shoulder to wrist.
+
+    Position is weighed over direction by two least-squares costs. Two joint-centering costs,
+    each blind to one rotation axis only, together pull every joint to the nominal posture with
+    unit weight, which damps the singular poses (see `DifferentialIkParams`).
+    """
+    dik = DifferentialInverseKinematicsSystem
+    key = hand_key(arm)
+    translation = {key: np.array([0.0, 0, 0, 1, 1, 1])}
+    rotation = {key: np.array([1.0, 1, 1, 0, 0, 0])}
+
+    indices = model.position_indices(arm_joints(arm))
+    mask = DofMask([k in indices for k in range(model.plant.num_positions())])
+    rated = JointLimits(model.plant)
+    limits = JointLimits(
+        position_lower=rated.position_lower(),
+        position_upper=rated.position_upper(),
+        velocity_lower=params.speed_fraction * rated.velocity_lower(),
+        velocity_upper=params.speed_fraction * rated.velocity_upper(),
+        acceleration_lower=rated.acceleration_lower(),
+        acceleration_upper=rated.acceleration_upper(),
+    )
+
+    recipe = dik.Recipe()
+    recipe.AddIngredient(
+        dik.LeastSquaresCost(
+            dik.LeastSquaresCost.Config(
+                cartesian_qp_weight=params.position_weight, cartesian_axis_masks=translation
+            )
+        )
+    )
+    recipe.AddIngredient(
+        dik.LeastSquaresCost(
+            dik.LeastSquaresCost.Config(
+                cartesian_qp_weight=params.orientation_weight, cartesian_axis_masks=rotation
+            )
+        )
+    )
+    for axis in range(2):
+        blind = np.zeros(6)
+        blind[axis] = 1
+        recipe.AddIngredient(
+            dik.JointCenteringCost(
+                dik.JointCenteringCost.Config(
+                    posture_gain=params.posture_gain, cartesian_axis_masks={key: blind}
+                )
+            )
+        )
+    recipe.AddIngredient(
+        dik.JointVelocityLimitConstraint(
+            dik.JointVelocityLimitConstraint.Config(
+                min_margin=params.limit_margin, influence_margin=params.limit_influence
+            ),
+            JointLimits(limits, mask),
+        )
+    )
+    return dik(
+        recipe=recipe,
+        task_frame="pepper::torso",
+        collision_checker=model.make_collision_checker(),
+        active_dof=mask,
+        time_step=params.time_step,
+        K_VX=1.0,
+        Vd_TG_limit=SpatialVelocity(
+            w=[params.angular_velocity_limit] * 3, v=[params.linear_velocity_limit] * 3
+        ),
+    )

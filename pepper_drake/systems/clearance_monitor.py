@@ -1,0 +1,64 @@
+"""The true distance between Pepper and the obstacles, which no real robot knows."""
+
+from collections.abc import Set
+
+from pydrake.common.value import Value
+from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector
+from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
+
+
+class ClearanceMonitor(LeafSystem):
+    """Measures the signed distance between Pepper's links and the obstacles' true geometry.
+
+    For reports only; nothing that drives the robot may be connected to it.
+
+    .. pydrake_system::
+
+        name: ClearanceMonitor
+        input_ports:
+        - query
+        output_ports:
+        - clearance
+
+    Input: `query`, the scene graph's QueryObject. Output: `clearance` (1), m, negative in
+    penetration, at most `max_distance`. State: the least distance at each `time_step`.
+
+    Args:
+        robot: Pepper's collision geometries.
+        obstacles: The obstacles' collision geometries.
+        max_distance: Distances beyond this are reported as this, m.
+        time_step: s.
+    """
+
+    def __init__(
+        self,
+        *,
+        robot: Set[GeometryId],
+        obstacles: Set[GeometryId],
+        max_distance: float = 0.2,
+        time_step: float = 0.01,
+    ) -> None:
+        super().__init__()
+        self._robot, self._obstacles = frozenset(robot), frozenset(obstacles)
+        self._max_distance = max_distance
+        self.query_input: InputPort = self.DeclareAbstractInputPort("query", Value(QueryObject()))
+        self._clearance = self.DeclareDiscreteState([max_distance])
+        self.DeclareStateOutputPort("clearance", self._clearance)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        distance, _ = self.closest_pair(self.query_input.Eval(context))
+        discrete_state.set_value(self._clearance, [distance])
+
+    def closest_pair(self, query: QueryObject) -> tuple[float, str]:
+        """The least distance, m, and the names of the two geometries as "link - obstacle"."""
+        least, names = self._max_distance, ""
+        inspector: SceneGraphInspector = query.inspector()
+        for pair in query.ComputeSignedDistancePairwiseClosestPoints(self._max_distance):
+            a, b = pair.id_A, pair.id_B
+            if b in self._robot:
+                a, b = b, a
+            if pair.distance < least and a in self._robot and b in self._obstacles:
+                least = pair.distance
+                names = f"{inspector.GetName(a)} - {inspector.GetName(b)}"
+        return least, names
