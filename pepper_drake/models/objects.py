@@ -1,0 +1,170 @@
+"""A scene's obstacles and goal object in a MultibodyPlant."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import (
+    Box,
+    Cylinder,
+    GeometryInstance,
+    Mesh,
+    Shape,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    ModelInstanceIndex,
+    PdControllerGains,
+    PrismaticJoint,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+)
+from pydrake.trajectories import PiecewisePolynomial
+
+from pepper_drake.models.markers import marker_mesh, plate_size
+from pepper_drake.models.motion import path_trajectory
+from pepper_drake.models.scene import GoalObject, Obstacle, Scene
+from pepper_drake.models.shapes import mesh_path
+
+GOAL_OBJECT = "goal_object"
+"""Name of the goal object's body, whose frame is O."""
+
+_PLATE_THICKNESS = 0.003
+_FRICTION = CoulombFriction(0.6, 0.5)
+_MASS = 0.3
+# Stiff enough to lag a path by no more than one plant step: they move, they are not pushed.
+_GAINS = PdControllerGains(p=2.0e4, d=2.0e2)
+_FLOOR_SIZE = 8.0
+_FLOOR_COLOR = (0.74, 0.72, 0.69, 1.0)
+
+
+@dataclass(frozen=True)
+class MovingObject:
+    """A body on three prismatic joints NAME_x, NAME_y, NAME_z along the world's axes.
+
+    Their positions are its offset from where it stands in the scene.
+    """
+
+    name: str
+    model: ModelInstanceIndex
+    path: PiecewisePolynomial
+    """The offset [m] over time [s]; its first derivative belongs to the desired state, too."""
+
+
+@dataclass(frozen=True)
+class SceneModels:
+    """What `add_scene` added to the plant."""
+
+    obstacles: tuple[str, ...]
+    """Body names of all obstacles; the floor is not one of them."""
+    obstacle_models: tuple[ModelInstanceIndex, ...]
+    """Model instances that hold obstacles only."""
+    goal_object: str
+    goal_model: ModelInstanceIndex
+    moving: tuple[MovingObject, ...]
+    """What needs a desired state, on `plant.get_desired_state_input_port(moving.model)`."""
+
+
+def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
+    """Adds a scene's floor, obstacles and goal object to a plant that is not finalized yet.
+
+    What has a path gets stiff PD gains on three prismatic joints; all else is fixed to the world.
+
+    Args:
+        plant: The plant, registered with a scene graph.
+        scene: A scene that passes its check.
+    """
+    _add_floor(plant)
+    still = plant.AddModelInstance("scene")
+    models = {still}
+    moving = []
+    for obstacle in scene.obstacles:
+        model = plant.AddModelInstance(obstacle.name) if obstacle.path else still
+        models.add(model)
+        body = plant.AddRigidBody(obstacle.name, model, _inertia())
+        _register_obstacle(plant, body, obstacle)
+        if obstacle.path:
+            moving.append(_put_on_rails(plant, body, obstacle.pose(), obstacle.path))
+        else:
+            plant.WeldFrames(plant.world_frame(), body.body_frame(), obstacle.pose())
+
+    goal_model = plant.AddModelInstance(GOAL_OBJECT)
+    goal_body = plant.AddRigidBody(GOAL_OBJECT, goal_model, _inertia())
+    _register_goal(plant, goal_body, scene.goal)
+    if scene.goal.path:
+        moving.append(_put_on_rails(plant, goal_body, scene.goal.pose(), scene.goal.path))
+    else:
+        plant.WeldFrames(plant.world_frame(), goal_body.body_frame(), scene.goal.pose())
+    return SceneModels(
+        obstacles=tuple(obstacle.name for obstacle in scene.obstacles),
+        obstacle_models=tuple(sorted(models, key=int)),
+        goal_object=GOAL_OBJECT,
+        goal_model=goal_model,
+        moving=tuple(moving),
+    )
+
+
+def _inertia() -> SpatialInertia:
+    return SpatialInertia(
+        mass=_MASS, p_PScm_E=np.zeros(3), G_SP_E=UnitInertia.SolidBox(0.1, 0.1, 0.1)
+    )
+
+
+def _add_floor(plant: MultibodyPlant) -> None:
+    """Adds a slab whose top is z = 0: cameras and meshcat show it, nothing collides with it."""
+    X_WF = RigidTransform([0.0, 0.0, -0.01])
+    floor = Box(_FLOOR_SIZE, _FLOOR_SIZE, 0.02)
+    plant.RegisterVisualGeometry(plant.world_body(), X_WF, floor, "floor", _FLOOR_COLOR)
+
+
+def _register_obstacle(plant: MultibodyPlant, body: RigidBody, obstacle: Obstacle) -> None:
+    X = RigidTransform()
+    plant.RegisterCollisionGeometry(body, X, obstacle.solid(), "solid", _FRICTION)
+    if obstacle.shape == "mesh":
+        visual: Shape = Mesh(mesh_path(obstacle.mesh), obstacle.size[0])
+    else:
+        visual = obstacle.solid()
+    plant.RegisterVisualGeometry(body, X, visual, "visual", np.array(obstacle.color))
+
+
+def _register_goal(plant: MultibodyPlant, body: RigidBody, goal: GoalObject) -> None:
+    X_OC = RigidTransform([0.0, 0.0, goal.height / 2])
+    cylinder = Cylinder(goal.radius, goal.height)
+    plant.RegisterCollisionGeometry(body, X_OC, cylinder, "cylinder", _FRICTION)
+    plant.RegisterVisualGeometry(body, X_OC, cylinder, "cylinder", np.array(goal.color))
+
+    X_OM = goal.marker.pose()
+    edge = plate_size(goal.marker.size)
+    # The plate's face lies a little behind the marker's, so that the two do not flicker.
+    X_MP = RigidTransform([0.0, 0.0, -0.0005 - _PLATE_THICKNESS / 2])
+    plate = Box(edge, edge, _PLATE_THICKNESS)
+    plant.RegisterCollisionGeometry(body, X_OM @ X_MP, plate, "plate", _FRICTION)
+    plant.RegisterVisualGeometry(body, X_OM @ X_MP, plate, "plate", np.ones(4))
+    mesh = marker_mesh(goal.marker.id, goal.marker.size)
+    plant.RegisterVisualGeometry(body, GeometryInstance(X_OM, mesh, "marker"))
+
+
+def _put_on_rails(
+    plant: MultibodyPlant, body: RigidBody, X_WB: RigidTransform, path: Sequence[Sequence[float]]
+) -> MovingObject:
+    """Hangs a body on three actuated prismatic joints along the world's axes."""
+    model, name = body.model_instance(), body.name()
+    start = RigidTransform(X_WB.translation())
+    parent = plant.AddFrame(FixedOffsetFrame(f"{name}_start", plant.world_frame(), start, model))
+    # The body's frame with the world's axes, so that the rails have these, too.
+    X_BF = RigidTransform(X_WB.rotation().inverse())
+    upright = plant.AddFrame(FixedOffsetFrame(f"{name}_upright", body.body_frame(), X_BF, model))
+    for axis, direction in zip("xyz", np.eye(3), strict=True):
+        if axis == "z":
+            child = upright
+        else:
+            rail = plant.AddRigidBody(f"{name}_rail_{axis}", model, SpatialInertia.Zero())
+            child = rail.body_frame()
+        joint = plant.AddJoint(PrismaticJoint(f"{name}_{axis}", parent, child, direction))
+        plant.AddJointActuator(f"{name}_{axis}", joint).set_controller_gains(_GAINS)
+        parent = child
+    plant.set_gravity_enabled(model, False)
+    return MovingObject(name=name, model=model, path=path_trajectory(path))

@@ -1,0 +1,120 @@
+"""Random scenes: a table, the goal object and things around it, all drawn from one seed."""
+
+import numpy as np
+
+from pepper_drake.models.pepper import ARMS
+from pepper_drake.models.scene import GoalObject, Obstacle, RobotStart, Scene
+
+_TABLE_THICKNESS = 0.03
+_WOOD = [0.72, 0.56, 0.38, 1.0]
+_LEG_COLOR = [0.35, 0.33, 0.32, 1.0]
+_GAP = 0.015
+"""Least distance between the outlines of two things on the table [m]."""
+_GOAL_KEEP_OUT = 0.065
+"""Radius of the goal object with its marker plate, seen from above [m]."""
+_MAX_TRIES = 200
+
+
+def random_scene(seed: int) -> Scene:
+    """Returns the random scene of a seed; the same on every machine.
+
+    It draws the arm, the table's height (0.66 to 0.80 m), edge and depth, the goal object's place
+    and turn, two to six things of which none overlap, and where the robot starts. Whether the goal
+    can be reached is not its business.
+    """
+    rng = np.random.default_rng(seed)
+    arm = str(rng.choice(ARMS))
+    side = 1.0 if arm == "left" else -1.0
+    height = float(rng.uniform(0.66, 0.80))
+    edge = float(rng.uniform(0.75, 1.05))
+    depth = float(rng.uniform(0.45, 0.65))
+    goal = GoalObject(
+        radius=float(rng.uniform(0.028, 0.036)),
+        height=0.22,
+        position=_rounded(edge + rng.uniform(0.06, 0.13), side * rng.uniform(0.02, 0.20), height),
+        yaw=round(float(rng.uniform(-0.3, 0.3)), 4),
+    )
+    goal.radius = round(goal.radius, 4)
+    obstacles = _table(edge, depth, height)
+    taken = [(goal.position[0], goal.position[1], _GOAL_KEEP_OUT)]
+    for number in range(int(rng.integers(2, 7))):
+        thing, outline = _thing(rng, number)
+        for _ in range(_MAX_TRIES):
+            x = rng.uniform(edge + outline, edge + depth - outline)
+            y = goal.position[1] + rng.uniform(-0.40, 0.40)
+            if all(np.hypot(x - a, y - b) > outline + r + _GAP for a, b, r in taken):
+                taken.append((x, y, outline))
+                thing.position = _rounded(x, y, height + thing.position[2])
+                obstacles.append(thing)
+                break
+    scene = Scene(
+        name=f"random_{seed}",
+        description=f"The random scene of seed {seed}.",
+        arm=arm,
+        robot=RobotStart(
+            x=round(float(rng.uniform(-0.1, 0.1)), 4),
+            y=round(float(rng.uniform(-0.15, 0.15)), 4),
+            yaw=round(float(rng.uniform(-0.2, 0.2)), 4),
+        ),
+        goal=goal,
+        obstacles=obstacles,
+    )
+    scene.check()
+    return scene
+
+
+def _rounded(x: float, y: float, z: float) -> list[float]:
+    return [round(float(value), 4) for value in (x, y, z)]
+
+
+def _table(edge: float, depth: float, height: float) -> list[Obstacle]:
+    """Returns a table top and four legs, far enough apart for the robot's base to pass."""
+    width, leg = 1.4, 0.04
+    underside = height - _TABLE_THICKNESS
+    parts = [
+        Obstacle(
+            name="table_top",
+            shape="box",
+            size=_rounded(depth, width, _TABLE_THICKNESS),
+            position=_rounded(edge + depth / 2, 0.0, height - _TABLE_THICKNESS / 2),
+            color=list(_WOOD),
+        )
+    ]
+    corners = [(x, y) for x in (edge + leg, edge + depth - leg) for y in (-0.64, 0.64)]
+    for number, (x, y) in enumerate(corners, start=1):
+        parts.append(
+            Obstacle(
+                name=f"table_leg_{number}",
+                shape="box",
+                size=_rounded(leg, leg, underside),
+                position=_rounded(x, y, underside / 2),
+                color=list(_LEG_COLOR),
+            )
+        )
+    return parts
+
+
+def _thing(rng: np.random.Generator, number: int) -> tuple[Obstacle, float]:
+    """Draws a thing that stands at z = 0 (its x and y are still zero) and its outline's radius."""
+    kind = str(rng.choice(["mug", "bottle", "can", "box", "ball"]))
+    name = f"{kind}_{number + 1}"
+    color = [*(round(float(c), 3) for c in rng.uniform(0.15, 0.85, 3)), 1.0]
+    yaw = round(float(rng.uniform(-np.pi, np.pi)), 4)
+    if kind in ("mug", "bottle"):
+        mesh = Obstacle(name=name, shape="mesh", mesh=f"{kind}.obj", size=[1.0], color=color)
+        mesh.position, mesh.rpy = [0.0, 0.0, 0.0], [0.0, 0.0, yaw]
+        return mesh, 0.07 if kind == "mug" else 0.037
+    if kind == "can":
+        radius, length = _rounded(rng.uniform(0.025, 0.045), rng.uniform(0.08, 0.16), 0.0)[:2]
+        can = Obstacle(name=name, shape="cylinder", size=[radius, length], color=color)
+        can.position = [0.0, 0.0, length / 2]
+        return can, radius
+    if kind == "ball":
+        radius = round(float(rng.uniform(0.025, 0.06)), 4)
+        ball = Obstacle(name=name, shape="sphere", size=[radius], color=color)
+        ball.position = [0.0, 0.0, radius]
+        return ball, radius
+    size = _rounded(rng.uniform(0.04, 0.12), rng.uniform(0.06, 0.18), rng.uniform(0.05, 0.24))
+    box = Obstacle(name=name, shape="box", size=size, color=color, rpy=[0.0, 0.0, yaw])
+    box.position = [0.0, 0.0, size[2] / 2]
+    return box, float(np.hypot(size[0], size[1]) / 2)

@@ -1,0 +1,332 @@
+"""Scenes: where Pepper starts, what it reaches for and what is in the way; typed YAML files."""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import Box, Cylinder, Shape, Sphere
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+
+from pepper_drake.errors import InputError
+from pepper_drake.models.motion import check_path
+from pepper_drake.models.pepper import (
+    ARMS,
+    MODELS_DIR,
+    POSTURES,
+    mirror_joint_positions,
+    posture_positions,
+)
+from pepper_drake.models.shapes import PlacedShape, convex_hull, mesh_path, overlaps
+from pepper_drake.models.typed_yaml import line_of_field, load_yaml, save_yaml
+
+SCENES_DIR = MODELS_DIR / "scenes"
+SCENES = ("table", "shelf", "clutter", "free")
+"""The names of the scenes that ship."""
+
+COUPLINGS = ("barrier", "report")
+"""The obstacle couplings that a scene may name: the default, and the report's equation 2.7."""
+
+_SIZES = {
+    "box": "x, y and z lengths",
+    "cylinder": "radius and length",
+    "sphere": "radius",
+    "mesh": "scale",
+}
+
+
+def make_pose(position: Sequence[float], rpy: Sequence[float]) -> RigidTransform:
+    """Returns the pose of a position [m] and roll, pitch, yaw angles [rad]."""
+    return RigidTransform(RollPitchYaw(np.asarray(rpy, dtype=float)), np.asarray(position))
+
+
+@dataclass
+class RobotStart:
+    """Where Pepper stands at the start."""
+
+    x: float = 0.0  # Base on the floor, world frame [m].
+    y: float = 0.0
+    yaw: float = 0.0  # [rad]; 0 faces the world's +x.
+    posture: str = "stand"  # A name of pepper.POSTURES.
+    joints: dict[str, float] = field(default_factory=dict)  # Changes to the posture [rad].
+
+    def positions(self) -> dict[str, float]:
+        """Returns the position of every joint by name [rad, m], the base's included."""
+        base = {"BaseX": self.x, "BaseY": self.y, "BaseYaw": self.yaw}
+        return posture_positions(self.posture, {**self.joints, **base})
+
+
+@dataclass
+class Marker:
+    """An ArUco marker of DICT_4X4_50 on a white plate. Frame M: x right, y up, z out of it."""
+
+    id: int = 7
+    size: float = 0.06  # Edge of the black square [m].
+    position: list[float] = field(default_factory=lambda: [-0.05, 0.0, 0.178])  # p_OM [m].
+    # R_OM as roll, pitch, yaw [rad]: facing -x of O (the robot), leaning back by 20 degrees.
+    rpy: list[float] = field(default_factory=lambda: [1.2217304763960306, 0.0, -1.5707963267948966])
+
+    def pose(self) -> RigidTransform:
+        """Returns X_OM."""
+        return make_pose(self.position, self.rpy)
+
+
+@dataclass
+class HandPose:
+    """Where the hand's control frame H is to be, in the goal object's frame O."""
+
+    position: list[float] = field(default_factory=list)  # p_OH [m].
+    rpy: list[float] = field(default_factory=list)  # R_OH as roll, pitch, yaw [rad].
+
+    def pose(self) -> RigidTransform:
+        """Returns X_OH."""
+        return make_pose(self.position, self.rpy)
+
+
+@dataclass
+class GoalObject:
+    """The cylinder to reach for. Frame O: centre of its bottom, z up, x away from the robot."""
+
+    radius: float = 0.033  # [m]
+    height: float = 0.22  # [m]
+    position: list[float] = field(default_factory=list)  # p_WO [m].
+    yaw: float = 0.0  # Of O in the world [rad].
+    color: list[float] = field(default_factory=lambda: [0.55, 0.56, 0.58, 1.0])  # RGBA.
+    marker: Marker = field(default_factory=Marker)
+    pre_grasp: HandPose = field(default_factory=HandPose)  # Left out: the arm's usual one.
+    path: list[list[float]] = field(default_factory=list)  # Rows time [s], x, y, z offset [m].
+
+    def pose(self) -> RigidTransform:
+        """Returns X_WO at the start."""
+        return make_pose(self.position, [0.0, 0.0, self.yaw])
+
+
+@dataclass
+class Obstacle:
+    """A solid that must not be touched."""
+
+    name: str = ""
+    shape: str = ""  # box, cylinder (along its z), sphere or mesh.
+    size: list[float] = field(default_factory=list)  # [m] See _SIZES; a mesh's is its scale.
+    mesh: str = ""  # An OBJ file: one that ships, or a path relative to the scene's file.
+    position: list[float] = field(default_factory=list)  # Of its centre (a mesh's origin) [m].
+    rpy: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # [rad]
+    color: list[float] = field(default_factory=lambda: [0.7, 0.6, 0.5, 1.0])  # RGBA.
+    path: list[list[float]] = field(default_factory=list)  # Rows time [s], x, y, z offset [m].
+
+    def pose(self) -> RigidTransform:
+        """Returns its pose in the world at the start."""
+        return make_pose(self.position, self.rpy)
+
+    def solid(self) -> Shape:
+        """Returns its collision shape; a mesh's convex hull."""
+        if self.shape == "box":
+            return Box(*self.size)
+        if self.shape == "cylinder":
+            return Cylinder(*self.size)
+        if self.shape == "sphere":
+            return Sphere(*self.size)
+        return convex_hull(self.mesh, self.size[0])
+
+
+@dataclass
+class Scene:
+    """Everything that a reach needs to know beforehand."""
+
+    name: str = ""
+    description: str = ""
+    arm: str = "right"  # The arm that reaches: left or right.
+    coupling: str = "barrier"  # One of COUPLINGS.
+    robot: RobotStart = field(default_factory=RobotStart)
+    goal: GoalObject = field(default_factory=GoalObject)
+    obstacles: list[Obstacle] = field(default_factory=list)
+
+    def check(self) -> None:
+        """Raises InputError, in one sentence that names the field, if the scene makes no sense."""
+        if self.arm not in ARMS:
+            raise InputError(f'arm is "{self.arm}"; it must be one of {", ".join(ARMS)}')
+        if self.coupling not in COUPLINGS:
+            raise InputError(
+                f'coupling is "{self.coupling}"; it must be one of {", ".join(COUPLINGS)}'
+            )
+        _check_robot(self.robot)
+        _check_goal(self.goal)
+        for index, obstacle in enumerate(self.obstacles):
+            _check_obstacle(obstacle, f"obstacles[{index}]")
+        names = [obstacle.name for obstacle in self.obstacles]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise InputError(f'obstacles[{index}].name is "{name}" a second time; rename one')
+        for one, other in overlaps(self.solids()):
+            if "goal" in (one, other):
+                obstacle_name = other if one == "goal" else one
+                raise InputError(
+                    f'goal.position puts the goal object inside the obstacle "{obstacle_name}"; '
+                    "move one of them"
+                )
+
+    def solids(self) -> list[PlacedShape]:
+        """Returns the goal object's cylinder ("goal") and all obstacles, where they start."""
+        X_OC = RigidTransform([0.0, 0.0, self.goal.height / 2])
+        cylinder = Cylinder(self.goal.radius, self.goal.height)
+        return [
+            PlacedShape("goal", cylinder, self.goal.pose() @ X_OC),
+            *(PlacedShape(o.name, o.solid(), o.pose()) for o in self.obstacles),
+        ]
+
+    def pre_grasp(self) -> RigidTransform:
+        """Returns X_OH: the scene's own, or the usual one of the arm."""
+        if self.goal.pre_grasp.position:
+            return self.goal.pre_grasp.pose()
+        return default_pre_grasp(self.arm, self.goal.radius).pose()
+
+    def mirrored(self) -> "Scene":
+        """Returns the scene's mirror image in the plane y = 0, for the other arm."""
+        mirror = deepcopy(self)
+        mirror.arm = "left" if self.arm == "right" else "right"
+        mirror.robot.y, mirror.robot.yaw = -self.robot.y, -self.robot.yaw
+        mirror.robot.joints = mirror_joint_positions(self.robot.joints)
+        goal = mirror.goal
+        goal.position[1], goal.yaw = -goal.position[1], -goal.yaw
+        goal.path = _mirrored_path(goal.path)
+        # The marker itself is not mirrored: its x axis still points to the right of who reads it.
+        R_OM = np.diag([1, -1, 1]) @ goal.marker.pose().rotation().matrix() @ np.diag([-1, 1, 1])
+        goal.marker.rpy = RollPitchYaw(RotationMatrix(R_OM)).vector().tolist()
+        goal.marker.position[1] *= -1
+        if goal.pre_grasp.position:
+            goal.pre_grasp.position[1] *= -1
+            goal.pre_grasp.rpy[0::2] = [-angle for angle in goal.pre_grasp.rpy[0::2]]
+        for obstacle in mirror.obstacles:
+            obstacle.position[1] *= -1
+            obstacle.rpy[0::2] = [-angle for angle in obstacle.rpy[0::2]]
+            obstacle.path = _mirrored_path(obstacle.path)
+        return mirror
+
+
+def default_pre_grasp(arm: str, radius: float) -> HandPose:
+    """Returns the usual pre-grasp pose X_OH: beside a cylinder, palm to it, fingers ahead and up.
+
+    The effector is 52 mm off the cylinder's surface and 110 mm above its bottom, so that the
+    half-open hand, upright, is 2 cm clear of the cylinder and 3 cm of what it stands on.
+    """
+    side = 1.0 if arm == "left" else -1.0
+    return HandPose(
+        position=[-0.015, side * (radius + 0.052), 0.11],
+        rpy=[-side * np.pi / 2, -0.26, -side * 0.09],
+    )
+
+
+def load_scene(name_or_path: str | Path) -> Scene:
+    """Loads and checks a scene that ships (by its name) or a YAML file.
+
+    Raises:
+        InputError: With one sentence that names the file and the field.
+    """
+    path = Path(name_or_path)
+    if str(name_or_path) in SCENES:
+        path = SCENES_DIR / f"{name_or_path}.yaml"
+    elif not path.exists():
+        raise InputError(
+            f"{path} is neither a scene file nor one of the shipped scenes {', '.join(SCENES)}"
+        )
+    scene = load_yaml(Scene, path)
+    for obstacle in scene.obstacles:
+        beside = path.parent / obstacle.mesh
+        if obstacle.mesh and beside.is_file():
+            obstacle.mesh = str(beside.resolve())
+    try:
+        scene.check()
+    except InputError as error:
+        line = line_of_field(path, str(error).split()[0])
+        raise InputError(f"{path} line {line}: {error}") from None
+    return scene
+
+
+def save_scene(scene: Scene, path: Path) -> None:
+    """Writes a scene to a YAML file that `load_scene` reads back."""
+    save_yaml(scene, path)
+
+
+def _mirrored_path(path: list[list[float]]) -> list[list[float]]:
+    return [[t, x, -y, z] for t, x, y, z in path]
+
+
+def _check_vector(value: Sequence[float], length: int, name: str, what: str) -> None:
+    if len(value) != length:
+        raise InputError(f"{name} has {len(value)} numbers; it must have {length}: {what}")
+    if not np.all(np.isfinite(value)):
+        raise InputError(f"{name} must hold finite numbers")
+
+
+def _check_color(color: Sequence[float], name: str) -> None:
+    _check_vector(color, 4, name, "red, green, blue and alpha")
+    if min(color) < 0.0 or max(color) > 1.0:
+        raise InputError(f"{name} must hold numbers from 0 to 1")
+
+
+def _check_robot(robot: RobotStart) -> None:
+    if not np.all(np.isfinite([robot.x, robot.y, robot.yaw, *robot.joints.values()])):
+        raise InputError("robot must hold finite numbers")
+    if robot.posture not in POSTURES:
+        raise InputError(
+            f'robot.posture is "{robot.posture}"; it must be one of {", ".join(POSTURES)}'
+        )
+    try:
+        robot.positions()
+    except InputError as error:
+        raise InputError(f"robot.{error}") from None
+
+
+def _check_goal(goal: GoalObject) -> None:
+    _check_vector(goal.position, 3, "goal.position", "x, y, z of its bottom's centre")
+    for name in ("radius", "height"):
+        if not 0.0 < getattr(goal, name) < 1.0:
+            raise InputError(
+                f"goal.{name} is {getattr(goal, name):g} m; it must be above 0 and below 1"
+            )
+    if goal.position[2] < 0.0:
+        raise InputError(f"goal.position is {-goal.position[2]:g} m below the floor; raise it")
+    if not np.isfinite(goal.yaw):
+        raise InputError("goal.yaw must be a finite number")
+    _check_color(goal.color, "goal.color")
+    marker = goal.marker
+    if not 0 <= marker.id < 50:
+        raise InputError(f"goal.marker.id is {marker.id}; DICT_4X4_50 has the ids 0 to 49")
+    if not 0.005 <= marker.size <= 0.5:
+        raise InputError(f"goal.marker.size is {marker.size:g} m; it must be 0.005 to 0.5")
+    _check_vector(marker.position, 3, "goal.marker.position", "x, y, z in the object's frame")
+    _check_vector(marker.rpy, 3, "goal.marker.rpy", "roll, pitch, yaw")
+    if goal.pre_grasp.position or goal.pre_grasp.rpy:
+        _check_vector(goal.pre_grasp.position, 3, "goal.pre_grasp.position", "x, y, z")
+        _check_vector(goal.pre_grasp.rpy, 3, "goal.pre_grasp.rpy", "roll, pitch, yaw")
+    check_path(goal.path, "goal.path")
+
+
+def _check_obstacle(obstacle: Obstacle, field_name: str) -> None:
+    if not obstacle.name.isidentifier():
+        raise InputError(
+            f'{field_name}.name is "{obstacle.name}"; it must be letters, digits and underscores'
+        )
+    if obstacle.name in ("goal", "goal_object", "pepper", "scene", "floor"):
+        raise InputError(f'{field_name}.name "{obstacle.name}" is taken; choose another')
+    if obstacle.shape not in _SIZES:
+        raise InputError(
+            f'{field_name}.shape is "{obstacle.shape}"; it must be one of {", ".join(_SIZES)}'
+        )
+    if obstacle.shape == "mesh" and not obstacle.size:
+        obstacle.size = [1.0]
+    what = _SIZES[obstacle.shape]
+    length = {"box": 3, "cylinder": 2}.get(obstacle.shape, 1)
+    _check_vector(obstacle.size, length, f"{field_name}.size", what)
+    if min(obstacle.size) <= 0.0:
+        raise InputError(f"{field_name}.size has {min(obstacle.size):g}; sizes must be above 0")
+    if obstacle.shape == "mesh":
+        try:
+            mesh_path(obstacle.mesh)
+        except InputError as error:
+            raise InputError(f"{field_name}.{error}") from None
+    _check_vector(obstacle.position, 3, f"{field_name}.position", "x, y, z of its centre")
+    _check_vector(obstacle.rpy, 3, f"{field_name}.rpy", "roll, pitch, yaw")
+    _check_color(obstacle.color, f"{field_name}.color")
+    check_path(obstacle.path, f"{field_name}.path")

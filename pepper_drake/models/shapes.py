@@ -1,0 +1,76 @@
+"""Shapes of obstacles and of the goal object, and which of them overlap."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydrake.geometry import (
+    Convex,
+    FramePoseVector,
+    GeometryFrame,
+    GeometryInstance,
+    ProximityProperties,
+    SceneGraph,
+    Shape,
+)
+from pydrake.math import RigidTransform
+
+from pepper_drake.errors import InputError
+from pepper_drake.models.pepper import MODELS_DIR
+
+MESHES_DIR = MODELS_DIR / "meshes"
+"""Where meshes are looked for that a scene names without a folder."""
+
+
+@dataclass(frozen=True)
+class PlacedShape:
+    """A named solid at its pose in the world."""
+
+    name: str
+    shape: Shape
+    X_WS: RigidTransform
+
+
+def mesh_path(mesh: str) -> Path:
+    """Returns the file of a mesh, one that ships with the package if `mesh` has no folder.
+
+    Raises:
+        InputError: If there is no such OBJ file.
+    """
+    path = Path(mesh)
+    if path.parent == Path():
+        path = MESHES_DIR / path
+    if path.suffix.lower() != ".obj" or not path.is_file():
+        shipped = ", ".join(sorted(p.name for p in MESHES_DIR.glob("*.obj")))
+        raise InputError(f'mesh is "{mesh}", which is no OBJ file here; shipped are {shipped}')
+    return path
+
+
+def convex_hull(mesh: str, scale: float) -> Convex:
+    """Returns the convex hull of a mesh: what collisions are computed with."""
+    return Convex(mesh_path(mesh), scale)
+
+
+def overlaps(shapes: Sequence[PlacedShape], tolerance: float = 1e-3) -> list[tuple[str, str]]:
+    """Returns the names of all pairs of shapes that go deeper than `tolerance` [m] into each other.
+
+    Things that stand on one another touch; that is no overlap.
+    """
+    scene_graph = SceneGraph()
+    source = scene_graph.RegisterSource("overlaps")
+    poses = FramePoseVector()
+    names = {}
+    for placed in shapes:
+        frame = scene_graph.RegisterFrame(source, GeometryFrame(placed.name))
+        instance = GeometryInstance(RigidTransform(), placed.shape, placed.name)
+        instance.set_proximity_properties(ProximityProperties())
+        names[scene_graph.RegisterGeometry(source, frame, instance)] = placed.name
+        poses.set_value(frame, placed.X_WS)
+    context = scene_graph.CreateDefaultContext()
+    scene_graph.get_source_pose_port(source).FixValue(context, poses)
+    query = scene_graph.get_query_output_port().Eval(context)
+    return [
+        (names[pair.id_A], names[pair.id_B])
+        for pair in query.ComputePointPairPenetration()
+        if pair.depth > tolerance
+    ]
