@@ -1,0 +1,90 @@
+"""One step of obstacle perception: a depth image taken into the memory of what stands where."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.perception.camera import CameraIntrinsics
+from pepper_drake.perception.cloud import (
+    CloudParameters,
+    depth_in_metres,
+    observe_surfaces,
+    remove_solids,
+)
+from pepper_drake.perception.solids import Solid, near_solids
+from pepper_drake.perception.voxel_map import (
+    VoxelMap,
+    VoxelMapParameters,
+    add_points,
+    carve,
+    forget,
+)
+
+
+@dataclass(frozen=True)
+class NoObstacle:
+    """Solids that are seen but are no obstacles: the robot itself, the goal object.
+
+    Attributes:
+        solids: The solids.
+        poses: Pose X_WF of each solid's frame.
+        margin: Points closer than this belong to them, m.
+        keep_memory_within: Whether points remembered within the margin, but not inside the solids,
+            are kept: the hand must not forget an obstacle because it comes close to it.
+    """
+
+    solids: Sequence[Solid]
+    poses: Sequence[RigidTransform]
+    margin: float
+    keep_memory_within: bool = False
+
+
+@dataclass(frozen=True)
+class ObstacleParameters:
+    """How obstacles are seen and remembered.
+
+    Attributes:
+        cloud: What of a depth image is kept.
+        memory: How the map remembers.
+    """
+
+    cloud: CloudParameters = field(default_factory=CloudParameters)
+    memory: VoxelMapParameters = field(default_factory=VoxelMapParameters)
+
+
+def update_obstacles(
+    voxels: VoxelMap,
+    image: npt.NDArray[np.generic],
+    time: float,
+    X_WC: RigidTransform,
+    intrinsics: CameraIntrinsics,
+    ignored: Sequence[NoObstacle],
+    parameters: ObstacleParameters,
+) -> VoxelMap:
+    """Takes one depth image into the memory.
+
+    Args:
+        voxels: What was remembered before.
+        image: Depth image, see `depth_in_metres`; one without any measurement changes nothing.
+        time: When it was taken, s.
+        X_WC: The camera's pose at that time.
+        intrinsics: The camera.
+        ignored: What is no obstacle, where it was at that time.
+        parameters: How obstacles are seen and remembered.
+
+    Returns:
+        What is remembered now.
+    """
+    depth = depth_in_metres(image, intrinsics)
+    surface = observe_surfaces(depth, intrinsics, X_WC, parameters.cloud)
+    for each in ignored:
+        surface = remove_solids(surface, each.solids, each.poses, each.margin)
+    voxels = add_points(voxels, surface, time, parameters.memory)
+    voxels = carve(voxels, depth, intrinsics, X_WC, time, parameters.memory)
+    for each in ignored:
+        margin = -parameters.memory.voxel_size / 2 if each.keep_memory_within else each.margin
+        voxels = voxels.select(~near_solids(voxels.positions, each.solids, each.poses, margin))
+    return forget(voxels, X_WC.translation(), time, parameters.memory)

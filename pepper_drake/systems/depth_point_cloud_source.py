@@ -1,0 +1,234 @@
+"""The obstacles that the depth camera has seen, as a cloud in the world and the torso frame."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.perception import PointCloud
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    EventStatus,
+    LeafSystem,
+    State,
+)
+from pydrake.systems.sensors import ImageDepth16U
+
+from pepper_drake.perception.camera import CAMERA_DEPTH, CameraIntrinsics
+from pepper_drake.perception.cloud import SurfacePoints, to_point_cloud
+from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters, update_obstacles
+from pepper_drake.perception.solids import RobotSolids, Solid
+from pepper_drake.perception.voxel_map import VoxelMap
+
+_LAG = 0.3
+"""For how long a moving object's pose may be old, s: half of it between images, half in filters."""
+
+_LARGEST_LAG_MARGIN = 0.06
+"""Most that the margin around a moving object grows, m."""
+
+_MOVED, _TURNED = 0.002, 0.004
+"""The cloud in the torso frame is made anew when the torso moved or turned by this, m and rad."""
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """The system's state. Never changed once made.
+
+    Attributes:
+        voxels: What was seen.
+        time: Of the last image used, s.
+        X_WO: The goal object's last known pose.
+        surface: The map's points.
+        cloud: The same in W.
+        cloud_torso: The same in T.
+        X_WT: The torso's pose for which that was made.
+    """
+
+    voxels: VoxelMap
+    time: float
+    X_WO: RigidTransform | None
+    surface: SurfacePoints
+    cloud: PointCloud
+    cloud_torso: PointCloud
+    X_WT: RigidTransform
+
+    def __deepcopy__(self, memo: dict) -> "_Memory":
+        """Returns itself: Drake copies the state at each event, and this never changes."""
+        return self
+
+
+class DepthPointCloudSource(LeafSystem):
+    """Turns depth images into a cloud of obstacles that is remembered in the world frame.
+
+    .. pydrake_system::
+
+        name: DepthPointCloudSource
+        input_ports:
+        - depth_image
+        - time_stamp
+        - X_WC
+        - X_WT
+        - position (optional)
+        - object_pose (optional)
+        - object_valid (optional)
+        - object_velocity (optional)
+        output_ports:
+        - cloud
+        - cloud_torso
+        - time_stamp
+        - age
+
+    `depth_image` (ImageDepth16U, whole millimetres), `time_stamp` [s], `X_WC` and `position` (the
+    robot's joints, for cutting its own body out) come from a CameraModel and belong to the moment
+    of the image. The system looks for a new time stamp every `period` and works only when there is
+    one. Images that are empty, of another size, older than the last or dated in the future are
+    passed over. Of the goal object the last pose that was valid is used; its `object_velocity`
+    widens the margin around it while it moves.
+
+    `cloud` (PointCloud with normals, in W) and `cloud_torso` (the same in T) depend on the state
+    alone, so whatever a consumer computes from them stays cached until the next image, or until the
+    torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
+    `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
+    the time since then.
+
+    State: voxel map and clouds (abstract). Event: one periodic unrestricted update.
+
+    Args:
+        robot: The robot's collision shapes; without them its body is taken for an obstacle.
+        object_solids: The goal object's shape in its frame O.
+        intrinsics: The depth camera.
+        parameters: How obstacles are seen and remembered.
+        period: Time between looks for a new image, s.
+        offset: Time of the first look, s; after the camera's.
+    """
+
+    def __init__(
+        self,
+        robot: RobotSolids | None = None,
+        object_solids: Sequence[Solid] = (),
+        *,
+        intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics,
+        parameters: ObstacleParameters | None = None,
+        period: float = 0.02,
+        offset: float = 0.01,
+    ) -> None:
+        super().__init__()
+        self._robot = robot
+        self._object_solids = tuple(object_solids)
+        self._intrinsics = intrinsics
+        self._parameters = ObstacleParameters() if parameters is None else parameters
+
+        pose = Value(RigidTransform())
+        num_positions = 0 if robot is None else robot.num_positions
+        self._image = self.DeclareAbstractInputPort("depth_image", Value(ImageDepth16U()))
+        self._time_stamp = self.DeclareVectorInputPort("time_stamp", 1)
+        self._X_WC = self.DeclareAbstractInputPort("X_WC", pose)
+        self._X_WT = self.DeclareAbstractInputPort("X_WT", pose)
+        self._position = self.DeclareVectorInputPort("position", num_positions)
+        self._object_pose = self.DeclareAbstractInputPort("object_pose", pose)
+        self._object_valid = self.DeclareVectorInputPort("object_valid", 1)
+        self._object_velocity = self.DeclareVectorInputPort("object_velocity", 3)
+
+        voxels = VoxelMap.empty()
+        nothing = to_point_cloud(voxels.surface())
+        self._memory = self.DeclareAbstractState(
+            Value(
+                _Memory(voxels, -np.inf, None, voxels.surface(), nothing, nothing, RigidTransform())
+            )
+        )
+        state = {self.abstract_state_ticket(self._memory)}
+        for name, calc in (("cloud", self._calc_cloud), ("cloud_torso", self._calc_cloud_torso)):
+            self.DeclareAbstractOutputPort(
+                name, lambda: Value(PointCloud()), calc, prerequisites_of_calc=state
+            )
+        self.DeclareVectorOutputPort(
+            "time_stamp", 1, self._calc_time_stamp, prerequisites_of_calc=state
+        )
+        self.DeclareVectorOutputPort(
+            "age", 1, self._calc_age, prerequisites_of_calc=state | {self.time_ticket()}
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._look)
+
+    def voxels(self, context: Context) -> VoxelMap:
+        """Returns what is remembered in this context."""
+        return self._get_memory(context).voxels
+
+    def _get_memory(self, context: Context) -> _Memory:
+        return context.get_abstract_state(int(self._memory)).get_value()
+
+    def _look(self, context: Context, state: State) -> EventStatus:
+        before = self._get_memory(context)
+        memory = self._use_image(context, before)
+        X_WT = self._X_WT.Eval(context) if self._X_WT.HasValue(context) else before.X_WT
+        moved = before.X_WT.InvertAndCompose(X_WT)
+        if (
+            memory is not before
+            or np.linalg.norm(moved.translation()) > _MOVED
+            or abs(moved.rotation().ToAngleAxis().angle()) > _TURNED
+        ):
+            memory = replace(
+                memory,
+                X_WT=RigidTransform(X_WT),
+                cloud_torso=to_point_cloud(memory.surface, X_WT.inverse()),
+            )
+            state.get_mutable_abstract_state(int(self._memory)).set_value(memory)
+            return EventStatus.Succeeded()
+        return EventStatus.DidNothing()
+
+    def _use_image(self, context: Context, memory: _Memory) -> _Memory:
+        if not (self._image.HasValue(context) and self._time_stamp.HasValue(context)):
+            return memory
+        time = float(self._time_stamp.Eval(context)[0])
+        if not memory.time < time <= context.get_time():
+            return memory
+        X_WO = memory.X_WO
+        is_known = self._object_pose.HasValue(context) and (
+            not self._object_valid.HasValue(context) or self._object_valid.Eval(context)[0] > 0
+        )
+        if is_known:
+            X_WO = RigidTransform(self._object_pose.Eval(context))
+        voxels = update_obstacles(
+            memory.voxels,
+            self._image.Eval(context).data,
+            time,
+            self._X_WC.Eval(context),
+            self._intrinsics,
+            self._no_obstacles(context, X_WO),
+            self._parameters,
+        )
+        surface = voxels.surface()
+        cloud = to_point_cloud(surface)
+        return replace(memory, voxels=voxels, time=time, X_WO=X_WO, surface=surface, cloud=cloud)
+
+    def _no_obstacles(self, context: Context, X_WO: RigidTransform | None) -> list[NoObstacle]:
+        """The robot and the goal object, where they are in the image."""
+        ignored = []
+        cloud = self._parameters.cloud
+        if self._robot is not None and self._position.HasValue(context):
+            poses = self._robot.poses(self._position.Eval(context))
+            ignored.append(
+                NoObstacle(self._robot.solids, poses, cloud.robot_margin, keep_memory_within=True)
+            )
+        if X_WO is not None and self._object_solids:
+            margin = cloud.object_margin
+            if self._object_velocity.HasValue(context):
+                speed = float(np.linalg.norm(self._object_velocity.Eval(context)))
+                margin += min(_LAG * speed, _LARGEST_LAG_MARGIN)
+            ignored.append(
+                NoObstacle(self._object_solids, [X_WO] * len(self._object_solids), margin)
+            )
+        return ignored
+
+    def _calc_cloud(self, context: Context, output: Value) -> None:
+        output.set_value(self._get_memory(context).cloud)
+
+    def _calc_cloud_torso(self, context: Context, output: Value) -> None:
+        output.set_value(self._get_memory(context).cloud_torso)
+
+    def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, self._get_memory(context).time)
+
+    def _calc_age(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, context.get_time() - self._get_memory(context).time)
