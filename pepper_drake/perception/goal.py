@@ -5,9 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.geometry import Box, Cylinder
 from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.errors import InputError
+from pepper_drake.models.markers import plate_size
+from pepper_drake.models.scene import GoalObject
 from pepper_drake.perception.camera import CameraIntrinsics
 from pepper_drake.perception.goal_filter import GoalMeasurement
 from pepper_drake.perception.marker import (
@@ -17,6 +20,7 @@ from pepper_drake.perception.marker import (
     detect_markers,
     marker_poses,
 )
+from pepper_drake.perception.solids import Solid
 
 
 @dataclass(frozen=True)
@@ -28,12 +32,14 @@ class MarkedObject:
         marker_size: Side of the marker's black square, m.
         X_OM: Pose of the marker (x right, y up, z out of the printed face) on the object. The
             object's z axis is up when the object stands.
+        solids: The object's shape in its frame O, to cut it out of clouds.
         dictionary: Name of OpenCV's dictionary.
     """
 
     marker_id: int
     marker_size: float
     X_OM: RigidTransform
+    solids: tuple[Solid, ...] = ()
     dictionary: str = MARKER_DICTIONARY
 
     def __post_init__(self) -> None:
@@ -41,6 +47,22 @@ class MarkedObject:
             raise InputError(f"marker id {self.marker_id} must not be negative.")
         if not self.marker_size > 0:
             raise InputError(f"marker size {self.marker_size} must be positive.")
+
+    @classmethod
+    def from_scene(cls, goal: GoalObject) -> "MarkedObject":
+        """Returns a scene's goal object: a cylinder with its marker on a plate."""
+        X_OM = goal.marker.pose()
+        edge, thickness = plate_size(goal.marker.size), 0.004
+        plate = Box(edge, edge, thickness)
+        return cls(
+            goal.marker.id,
+            goal.marker.size,
+            X_OM,
+            (
+                Solid(Cylinder(goal.radius, goal.height), RigidTransform([0, 0, goal.height / 2])),
+                Solid(plate, X_OM @ RigidTransform([0, 0, -thickness / 2])),
+            ),
+        )
 
 
 def measure_goal(

@@ -157,28 +157,3 @@ class RobotSolids:
     def near(self, p_W: Points, q: npt.NDArray[np.float64], margin: float) -> Mask:
         """Tells which points (N, 3) are in the robot or closer to it than a margin [m]."""
         return near_solids(p_W, self.solids, self.poses(q), margin)
-
-
-def marked_cylinder(
-    radius: float,
-    height: float,
-    X_OM: RigidTransform,
-    plate_edge: float,
-    plate_thickness: float = 0.003,
-) -> list[Solid]:
-    """Returns the solids, in frame O, of a cylinder that carries a square marker plate.
-
-    Args:
-        radius: Of the cylinder, m.
-        height: Of the cylinder, m; O is in the middle of its bottom, z up.
-        X_OM: Pose of the marker, z out of its face.
-        plate_edge: Edge of the plate, m.
-        plate_thickness: m.
-    """
-    return [
-        Solid(Cylinder(radius, height), RigidTransform([0, 0, height / 2])),
-        Solid(
-            Box(plate_edge, plate_edge, plate_thickness),
-            X_OM @ RigidTransform([0, 0, -plate_thickness / 2]),
-        ),
-    ]

@@ -1,6 +1,5 @@
 """The obstacles that the depth camera has seen, as a cloud in the world and the torso frame."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +17,9 @@ from pydrake.systems.sensors import ImageDepth16U
 
 from pepper_drake.perception.camera import CAMERA_DEPTH, CameraIntrinsics
 from pepper_drake.perception.cloud import SurfacePoints, to_point_cloud
+from pepper_drake.perception.goal import MarkedObject
 from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters, update_obstacles
-from pepper_drake.perception.solids import RobotSolids, Solid
+from pepper_drake.perception.solids import RobotSolids
 from pepper_drake.perception.voxel_map import VoxelMap
 
 _LAG = 0.3
@@ -97,7 +97,7 @@ class DepthPointCloudSource(LeafSystem):
 
     Args:
         robot: The robot's collision shapes; without them its body is taken for an obstacle.
-        object_solids: The goal object's shape in its frame O.
+        marked: The goal object, which is cut out by its shape.
         intrinsics: The depth camera.
         parameters: How obstacles are seen and remembered.
         period: Time between looks for a new image, s.
@@ -107,7 +107,7 @@ class DepthPointCloudSource(LeafSystem):
     def __init__(
         self,
         robot: RobotSolids | None = None,
-        object_solids: Sequence[Solid] = (),
+        marked: MarkedObject | None = None,
         *,
         intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics,
         parameters: ObstacleParameters | None = None,
@@ -116,7 +116,7 @@ class DepthPointCloudSource(LeafSystem):
     ) -> None:
         super().__init__()
         self._robot = robot
-        self._object_solids = tuple(object_solids)
+        self._object_solids = () if marked is None else marked.solids
         self._intrinsics = intrinsics
         self._parameters = ObstacleParameters() if parameters is None else parameters
 
