@@ -1,0 +1,279 @@
+"""The transformation system that was learned: a spring to the goal and a forcing term."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.approximators import (
+    ForcingData,
+    ForcingModel,
+    LinearForcingModel,
+    get_approximator,
+)
+from pepper_drake.learning.phase import ALPHA_Z, GOAL_THRESHOLD, PHASE_RATIO, phase_at
+from pepper_drake.learning.scaling import (
+    MotionFrame,
+    check_scaling,
+    scaled,
+    scaling_matrix,
+    unscaled,
+)
+from pepper_drake.learning.spring import (
+    NODES,
+    acceleration,
+    advance,
+    make_step,
+    unforced_response,
+)
+
+Array = npt.NDArray[np.float64]
+
+Forcing = Callable[[Array], Array]
+"""A forcing term with its scaling: phases (..., M) to (..., M, D)."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSample:
+    """A demonstrated motion in D coordinates, in relative time (0 to 1; tau = 1).
+
+    Attributes:
+        times: (N,) relative times from 0 to 1.
+        positions: (N, D).
+        rates: (N, D) derivatives by relative time.
+        curvatures: (N, D) second derivatives by relative time.
+    """
+
+    times: Array
+    positions: Array
+    rates: Array
+    curvatures: Array
+
+
+class GoalState(NamedTuple):
+    """The goal as the attractor knows it, at one time.
+
+    Attributes:
+        position: (D,) of the goal.
+        velocity: (D,) its known velocity; zero if unknown.
+        delayed: (D,) the goal that the spring sees, which follows the goal smoothly:
+            tau d' = alpha_z / 2 (g - d) + tau g'.
+    """
+
+    position: Array
+    velocity: Array
+    delayed: Array
+
+    def seen(self, position: Array, velocity: Array) -> "GoalState":
+        """Returns the goal after it was seen; moves under `GOAL_THRESHOLD` are ignored."""
+        displacement = position - self.position
+        if displacement @ displacement <= GOAL_THRESHOLD**2:
+            position = self.position
+        return GoalState(position, velocity, self.delayed)
+
+    def later(self, time_step: float, rate: float) -> "GoalState":
+        """Returns the goal `time_step` later; `rate` is the attractor's `goal_rate`."""
+        position = self.position + self.velocity * time_step
+        lag = self.delayed - self.position
+        return GoalState(position, self.velocity, position + np.exp(-rate * time_step) * lag)
+
+
+def still_goal(position: Array) -> GoalState:
+    """Returns a goal at rest that the spring sees without delay."""
+    return GoalState(position, np.zeros(len(position)), position)
+
+
+@dataclass(frozen=True, eq=False)
+class Attractor:
+    """A transformation system in D coordinates (equations 2.4 to 2.6 of the report).
+
+    Attributes:
+        model: The forcing term as a function of the phase.
+        scaling: How it adapts to start and goal; see `scaling`.
+        frame: Start, goal and extent of the demonstration.
+        start_rate: (D,) velocity of the demonstration's start, by relative time.
+        alpha_z: Constant of the spring; its damper is critical.
+    """
+
+    model: ForcingModel
+    scaling: str
+    frame: MotionFrame
+    start_rate: Array
+    alpha_z: float = ALPHA_Z
+
+    @property
+    def alpha_x(self) -> float:
+        """Decay rate of the phase."""
+        return self.alpha_z / PHASE_RATIO
+
+    def matrix(self, start: Array, goal: Array) -> Array | None:
+        """Returns the scaling's matrix S for a start and a goal."""
+        return scaling_matrix(self.scaling, self.frame, start, goal)
+
+    def forcing(self, start: Array, goal: Array, weights: Array | None = None) -> Forcing:
+        """Returns the forcing term between a start (D,) and a goal (D,).
+
+        Args:
+            start: Where the motion starts.
+            goal: What the spring sees.
+            weights: (S, K, D) for S forcing terms with the features of the model; the function
+                then takes phases (S, M).
+        """
+        matrix = self.matrix(start, goal)
+        if weights is None:
+            return lambda phases: scaled(self.model(phases), matrix)
+        model = self.model
+        assert isinstance(model, LinearForcingModel)
+
+        def batch(phases: Array) -> Array:
+            features = model.features(phases.ravel()).reshape(*phases.shape, -1)
+            return scaled(features @ weights, matrix)
+
+        return batch
+
+    def start_velocity(self, start: Array, goal: Array, tau: float) -> Array:
+        """Returns the velocity (D,) of the demonstration's start, scaled like the forcing term."""
+        demonstrated = scaling_matrix(self.scaling, self.frame, self.frame.start, self.frame.goal)
+        if demonstrated is None or self.scaling == "amplitude":
+            return self.start_rate / tau
+        rate = unscaled(self.start_rate[None], demonstrated, self.scaling)
+        return scaled(rate, self.matrix(start, goal))[0] / tau
+
+    def with_model(self, model: ForcingModel) -> "Attractor":
+        """Returns the same attractor with another forcing term."""
+        return replace(self, model=model)
+
+    def acceleration(
+        self, state: Array, goal: GoalState, forcing: Forcing, phase: Array, tau: float
+    ) -> Array:
+        """Returns the acceleration without coupling, (..., D).
+
+        Args:
+            state: (..., 2, D) position and velocity.
+            goal: What the spring sees.
+            forcing: Of `forcing`, for the start and the goal that the spring sees.
+            phase: (...).
+            tau: [s].
+        """
+        pull = forcing(phase[..., None])[..., 0, :]
+        seen = np.stack((goal.delayed, goal.velocity))
+        return acceleration(state, seen, pull, tau, self.alpha_z)
+
+    def advance(
+        self,
+        state: Array,
+        goal: GoalState,
+        forcing: Forcing,
+        phase: Array,
+        decay: Array,
+        tau: float,
+        time_step: float,
+        coupling: Array | None = None,
+    ) -> Array:
+        """Returns the state one step later, exactly but for the quadrature of `spring`.
+
+        Args:
+            state: (..., 2, D) position and velocity.
+            goal: What the spring sees, at the step's start.
+            forcing: Of `forcing`; its scaling is held over the step.
+            phase: (...) at the step's start.
+            decay: (...) -x' / x [1/s], held over the step.
+            tau: [s].
+            time_step: [s].
+            coupling: (..., D) C_t, held over the step; None means zero.
+        """
+        inputs = forcing(node_phases(phase, decay, time_step))
+        if coupling is not None:
+            inputs = inputs + coupling[..., None, :]
+        inputs = inputs / (tau * tau)
+        lag = goal.delayed - goal.position
+        if np.any(lag != 0.0):
+            w = self.alpha_z / (2.0 * tau)
+            fading = np.exp(-self.goal_rate(tau) * time_step * NODES)
+            inputs = inputs + w * w * np.multiply.outer(fading, lag)
+        target = np.stack((goal.position, goal.velocity))
+        return advance(state, target, inputs, make_step(tau, time_step, self.alpha_z), time_step)
+
+    def goal_rate(self, tau: float) -> float:
+        """Returns how fast the goal that the spring sees follows the goal [1/s]."""
+        return self.alpha_z / (2.0 * tau)
+
+
+def node_phases(phase: Array | float, decay: Array | float, time_step: float) -> Array:
+    """Returns the phases (..., 3) at a step's nodes.
+
+    Args:
+        phase: (...) at the step's start.
+        decay: (...) -x' / x [1/s], constant over the step.
+        time_step: [s].
+    """
+    exponents = np.multiply.outer(np.asarray(decay), -time_step * NODES)
+    return np.asarray(phase)[..., None] * np.exp(exponents)
+
+
+def learn_attractor(
+    samples: list[MotionSample],
+    approximator: str,
+    num_basis: int,
+    scaling: str,
+    alpha_z: float = ALPHA_Z,
+    seed: int = 0,
+) -> Attractor:
+    """Learns one attractor from one or several motions.
+
+    The targets are those of equation 2.8, f = y'' - alpha_z (beta_z (g - y) - y') with derivatives
+    by relative time and g the last position. Of several motions, start, goal, extent and start
+    velocity are the means.
+
+    Raises:
+        InputError: An unknown name, a number of basis functions below 1, or a motion that the
+            scaling cannot express.
+    """
+    check_scaling(scaling)
+    if num_basis < 1:
+        raise InputError(f"num_basis: {num_basis} basis functions; use at least 1")
+    fit = get_approximator(approximator).fit
+    frame = MotionFrame(
+        start=np.mean([s.positions[0] for s in samples], axis=0),
+        goal=np.mean([s.positions[-1] for s in samples], axis=0),
+        extent=np.mean([_extent(s.positions) for s in samples], axis=0),
+    )
+    targets, responses, scales = [], [], []
+    for sample in samples:
+        start, goal = sample.positions[0], sample.positions[-1]
+        offset = goal - sample.positions
+        matrix = scaling_matrix(scaling, frame, start, goal)
+        pull = alpha_z * (alpha_z / 4.0 * offset - sample.rates)
+        unforced = unforced_response(sample.times, alpha_z)[0]
+        response = -offset - unforced @ np.stack((-offset[0], sample.rates[0]))
+        targets.append(unscaled(sample.curvatures - pull, matrix, scaling))
+        responses.append(unscaled(response, matrix, scaling))
+        sizes = np.ones(len(start)) if matrix is None else np.linalg.norm(matrix, axis=1)
+        scales.append(np.broadcast_to(sizes, offset.shape))
+    times = np.concatenate([s.times for s in samples])
+    alpha_x = alpha_z / PHASE_RATIO
+    data = ForcingData(
+        phases=phase_at(times, alpha_x),
+        times=times,
+        targets=np.concatenate(targets),
+        responses=np.concatenate(responses),
+        scales=np.concatenate(scales),
+        lengths=tuple(len(s.times) for s in samples),
+        alpha_x=alpha_x,
+        alpha_z=alpha_z,
+    )
+    return Attractor(
+        model=fit(data, num_basis, seed),
+        scaling=scaling,
+        frame=frame,
+        start_rate=np.mean([s.rates[0] for s in samples], axis=0),
+        alpha_z=alpha_z,
+    )
+
+
+def _extent(positions: Array) -> Array:
+    extent = np.ptp(positions, axis=0)
+    return np.where(extent > 0.0, extent, 1.0)

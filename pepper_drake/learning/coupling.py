@@ -1,0 +1,229 @@
+"""Coupling terms: what pushes the hand around obstacles.
+
+Both modes give C_t of equation 2.6 (tau z' = ... + f + C_t) and how much the phase is slowed down.
+
+`ReportCoupling` is the report's equation 2.7, exactly: the sum over all points o of the cloud of
+gamma R y' theta exp(-beta theta), theta the angle between y' and o - y, R the rotation by 90
+degrees about (o - y) x y'. It leaves two cases undefined. Heading straight at (or away from) a
+point, and at rest, the push is zero here: at rest and dead ahead that is its limit.
+
+`BarrierCoupling` is the default. With d, n the distance and unit normal of the obstacles at y, a0
+the acceleration without coupling and v = y':
+
+    rho = rho0 + (rho_g - rho0) exp(-|y - g|² / 2 fade²),
+    a_n = clip(-n·a0 - k1 n·v - k0 (k1² / 4) (d - rho), 0, a_max), zero for d > rho + reach,
+    w = v - (n·v) n + eta (up - (n·up) n), t = w / max(|w|, 0.05),
+    lambda = 1 - exp(-|y - g|² / 2 goal_fade²),
+    C_t = tau² sat(a_n n + k_t lambda a_n t), tau x' = -alpha_x x / (1 + k_s |C_t| / tau²),
+
+rho0 = hand radius + margin, rho_g = min(rho0, d(g) - 4 mm). A second-order control barrier with
+sliding and phase stopping: it cancels only the excess of inward acceleration, acts at rest and dead
+ahead, does not depend on how dense the cloud is, and is silent otherwise.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.obstacle_field import ObstacleField
+
+Array = npt.NDArray[np.float64]
+
+
+class Push(NamedTuple):
+    """What obstacles do to the hand, for any leading shape (...).
+
+    Attributes:
+        coupling: (..., 3) C_t [m].
+        slowdown: (...) s >= 0 in tau x' = -alpha_x x / (1 + s).
+        distance: (...) from the hand's centre to the nearest obstacle [m].
+    """
+
+    coupling: Array
+    slowdown: Array
+    distance: Array
+
+
+class Coupling(Protocol):
+    """A coupling term."""
+
+    def clearance(self, field: ObstacleField, goal: Array) -> float:
+        """Returns the distance [m] that is kept at the goal (3,)."""
+        ...
+
+    def push(
+        self,
+        field: ObstacleField,
+        state: Array,
+        acceleration: Array,
+        goal: Array,
+        goal_clearance: float,
+        tau: float,
+    ) -> Push:
+        """Returns what obstacles do.
+
+        Args:
+            field: The obstacles.
+            state: (..., 2, 3) position [m] and velocity [m/s] of the hand.
+            acceleration: (..., 3) what it would be without coupling [m/s²].
+            goal: (3,) [m].
+            goal_clearance: Of `clearance`, for this field and goal.
+            tau: [s].
+        """
+        ...
+
+    def silent_beyond(self, state: Array, acceleration: Array) -> Array:
+        """Returns the distance (...) [m] beyond which `push` is surely zero."""
+        ...
+
+
+@dataclass(frozen=True)
+class ReportCoupling:
+    """Equation 2.7; the cloud is taken as it is, point by point.
+
+    Attributes:
+        gamma: Strength of the push of each point; it adds up over the cloud.
+        beta: How fast the push fades with the angle [1/rad].
+    """
+
+    gamma: float = 20.0
+    beta: float = 20.0 / np.pi
+
+    def clearance(self, field: ObstacleField, goal: Array) -> float:
+        """Returns 0: the report keeps no distance."""
+        return 0.0
+
+    def push(
+        self,
+        field: ObstacleField,
+        state: Array,
+        acceleration: Array,
+        goal: Array,
+        goal_clearance: float,
+        tau: float,
+    ) -> Push:
+        """Returns the sum of equation 2.7 over all points; see `Coupling`."""
+        position, velocity = state[..., 0, :], state[..., 1, :]
+        speed = np.sqrt((velocity * velocity).sum(axis=-1))
+        heading = velocity / np.maximum(speed, 1e-12)[..., None]
+        towards = field.points - position[..., None, :]
+        along = (towards @ heading[..., None])[..., 0]
+        across = towards - along[..., None] * heading[..., None, :]
+        sideways = np.sqrt((across * across).sum(axis=-1))
+        theta = np.arctan2(sideways, along)
+        # R y' points away from the point, at right angles to y': -|y'| across / |across|.
+        strength = self.gamma * speed[..., None] * theta * np.exp(-self.beta * theta)
+        strength = np.where(sideways > 1e-9, strength / np.maximum(sideways, 1e-12), 0.0)
+        coupling = -(strength[..., None, :] @ across)[..., 0, :]
+        return Push(coupling, np.zeros(speed.shape), field.distance(position))
+
+    def silent_beyond(self, state: Array, acceleration: Array) -> Array:
+        """Returns infinity: the report's push has no end."""
+        return np.full(state.shape[:-2], np.inf)
+
+
+@dataclass(frozen=True)
+class BarrierCoupling:
+    """Barrier, sliding and phase stopping.
+
+    Attributes:
+        hand_radius: Of the sphere that stands for the hand [m].
+        margin: Distance between that sphere and obstacles [m].
+        goal_margin: How much nearer than the goal obstacles may be, near the goal [m].
+        goal_distance: Over which the kept distance changes to that at the goal [m].
+        sliding_distance: Over which sliding fades towards the goal [m].
+        damping: k1 [1/s].
+        stiffness: k0, relative to k1² / 4.
+        sliding: k_t.
+        up_bias: eta: sliding prefers to go up.
+        slowdown: k_s [s²/m].
+        largest_normal: Limit of a_n [m/s²].
+        largest_acceleration: Limit of C_t / tau² [m/s²].
+        reach: Beyond rho by more than this nothing happens [m].
+        up: (3,) unit vector in the frame of the motion.
+    """
+
+    hand_radius: float = 0.05
+    margin: float = 0.010
+    goal_margin: float = 0.004
+    goal_distance: float = 0.055
+    sliding_distance: float = 0.04
+    damping: float = 30.0
+    stiffness: float = 0.8
+    sliding: float = 1.0
+    up_bias: float = 0.5
+    slowdown: float = 0.05
+    largest_normal: float = 12.0
+    largest_acceleration: float = 15.0
+    reach: float = 0.3
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def clearance(self, field: ObstacleField, goal: Array) -> float:
+        """Returns rho_g = min(rho0, d(g) - goal_margin) [m]."""
+        return min(self._rho0, float(field.distance(goal)) - self.goal_margin)
+
+    def push(
+        self,
+        field: ObstacleField,
+        state: Array,
+        acceleration: Array,
+        goal: Array,
+        goal_clearance: float,
+        tau: float,
+    ) -> Push:
+        """Returns the barrier's push; see `Coupling`."""
+        position, velocity = state[..., 0, :], state[..., 1, :]
+        distance, normal = field.distance_and_normal(position)
+        to_goal = ((position - goal) ** 2).sum(axis=-1)
+        rho = self._rho0 + (goal_clearance - self._rho0) * np.exp(
+            -0.5 * to_goal / self.goal_distance**2
+        )
+        gap = distance - rho
+        inward = -(normal * acceleration).sum(axis=-1)
+        approach = (normal * velocity).sum(axis=-1)
+        with np.errstate(invalid="ignore"):
+            pressed = inward - self.damping * approach - self._stiffness * gap
+        strength = np.where(gap <= self.reach, np.clip(pressed, 0.0, self.largest_normal), 0.0)
+        up = np.asarray(self.up)
+        slide = velocity - approach[..., None] * normal
+        slide = slide + self.up_bias * (up - (normal @ up)[..., None] * normal)
+        length = np.maximum(np.sqrt((slide * slide).sum(axis=-1)), 0.05)
+        fade = 1.0 - np.exp(-0.5 * to_goal / self.sliding_distance**2)
+        total = strength[..., None] * (normal + (self.sliding * fade / length)[..., None] * slide)
+        size = np.sqrt((total * total).sum(axis=-1))
+        limited = np.minimum(size, self.largest_acceleration)
+        total = total * (limited / np.maximum(size, 1e-12))[..., None]
+        return Push(tau * tau * total, self.slowdown * limited, distance)
+
+    def silent_beyond(self, state: Array, acceleration: Array) -> Array:
+        """Returns a distance beyond which a_n is zero whatever the normal's direction."""
+        speed = np.sqrt((state[..., 1, :] ** 2).sum(axis=-1))
+        size = np.sqrt((acceleration**2).sum(axis=-1))
+        return self._rho0 + np.minimum(self.reach, (size + self.damping * speed) / self._stiffness)
+
+    @property
+    def _rho0(self) -> float:
+        return self.hand_radius + self.margin
+
+    @property
+    def _stiffness(self) -> float:
+        return self.stiffness * self.damping**2 / 4.0
+
+
+COUPLINGS = ("barrier", "report")
+
+
+def make_coupling(name: str) -> Coupling:
+    """Returns the coupling of that name with its default constants.
+
+    Raises:
+        InputError: There is none.
+    """
+    if name == "barrier":
+        return BarrierCoupling()
+    if name == "report":
+        return ReportCoupling()
+    raise InputError(f"coupling: '{name}' is unknown; use one of {', '.join(COUPLINGS)}")

@@ -1,0 +1,132 @@
+"""The forcing term of Gaussian basis functions: what all linear approximators but GMR learn.
+
+f(x) = sum_i psi_i(x) (w_i + w'_i (x - c_i) / sigma_i) / sum_i psi_i(x) * x,
+psi_i = exp(-(x - c_i)² / (2 sigma_i²)) (equation 2.5 of the report; w' only with slopes; without
+the division for a radial basis function network, B.2).
+
+Centres are spread evenly in time. Each width is a multiple, called overlap, of the distance to the
+next centre as it is at the centre itself: sigma_i = overlap alpha_x ds c_i, so that all basis
+functions look alike in time. Past the end of the motion only the gate x still falls.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianBasis:
+    """Basis functions of the phase.
+
+    Attributes:
+        centres: (B,) c in the phase.
+        widths: (B,) sigma in the phase.
+        normalized: Whether the functions are divided by their sum.
+        slopes: Whether each has a local line beside its constant: twice as many features.
+        alpha_x: Decay rate of the phase.
+    """
+
+    centres: Array
+    widths: Array
+    normalized: bool
+    slopes: bool
+    alpha_x: float
+
+    @property
+    def num_features(self) -> int:
+        """B, or 2 B with slopes."""
+        return len(self.centres) * (2 if self.slopes else 1)
+
+    def activations(self, phases: npt.ArrayLike) -> Array:
+        """Returns the basis functions (N, B) at phases (N,), normalised if they are to be."""
+        return self._evaluate(np.asarray(phases))[0]
+
+    def features(self, phases: npt.ArrayLike) -> Array:
+        """Returns (N, num_features): basis functions times x, then those times (x - c) / sigma."""
+        x = np.asarray(phases)
+        values, offsets = self._evaluate(x)
+        values = values * x[:, None]
+        return np.concatenate((values, values * offsets), axis=1) if self.slopes else values
+
+    def _evaluate(self, phases: Array) -> tuple[Array, Array]:
+        held = np.maximum(phases, np.exp(-self.alpha_x))
+        offsets = (held[:, None] - self.centres) / self.widths
+        values = np.exp(-0.5 * (offsets * offsets))
+        if self.normalized:
+            values = values / values.sum(axis=1)[:, None]
+        return values, offsets
+
+
+@lru_cache(maxsize=64)
+def even_basis(
+    num_basis: int, overlap: float, alpha_x: float, normalized: bool = True, slopes: bool = False
+) -> GaussianBasis:
+    """Returns basis functions with centres evenly in time from the start to the end.
+
+    The same arguments give the same object, so that responses cached for one motion serve all.
+    """
+    times = np.linspace(0.0, 1.0, num_basis) if num_basis > 1 else np.array([0.5])
+    spacing = 1.0 / max(1, num_basis - 1)
+    centres = np.exp(-alpha_x * times)
+    return GaussianBasis(
+        centres, overlap * alpha_x * spacing * centres, normalized, slopes, alpha_x
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianForcing:
+    """A forcing term linear in its weights (K, D): f = basis.features(x) @ weights."""
+
+    basis: GaussianBasis
+    weights: Array
+
+    @property
+    def num_basis(self) -> int:
+        """Number of basis functions."""
+        return len(self.basis.centres)
+
+    @property
+    def num_dimensions(self) -> int:
+        """D, the number of coordinates."""
+        return self.weights.shape[1]
+
+    def features(self, phases: npt.ArrayLike) -> Array:
+        """Returns the (N, K) features, gating included, at phases (N,)."""
+        return self.basis.features(phases)
+
+    def __call__(self, phases: npt.ArrayLike) -> Array:
+        """Returns the forcing term (N, D) at phases (N,)."""
+        return self.basis.features(phases) @ self.weights
+
+    def with_weights(self, weights: npt.ArrayLike) -> Self:
+        """Returns the same model with other weights (K, D)."""
+        return replace(self, weights=np.asarray(weights))
+
+    def to_data(self) -> dict[str, Any]:
+        """Returns the model as plain data."""
+        return {
+            "normalized": self.basis.normalized,
+            "slopes": self.basis.slopes,
+            "alpha_x": self.basis.alpha_x,
+            "centres": self.basis.centres.tolist(),
+            "widths": self.basis.widths.tolist(),
+            "weights": self.weights.tolist(),
+        }
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Self:
+        """Makes the model of what `to_data` returned."""
+        basis = GaussianBasis(
+            np.array(data["centres"], dtype=float),
+            np.array(data["widths"], dtype=float),
+            bool(data["normalized"]),
+            bool(data["slopes"]),
+            float(data["alpha_x"]),
+        )
+        return cls(basis, np.array(data["weights"], dtype=float))

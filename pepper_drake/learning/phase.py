@@ -1,0 +1,54 @@
+"""The canonical system of a discrete motion: a phase that falls from one towards zero.
+
+tau x' = -alpha_x x / (1 + slowdown), x(0) = 1 (equation 2.5 of the report; the slowdown is the
+phase stopping of Ijspeert et al. 2013, section 2.4, doi:10.1162/NECO_a_00393). Time divided by the
+motion's duration, here called relative time, and phase are two names of one thing:
+x = exp(-alpha_x s). Everything that is learned is a function of the phase, so another canonical
+system (a rhythmic one) only has to bring its own phase and its own features of it.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+ALPHA_Z = 25.0
+"""Default constant of the spring: it settles to 1e-4 of a step within one tau."""
+
+PHASE_RATIO = 3.0
+"""alpha_x = alpha_z / 3, the report's choice."""
+
+GOAL_THRESHOLD = 0.003
+"""A goal counts as moved when it is further than this from where it was, in m."""
+
+
+def phase_at(relative_times: npt.ArrayLike, alpha_x: float) -> Array:
+    """Returns the phase x in (0, 1] at relative times (0 at the start, 1 at the end)."""
+    return np.exp(-alpha_x * np.asarray(relative_times, dtype=float))
+
+
+def relative_time_at(phases: npt.ArrayLike, alpha_x: float) -> Array:
+    """Returns the relative time of phases: the inverse of `phase_at`."""
+    return -np.log(np.asarray(phases, dtype=float)) / alpha_x
+
+
+def extended_tau(
+    tau: float, known_goal: Array, seen_goal: Array, extension: float
+) -> tuple[float, Array]:
+    """Extends the duration in proportion to the goal's displacement.
+
+    Args:
+        tau: The duration so far [s].
+        known_goal: (3,) where the goal was when it last counted as moved [m].
+        seen_goal: (3,) where it is now [m].
+        extension: Time for each metre of displacement [s/m].
+
+    Returns:
+        The duration and the goal to compare with next time; both as they were when the goal is
+        within `GOAL_THRESHOLD` of the known one.
+    """
+    displacement = seen_goal - known_goal
+    square = displacement @ displacement
+    if square <= GOAL_THRESHOLD**2:
+        return tau, known_goal
+    return tau + extension * float(np.sqrt(square)), seen_goal

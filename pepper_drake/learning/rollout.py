@@ -1,0 +1,292 @@
+"""Performing a learned motion: all at once where nothing disturbs it, else step by step."""
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.learning.approximators import LinearForcingModel
+from pepper_drake.learning.attractor import Attractor, GoalState
+from pepper_drake.learning.coupling import Coupling
+from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.learning.orientation import OrientationAttractor
+from pepper_drake.learning.phase import PHASE_RATIO, extended_tau, phase_at
+from pepper_drake.learning.scaling import scaled
+from pepper_drake.learning.spring import forced_response, node_times, unforced_response
+
+Array = npt.NDArray[np.float64]
+
+LONGEST = 10.0
+"""A motion that obstacles hold up ends after this many nominal durations."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The motion of D coordinates, or (leading axis S) of S rollouts at once.
+
+    Attributes:
+        times: (N,) [s].
+        positions: (..., N, D).
+        velocities: (..., N, D) by time.
+        accelerations: (..., N, D) by time, coupling included.
+        phases: (..., N).
+        taus: (N,) duration as extended so far [s].
+        coupling: (..., N, D) C_t at each sample.
+        distances: (..., N) from the hand's centre to the nearest obstacle [m].
+    """
+
+    times: Array
+    positions: Array
+    velocities: Array
+    accelerations: Array
+    phases: Array
+    taus: Array
+    coupling: Array | None = None
+    distances: Array | None = None
+
+
+class Features(Hashable, Protocol):
+    """What a linear model's features depend on; equal objects have equal features."""
+
+    def features(self, phases: npt.ArrayLike) -> Array:
+        """Returns (N, K) features at phases (N,)."""
+        ...
+
+
+def number_of_steps(duration: float, time_step: float) -> int:
+    """Returns the least number of steps that covers a duration."""
+    return max(1, int(np.ceil(duration / time_step - 1e-6)))
+
+
+def unforced_columns(steps: int, step: float, alpha_z: float) -> Array:
+    """Returns (3, N, 2): y - g, y', y'' for tau = 1 after (offset, rate) at the start."""
+    response = unforced_response(_grid(steps, step), alpha_z)
+    return np.concatenate((response, _curvature(response, 0.0, alpha_z)[None]))
+
+
+def forced_columns(basis: Features, steps: int, step: float, alpha_z: float) -> Array:
+    """Returns (3, N, K): y, y', y'' for tau = 1 that each feature of the forcing term causes."""
+    alpha_x = alpha_z / PHASE_RATIO
+    times = _grid(steps, step)
+    nodes = node_times(times)
+    inputs = basis.features(phase_at(nodes.ravel(), alpha_x)).reshape(steps, 3, -1)
+    response = forced_response(inputs, step, alpha_z)
+    features = basis.features(phase_at(times, alpha_x))
+    return np.concatenate((response, _curvature(response, features, alpha_z)[None]))
+
+
+def _grid(steps: int, step: float) -> Array:
+    return np.arange(steps + 1.0) * step
+
+
+def _curvature(response: Array, inputs: Array | float, alpha_z: float) -> Array:
+    return inputs - alpha_z * (response[1] + 0.25 * alpha_z * response[0])
+
+
+@lru_cache(maxsize=32)
+def _response_matrix(basis: Features, steps: int, step: float, alpha_z: float) -> Array:
+    """Returns (3 N, K + 2): positions, rates, curvatures from weights, offset, start rate."""
+    forced = forced_columns(basis, steps, step, alpha_z)
+    columns = np.concatenate((forced, unforced_columns(steps, step, alpha_z)), axis=2)
+    matrix = np.asfortranarray(columns.reshape(-1, columns.shape[2]))
+    matrix.setflags(write=False)
+    return matrix
+
+
+def response_matrix(model: LinearForcingModel, steps: int, step: float, alpha_z: float) -> Array:
+    """Returns (3 N, K + 2), cached by what the features depend on; see `forced_columns`.
+
+    The last two columns answer the start's offset from the goal and its rate.
+    """
+    basis: Features = getattr(model, "basis", model)
+    return _response_matrix(basis, steps, step, alpha_z)
+
+
+def undisturbed_motion(
+    attractor: Attractor,
+    start: Array,
+    goal: Array,
+    start_velocity: Array,
+    tau: float,
+    time_step: float,
+    steps: int,
+) -> Motion:
+    """Performs a motion to a goal at rest without coupling: a linear filter of the forcing term."""
+    step = time_step / tau
+    model = attractor.model
+    matrix = attractor.matrix(start, goal)
+    phases = phase_at(_grid(steps, step), attractor.alpha_x)
+    initial = np.stack((start - goal, start_velocity * tau))
+    if isinstance(model, LinearForcingModel):
+        weights = scaled(model.weights, matrix)
+        columns = response_matrix(model, steps, step, attractor.alpha_z)
+        motion = (columns @ np.concatenate((weights, initial))).reshape(3, steps + 1, -1)
+    else:
+        nodes = phase_at(node_times(_grid(steps, step)), attractor.alpha_x)
+        inputs = scaled(model(nodes.ravel()), matrix).reshape(steps, 3, -1)
+        response = forced_response(inputs, step, attractor.alpha_z)
+        curvature = _curvature(response, scaled(model(phases), matrix), attractor.alpha_z)
+        motion = np.concatenate((response, curvature[None]))
+        motion += unforced_columns(steps, step, attractor.alpha_z) @ initial
+    return Motion(
+        _grid(steps, time_step),
+        motion[0] + goal,
+        motion[1] / tau,
+        motion[2] / (tau * tau),
+        phases,
+        np.full(steps + 1, tau),
+    )
+
+
+def undisturbed_motions(
+    attractor: Attractor,
+    weights: Array,
+    start: Array,
+    goal: Array,
+    start_velocity: Array,
+    tau: float,
+    time_step: float,
+    steps: int,
+) -> Motion:
+    """Performs S motions with weights (S, K, D) at once; see `undisturbed_motion`."""
+    model = attractor.model
+    assert isinstance(model, LinearForcingModel)
+    step = time_step / tau
+    weights = scaled(weights, attractor.matrix(start, goal))
+    number, size, dimensions = weights.shape
+    columns = response_matrix(model, steps, step, attractor.alpha_z)
+    initial = np.stack((start - goal, start_velocity * tau))
+    stacked = np.concatenate((weights, np.broadcast_to(initial, (number, 2, dimensions))), axis=1)
+    stacked = np.moveaxis(stacked, 0, 1).reshape(size + 2, number * dimensions)
+    motion = (columns @ stacked).reshape(3, steps + 1, number, dimensions)
+    positions, rates, curvatures = np.ascontiguousarray(np.moveaxis(motion, 2, 1))
+    phases = phase_at(_grid(steps, step), attractor.alpha_x)
+    return Motion(
+        _grid(steps, time_step),
+        positions + goal,
+        rates / tau,
+        curvatures / (tau * tau),
+        np.broadcast_to(phases, (number, steps + 1)),
+        np.full(steps + 1, tau),
+    )
+
+
+def stepped_motion(
+    attractor: Attractor,
+    state: Array,
+    goal_at: Callable[[float], tuple[Array, Array]],
+    tau: float,
+    time_step: float,
+    settle: float,
+    coupling: Coupling | None,
+    field: ObstacleField | None,
+    extension: float,
+    weights: Array | None = None,
+) -> Motion:
+    """Performs a motion step by step, as the LeafSystems do: with coupling and a moving goal.
+
+    Args:
+        attractor: What was learned.
+        state: (..., 2, D) position and velocity at the start.
+        goal_at: Position and velocity (D,) of the goal at a time [s].
+        tau: Nominal duration [s].
+        time_step: [s].
+        settle: How long to go on after the motion's end, in tau.
+        coupling: What to do about obstacles.
+        field: The obstacles; None where there are none.
+        extension: By how much the goal's displacement extends tau [s/m].
+        weights: (S, K, D) for S motions at once; the state is then (S, 2, D).
+    """
+    shape = state.shape[:-2]
+    start = state[..., 0, :].reshape(-1, state.shape[-1])[0]
+    end = phase_at(1.0 + settle, attractor.alpha_x) * np.exp(1e-6)
+    longest = number_of_steps(LONGEST * tau * (1.0 + settle), time_step)
+    phase = np.ones(shape)
+    position, velocity = goal_at(0.0)
+    goal = GoalState(position, velocity, position)
+    known = position
+    bound = np.zeros(shape)
+    log: list[tuple[Array, Array, Array, float, Array]] = []
+    clearance = 0.0
+    forcing = attractor.forcing(start, position, weights)
+    previous: Array | None = None
+    push: Array | None
+    for k in range(longest + 1):
+        position, velocity = goal_at(k * time_step)
+        goal = goal.seen(position, velocity)
+        if previous is None or np.any(goal.delayed != previous):
+            previous = goal.delayed
+            forcing = attractor.forcing(start, goal.delayed, weights)
+            if coupling is not None and field is not None:
+                clearance = coupling.clearance(field, goal.position)
+        nominal = attractor.acceleration(state, goal, forcing, phase, tau)
+        slowdown = np.zeros(())
+        push = None
+        if coupling is not None and field is not None:
+            audible = bound <= coupling.silent_beyond(state, nominal)
+            if np.any(audible):
+                push, slowdown, bound = coupling.push(
+                    field, state, nominal, goal.position, clearance, tau
+                )
+        total = nominal if push is None else nominal + push / (tau * tau)
+        log.append((state, total, phase, tau, np.zeros(()) if push is None else push))
+        if np.all(phase <= end):
+            break
+        decay = attractor.alpha_x / (tau * (1.0 + slowdown))
+        moved = attractor.advance(state, goal, forcing, phase, decay, tau, time_step, push)
+        bound = bound - np.sqrt(((moved - state)[..., 0, :] ** 2).sum(axis=-1))
+        phase = phase * np.exp(-decay * time_step)
+        goal = goal.later(time_step, attractor.goal_rate(tau))
+        tau, known = extended_tau(tau, known, position, extension)
+        state = moved
+    states, totals, phases, taus, pushes = zip(*log, strict=True)
+    axis = len(shape)
+    path = np.stack(states, axis=axis)
+    pushed = [np.broadcast_to(p, state[..., 0, :].shape) for p in pushes]
+    return Motion(
+        _grid(len(log) - 1, time_step),
+        path[..., 0, :],
+        path[..., 1, :],
+        np.stack(totals, axis=axis),
+        np.stack(phases, axis=axis),
+        np.array(taus),
+        np.stack(pushed, axis=axis),
+        None if field is None else field.distance(path[..., 0, :]),
+    )
+
+
+def orientation_motion(
+    orientation: OrientationAttractor, start: Array, goal: Array, motion: Motion
+) -> tuple[Array, Array]:
+    """Performs an orientation (start and goal (4,)) in step with a translation.
+
+    Returns:
+        Orientations (N, 4) and angular velocities (N, 3) [rad/s] at the translation's samples.
+    """
+    attractor = orientation.attractor
+    target = orientation.goal_coordinates(goal)
+    first = orientation.coordinates(start, goal)
+    tau = float(motion.taus[0])
+    velocity = attractor.start_velocity(first, target, tau)
+    steps = len(motion.times) - 1
+    time_step = float(motion.times[1] - motion.times[0])
+    if motion.coupling is None:
+        turned = undisturbed_motion(attractor, first, target, velocity, tau, time_step, steps)
+        coordinates, rates = turned.positions, turned.velocities
+    else:
+        states = [np.stack((first, velocity))]
+        forcing = attractor.forcing(first, target)
+        still = orientation.goal_state(goal)
+        decays = -np.diff(np.log(motion.phases)) / time_step
+        for phase, decay, tau in zip(motion.phases[:-1], decays, motion.taus[:-1], strict=True):
+            states.append(
+                attractor.advance(states[-1], still, forcing, phase, decay, float(tau), time_step)
+            )
+        coordinates, rates = np.moveaxis(np.array(states), 1, 0)
+    return (
+        orientation.orientation(coordinates, goal),
+        orientation.angular_velocity(coordinates, rates),
+    )
