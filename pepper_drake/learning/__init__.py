@@ -4,6 +4,12 @@ from pepper_drake.learning import (
     forcing_regression as forcing_regression,
 )
 from pepper_drake.learning import (
+    gmr as gmr,
+)
+from pepper_drake.learning import (
+    lwpr as lwpr,
+)
+from pepper_drake.learning import (
     trajectory_regression as trajectory_regression,
 )
 from pepper_drake.learning.approximators import approximator_names

@@ -3,7 +3,9 @@
 Equations 2.1-2.3 and appendix A of "Learning By Demonstration" (SoftBank Robotics, 2018).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +18,7 @@ from pepper_drake.learning.approximators import (
     register,
 )
 from pepper_drake.learning.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
-from pepper_drake.learning.local_lines import LocalLines
+from pepper_drake.learning.local_lines import LineBasis, LocalLines, read_basis
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,19 +34,29 @@ class GmrForcing(LocalLines):
 
     residuals: Array
 
+    def to_data(self) -> dict[str, Any]:
+        """Returns the model as plain data."""
+        return {**super().to_data(), "residuals": self.residuals.tolist()}
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Self:
+        """Makes the model of what `to_data` returned."""
+        weights, residuals = (np.array(data[key], float) for key in ("weights", "residuals"))
+        return cls(read_basis(data), weights, residuals)
+
     def covariances(self, phases: npt.ArrayLike) -> Array:
         """Returns the posterior covariance of the forcing term, (N, D, D), at phases (N,).
 
         It is that of the conditional mixture: how far f is from the lines, and the lines from
         each other.
         """
-        activations, offsets = self.activations(phases)
+        activations, offsets = self.basis.activations(phases)
         heights, slopes = np.split(self.weights, 2)
         lines = heights + offsets[:, :, None] * slopes
         deviations = lines - np.einsum("nk,nkd->nd", activations, lines)[:, None, :]
         within = np.einsum("nk,kde->nde", activations, self.residuals)
         between = np.einsum("nk,nkd,nke->nde", activations, deviations, deviations, optimize=True)
-        gate = fade_out(phases, self.alpha_x)[:, None, None]
+        gate = fade_out(phases, self.basis.alpha_x)[:, None, None]
         return np.asarray(gate**2 * (within + between))
 
 
@@ -53,14 +65,14 @@ def from_mixture(mixture: GaussianMixture, alpha_x: float) -> GmrForcing:
     gains, _, residuals = mixture.experts(num_inputs=1)
     variances = mixture.covariances[:, 0, 0]
     held = mixture.priors > 0  # EM may leave a component without any data.
-    return GmrForcing(
+    basis = LineBasis(
         alpha_x,
         np.log(mixture.priors[held] / np.sqrt(variances[held])),
         mixture.means[held, 0],
         variances[held],
-        np.vstack([mixture.means[held, 1:], gains[held, :, 0]]),
-        residuals[held],
     )
+    weights = np.vstack([mixture.means[held, 1:], gains[held, :, 0]])
+    return GmrForcing(basis, weights, residuals[held])
 
 
 def fit_gmr(data: ForcingData, num_basis: int, seed: int) -> GmrForcing:

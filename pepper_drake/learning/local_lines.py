@@ -1,7 +1,7 @@
 """A forcing term of straight lines, each valid near its centre: what `gmr` and `lwpr` learn."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -11,36 +11,24 @@ from pepper_drake.learning.approximators import Array, fade_out
 
 
 @dataclass(frozen=True, eq=False)
-class LocalLines:
-    """f(s) = sum_k h_k(s) (height_k + slope_k (s - c_k)), the h_k adding up to one.
+class LineBasis:
+    """Where which line counts: h_k(s), proportional to exp(gain_k - (s - c_k)^2 / (2 v_k)).
 
-    h_k is proportional to exp(gain_k - (s - c_k)^2 / (2 v_k)), and s = -log(x) / alpha_x is the
-    motion's time divided by its duration. It is the input rather than the phase x, where the
-    second half of a motion is squeezed into the last hundredth of the axis.
+    The h_k add up to one, and s = -log(x) / alpha_x is the motion's time divided by its duration.
+    It is the input rather than the phase x, where the second half of a motion is squeezed into
+    the last hundredth of the axis.
 
     Attributes:
         alpha_x: Decay rate of the phase.
         log_gains: Shape (K,).
         centres: c, shape (K,), in [0, 1].
         variances: v, shape (K,).
-        weights: K heights, then K slopes, shape (2 K, D).
     """
 
     alpha_x: float
     log_gains: Array
     centres: Array
     variances: Array
-    weights: Array
-
-    @property
-    def num_basis(self) -> int:
-        """K."""
-        return len(self.centres)
-
-    @property
-    def num_dimensions(self) -> int:
-        """D."""
-        return self.weights.shape[1]
 
     def activations(self, phases: npt.ArrayLike) -> tuple[Array, Array]:
         """Returns h (N, K) and s - c (N, K); past its end a motion stays at s = 1."""
@@ -54,7 +42,34 @@ class LocalLines:
         """Returns the (N, 2 K) features at phases (N,): those of the heights, then the slopes."""
         activations, offsets = self.activations(phases)
         gated = activations * fade_out(phases, self.alpha_x)[:, None]
-        return np.hstack([gated, gated * offsets])
+        return np.concatenate((gated, gated * offsets), axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class LocalLines:
+    """f(s) = sum_k h_k(s) (height_k + slope_k (s - c_k)).
+
+    Attributes:
+        basis: The h_k and c_k.
+        weights: K heights, then K slopes, shape (2 K, D).
+    """
+
+    basis: LineBasis
+    weights: Array
+
+    @property
+    def num_basis(self) -> int:
+        """K."""
+        return len(self.basis.centres)
+
+    @property
+    def num_dimensions(self) -> int:
+        """D."""
+        return self.weights.shape[1]
+
+    def features(self, phases: npt.ArrayLike) -> Array:
+        """Returns the (N, 2 K) features, gating included, at phases (N,)."""
+        return self.basis.features(phases)
 
     def __call__(self, phases: npt.ArrayLike) -> Array:
         """Returns the forcing term (N, D) at phases (N,)."""
@@ -66,12 +81,21 @@ class LocalLines:
 
     def to_data(self) -> dict[str, Any]:
         """Returns the model as plain data."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: np.asarray(value).tolist() for name, value in values.items()}
+        return {
+            "alpha_x": self.basis.alpha_x,
+            "log_gains": self.basis.log_gains.tolist(),
+            "centres": self.basis.centres.tolist(),
+            "variances": self.basis.variances.tolist(),
+            "weights": self.weights.tolist(),
+        }
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Self:
         """Makes the model of what `to_data` returned."""
-        names = [field.name for field in fields(cls)][1:]
-        arrays = (np.asarray(data[name], dtype=float) for name in names)
-        return cls(float(data["alpha_x"]), *arrays)
+        return cls(read_basis(data), np.array(data["weights"], dtype=float))
+
+
+def read_basis(data: Mapping[str, Any]) -> LineBasis:
+    """Makes the basis of what `LocalLines.to_data` returned."""
+    arrays = (np.array(data[key], dtype=float) for key in ("log_gains", "centres", "variances"))
+    return LineBasis(float(data["alpha_x"]), *arrays)

@@ -11,7 +11,7 @@ import numpy as np
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators import Approximator, Array, ForcingData, register
-from pepper_drake.learning.local_lines import LocalLines
+from pepper_drake.learning.local_lines import LineBasis, LocalLines
 
 
 @dataclass(frozen=True)
@@ -234,13 +234,10 @@ def fit_lwpr(data: ForcingData, num_basis: int, seed: int, num_epochs: int = 20)
     fields = learner.trusted_fields()
     slopes = _slope(fields)
     heights = fields["mean_y"] + slopes * (fields["centre"] - fields["mean_x"])[:, None]
-    return LocalLines(
-        data.alpha_x,
-        np.zeros(len(fields)),
-        fields["centre"].copy(),
-        1 / fields["root"] ** 2,
-        np.vstack([heights * scale + centre, slopes * scale]),
+    basis = LineBasis(
+        data.alpha_x, np.zeros(len(fields)), fields["centre"].copy(), 1 / fields["root"] ** 2
     )
+    return LocalLines(basis, np.vstack([heights * scale + centre, slopes * scale]))
 
 
 register(Approximator("lwpr", fit_lwpr, LocalLines.from_data))

@@ -8,7 +8,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators import ForcingData, LinearForcingModel
 from pepper_drake.learning.gaussian_mixture import GaussianMixture
 from pepper_drake.learning.gmr import GmrForcing, fit_gmr, from_mixture
-from pepper_drake.learning.local_lines import LocalLines
+from pepper_drake.learning.local_lines import LineBasis, LocalLines
 from pepper_drake.learning.lwpr import fit_lwpr
 
 ALPHA_X = 25 / 3
@@ -69,13 +69,8 @@ def test_derivatives_pass_through(model):
 
 def test_two_lines_worked_by_hand():
     # At s = 0.25, as near to one centre as to the other: half of (2 + 4 * 0.25) and of (6 - 0.25).
-    lines = LocalLines(
-        ALPHA_X,
-        np.zeros(2),
-        np.array([0.0, 0.5]),
-        np.array([0.04, 0.04]),
-        np.array([[2.0], [6.0], [4.0], [1.0]]),
-    )
+    basis = LineBasis(ALPHA_X, np.zeros(2), np.array([0.0, 0.5]), np.array([0.04, 0.04]))
+    lines = LocalLines(basis, np.array([[2.0], [6.0], [4.0], [1.0]]))
     np.testing.assert_allclose(lines(np.exp([-ALPHA_X * 0.25])), [[0.5 * 3.0 + 0.5 * 5.75]])
 
 
