@@ -201,6 +201,14 @@ def pixel_rays(intrinsics: CameraIntrinsics, stride: int = 1) -> npt.NDArray[np.
     return rays
 
 
+@functools.lru_cache(maxsize=32)
+def ray_lengths(intrinsics: CameraIntrinsics, stride: int = 1) -> npt.NDArray[np.float32]:
+    """Returns the lengths (rows, columns) of `pixel_rays`: distance of a point of unit depth."""
+    lengths = np.linalg.norm(pixel_rays(intrinsics, stride), axis=-1)
+    lengths.setflags(write=False)
+    return lengths
+
+
 @functools.lru_cache(maxsize=8)
 def distortion_maps(
     intrinsics: CameraIntrinsics,

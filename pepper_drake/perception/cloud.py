@@ -12,14 +12,14 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 from pydrake.perception import BaseField, Fields, PointCloud
 
-from pepper_drake.perception.camera import CameraIntrinsics, pixel_rays
+from pepper_drake.perception.camera import CameraIntrinsics, pixel_rays, ray_lengths
 from pepper_drake.perception.solids import Solid, near_solids
 
 Array = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
 
-_SMOOTH_SPREAD = 0.12
-"""Inverse depths of 5x5 pixels on one surface differ by less than this share."""
+_SMOOTH_SPREAD = 0.15
+"""Inverse depths of 5x5 pixels on one surface differ by at most this share."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,8 @@ class CloudParameters:
     """What of a depth image is kept.
 
     Attributes:
-        stride: Every how many-th pixel is used along both axes.
+        stride: Every how many-th pixel is used along both axes, ...
+        largest_spacing: ... but all where the used ones would be this far apart in depth, m.
         max_range: Farthest distance from the camera, m.
         floor_height: What lies lower than this in W is floor, m.
         flying_slope: Steepest surface, as change of depth over change along the image, that is
@@ -39,11 +40,12 @@ class CloudParameters:
     """
 
     stride: int = 2
+    largest_spacing: float = 0.008
     max_range: float = 1.5
     floor_height: float = 0.03
     flying_slope: float = 4.0
     flying_noise: float = 0.0025
-    flying_neighbours: int = 5
+    flying_neighbours: int = 4
     object_margin: float = 0.015
     robot_margin: float = 0.02
 
@@ -119,37 +121,65 @@ def surface_pixels(depth: Array, intrinsics: CameraIntrinsics, parameters: Cloud
     return (count >= parameters.flying_neighbours) & (depth > 0)
 
 
-def image_normals(depth: Array, intrinsics: CameraIntrinsics, stride: int) -> Array:
-    """Computes surface normals from the gradient of the inverse depth.
+def inverse_depth_gradient(depth: Array, intrinsics: CameraIntrinsics) -> tuple[Array, Array]:
+    """Computes how the inverse depth changes along the image: (d/dx, d/dy) of 1/z.
 
-    A plane's inverse depth is linear in the image: 1/z = a x + b y + c with (a, b, c) along its
-    normal and (x, y) the pixel's ray. The gradient is that of the plane fitted to 5x5 pixels.
+    (x, y) is the pixel's ray at unit depth. A plane's inverse depth is linear in it; the gradient
+    is that of the plane fitted to 5x5 pixels.
 
     Args:
         depth: (height, width), m, 0 where there is none.
         intrinsics: The camera; its distortion is neglected.
-        stride: Every how many-th pixel, as `pixel_rays` takes them.
 
     Returns:
-        Unit normals towards the camera (rows, columns, 3) in the camera frame; NaN where the 5x5
-        pixels are not all on one surface.
+        Two images (height, width), 1/m; NaN where the 5x5 pixels are not all on one surface.
     """
     inverse = np.divide(np.float32(1), depth, out=np.zeros_like(depth), where=depth > 0)
-    ramp = np.arange(-2, 3, dtype=np.float32)
-    flat = np.ones(5, np.float32)
-    start = stride // 2
-    taken = (slice(start, None, stride), slice(start, None, stride))
-    scale_x, scale_y = intrinsics.focal_x / 50.0, intrinsics.focal_y / 50.0
-    a = cv2.sepFilter2D(inverse, cv2.CV_32F, ramp, flat)[taken] * np.float32(scale_x)
-    b = cv2.sepFilter2D(inverse, cv2.CV_32F, flat, ramp)[taken] * np.float32(scale_y)
-    mean = cv2.boxFilter(inverse, cv2.CV_32F, (5, 5))[taken]
-    rays = pixel_rays(intrinsics, stride)
-    normals = np.stack([a, b, mean - a * rays[..., 0] - b * rays[..., 1]], axis=-1)
-    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    ramp, flat = np.arange(-2, 3, dtype=np.float32), np.ones(5, np.float32)
+    gradient_x = cv2.sepFilter2D(inverse, cv2.CV_32F, ramp * (intrinsics.focal_x / 50), flat)
+    gradient_y = cv2.sepFilter2D(inverse, cv2.CV_32F, flat, ramp * (intrinsics.focal_y / 50))
     kernel = np.ones((5, 5), np.uint8)
-    lowest, highest = cv2.erode(inverse, kernel)[taken], cv2.dilate(inverse, kernel)[taken]
-    smooth = (lowest > 0) & (highest - lowest <= _SMOOTH_SPREAD * mean)
-    return np.where(smooth[..., None], -normals / np.maximum(length, 1e-9), np.float32(np.nan))
+    lowest, highest = cv2.erode(inverse, kernel), cv2.dilate(inverse, kernel)
+    jump = (lowest <= 0) | (highest > (1 + _SMOOTH_SPREAD) * lowest)
+    gradient_x[jump] = np.nan
+    gradient_y[jump] = np.nan
+    return gradient_x, gradient_y
+
+
+def thin_pixels(
+    depth: Array,
+    gradient: tuple[Array, Array],
+    intrinsics: CameraIntrinsics,
+    parameters: CloudParameters,
+) -> Mask:
+    """Chooses every `stride`-th row and column, and all where a surface is seen edge-on.
+
+    On a table top seen from just above it, neighbouring rows are a centimetre or more apart: there
+    none can be spared. Nor at edges, where many pixels are lost.
+
+    Args:
+        depth: (height, width), m, 0 where there is none.
+        gradient: Of the inverse depth, from `inverse_depth_gradient`.
+        intrinsics: The camera.
+        parameters: Stride and largest spacing.
+
+    Returns:
+        (height, width).
+    """
+    stride = parameters.stride
+    chosen = np.ones(depth.shape, dtype=bool)
+    if stride == 1:
+        return chosen
+    # dz per pixel = z^2 d(1/z)/dx / f.
+    steep = np.square(depth) * np.float32(stride / parameters.largest_spacing)
+    for axis, (slope, focal) in enumerate(
+        zip(gradient, (intrinsics.focal_x, intrinsics.focal_y), strict=True)
+    ):
+        on_grid = np.arange(depth.shape[1 - axis]) % stride == stride // 2
+        on_grid = on_grid[None, :] if axis == 0 else on_grid[:, None]
+        with np.errstate(invalid="ignore"):
+            chosen &= on_grid | ~(np.abs(slope) * steep <= focal)
+    return chosen
 
 
 def observe_surfaces(
@@ -167,22 +197,26 @@ def observe_surfaces(
         parameters: Stride, range, floor and flying pixels.
 
     Returns:
-        Points in W, at most one for each `stride`-th pixel.
+        Points in W.
     """
     if depth.size == 0:
         return SurfacePoints(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32))
-    stride = parameters.stride
-    taken = slice(stride // 2, None, stride)
-    rays = pixel_rays(intrinsics, stride)
-    z = depth[taken, taken]
-    reach = z * np.linalg.norm(rays, axis=-1)
-    kept = surface_pixels(depth, intrinsics, parameters)[taken, taken]
-    kept &= (reach > 0) & (reach <= parameters.max_range)
+    gradient = inverse_depth_gradient(depth, intrinsics)
+    kept = thin_pixels(depth, gradient, intrinsics, parameters)
+    kept &= surface_pixels(depth, intrinsics, parameters)
+    kept &= depth * ray_lengths(intrinsics) <= parameters.max_range
+    pixels = np.flatnonzero(kept)
+    rays = pixel_rays(intrinsics).reshape(-1, 3)[pixels]
+    z = depth.ravel()[pixels]
     R_WC = X_WC.rotation().matrix().astype(np.float32)
-    p_W = (rays[kept] * z[kept, None]) @ R_WC.T + X_WC.translation().astype(np.float32)
+    p_W = (rays * z[:, None]) @ R_WC.T + X_WC.translation().astype(np.float32)
     above = p_W[:, 2] >= parameters.floor_height
-    normals = image_normals(depth, intrinsics, stride)[kept][above] @ R_WC.T
-    return SurfacePoints(p_W[above], normals)
+    pixels, rays, z = pixels[above], rays[above], z[above]
+    # The plane a x + b y + c = 1/z through the point has the normal (a, b, c), away from C.
+    a, b = gradient[0].ravel()[pixels], gradient[1].ravel()[pixels]
+    normals = -np.stack([a, b, 1 / z - a * rays[:, 0] - b * rays[:, 1]], axis=1)
+    normals /= np.sqrt(np.einsum("ij,ij->i", normals, normals))[:, None]
+    return SurfacePoints(p_W[above], normals @ R_WC.T)
 
 
 def remove_solids(

@@ -3,6 +3,7 @@
 With these a robot or an object is cut out of a cloud by its own shape, not by a ball around it.
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -38,7 +39,7 @@ class Solid:
                 "use a box, cylinder, sphere or capsule."
             )
 
-    @property
+    @functools.cached_property
     def bounding_radius(self) -> float:
         """Radius of the smallest ball around the origin of S that holds the solid, m."""
         shape = self.shape
@@ -94,19 +95,20 @@ def near_solids(
         (N,).
     """
     near = np.zeros(len(p_W), dtype=bool)
-    if len(p_W) == 0:
+    if len(p_W) == 0 or not solids:
         return near
-    lower, upper = p_W.min(axis=0), p_W.max(axis=0)
-    for solid, X_WF in zip(solids, poses, strict=True):
-        X_WS = X_WF @ solid.X_FS
-        center, reach = X_WS.translation(), solid.bounding_radius + margin
-        closest = np.clip(center, lower, upper)
-        if reach <= 0 or np.sum((closest - center) ** 2) > reach**2:
-            continue
-        offset = p_W - center.astype(p_W.dtype)
-        candidates = np.flatnonzero(np.einsum("ij,ij->i", offset, offset) <= reach**2)
-        p_S = offset[candidates] @ X_WS.rotation().matrix().astype(p_W.dtype)
-        near[candidates[solid.signed_distance(p_S) <= margin]] = True
+    X_WS = [X_WF @ solid.X_FS for solid, X_WF in zip(solids, poses, strict=True)]
+    centers = np.array([X.translation() for X in X_WS])
+    reaches = np.maximum([solid.bounding_radius + margin for solid in solids], 0)
+    # Column by column: numpy reduces along the short axis of an (N, 3) array ten times slower.
+    lower = np.array([p_W[:, k].min() for k in range(3)])
+    upper = np.array([p_W[:, k].max() for k in range(3)])
+    beside = np.clip(centers, lower, upper) - centers
+    for k in np.flatnonzero(np.einsum("ij,ij->i", beside, beside) <= reaches**2).tolist():
+        offset = p_W - centers[k].astype(p_W.dtype)
+        candidates = np.flatnonzero(np.einsum("ij,ij->i", offset, offset) <= reaches[k] ** 2)
+        p_S = offset[candidates] @ X_WS[k].rotation().matrix().astype(p_W.dtype)
+        near[candidates[solids[k].signed_distance(p_S) <= margin]] = True
     return near
 
 
