@@ -38,6 +38,9 @@ class LwprParameters:
     penalty: float = 1e-5
 
 
+_TINY = np.finfo(float).tiny
+
+
 class Lwpr:
     """A function of one number as lines in receptive fields, learned sample by sample.
 
@@ -65,13 +68,23 @@ class Lwpr:
         self.num_pruned = 0
         self._initial_root = 1 / initial_width
 
-    def update(self, x: float, y: Array) -> None:
-        """Learns that the output at x is y, shape (num_outputs,)."""
-        activation = self._activation(np.array([x]))[0]
-        active = np.flatnonzero(activation > 1e-3)
-        if len(active):
-            self.fields[active] = self._updated(self.fields[active], activation[active], x, y)
-        self._add_or_prune(activation, x, y)
+    def update(self, inputs: Array, outputs: Array) -> None:
+        """Learns that the outputs at inputs (B,) are those given, shape (B, num_outputs).
+
+        One sample at a time is the paper's way. Several at once are the same, and faster, where
+        they are so far apart that no field answers two; else a field learns from the nearest.
+        """
+        activation = _activation(self.fields, inputs)
+        if len(self.fields):
+            nearest = activation.argmax(axis=0)
+            w = activation[nearest, np.arange(len(nearest))]
+            active = np.flatnonzero(w > 1e-3)
+            chosen = nearest[active]
+            self.fields[active] = self._updated(
+                self.fields[active], w[active], inputs[chosen], outputs[chosen]
+            )
+        self._prune(activation)
+        self._add(activation, inputs, outputs)
 
     def predict(self, inputs: Array) -> Array:
         """Returns the outputs (N, num_outputs) at inputs (N,)."""
@@ -86,11 +99,8 @@ class Lwpr:
         """Returns the fields that have seen more than two samples, enough for a line."""
         return self.fields[self.fields["count"] > 2]
 
-    def _activation(self, inputs: Array) -> Array:
-        return _activation(self.fields, inputs)
-
-    def _updated(self, old: np.ndarray, w: Array, x: float, y: Array) -> np.ndarray:
-        """Returns fields with activations w after a sample, each a regression of its own."""
+    def _updated(self, old: np.ndarray, w: Array, x: Array, y: Array) -> np.ndarray:
+        """Returns K fields after a sample each: x (K,), y (K, num_outputs), activations w (K,)."""
         new = old.copy()
         forget = old["forgetting"]
         # Weighted means, and the regression of what is left on the projected input s.
@@ -107,10 +117,14 @@ class Lwpr:
         # The prediction before the update is the one that left this sample out.
         squared_before = np.sum(error_before**2, axis=1)
         new["cost"] = forget * old["cost"] + w * squared_before
-        self._shape(new, w, x, s, error, squared_before)
+        # Holds the metric back while a field's line is still raw.
+        ratio = np.sum(error**2, axis=1) / np.maximum(squared_before, _TINY)
+        transient = np.minimum(1.0, ratio) ** 4
+        step = transient * self._metric_step(new, w, x, s, error, squared_before)
+        new["root"] *= 1 - np.minimum(np.maximum(step, -0.1), 0.1)
         # Traces of how earlier samples' errors change when this sample's weight does.
         leverage = w * s**2 / new["ss"]
-        damping = _transient(error, squared_before) / np.maximum(1 - leverage, 1e-3)
+        damping = transient / np.maximum(1 - leverage, 1e-3)
         new["trace_h"] = (
             forget[:, None] * old["trace_h"] + (w * s * damping)[:, None] * error_before
         )
@@ -119,10 +133,10 @@ class Lwpr:
         new["forgetting"] = rate * forget + (1 - rate) * self.parameters.final_forgetting
         return new
 
-    def _shape(
-        self, new: np.ndarray, w: Array, x: float, s: Array, error: Array, squared_before: Array
-    ) -> None:
-        """Moves the metrics down the gradient of the leave-one-out cost."""
+    def _metric_step(
+        self, new: np.ndarray, w: Array, x: Array, s: Array, error: Array, squared_before: Array
+    ) -> Array:
+        """Returns the step of log m, downwards: the rate times d log J / d log m."""
         parameters, num_outputs = self.parameters, error.shape[1]
         total, root = new["weight"], new["root"]
         p = s / new["ss"]
@@ -135,36 +149,42 @@ class Lwpr:
             )
             / total
         ) / num_outputs
-        dw_droot = -w * root * (x - new["centre"]) ** 2
-        relative = root / self._initial_root
-        penalty = parameters.penalty * relative**4
-        gradient = dj_dw * dw_droot * root + w / total * 4 * penalty
+        dw_dlog = -w * (root * (x - new["centre"])) ** 2
+        penalty = parameters.penalty * (root / self._initial_root) ** 4
+        gradient = dj_dw * dw_dlog + w / total * 4 * penalty
         cost = new["cost"] / (total * num_outputs) + penalty
-        step = parameters.learning_rate * gradient / np.maximum(cost, np.finfo(float).tiny)
-        step *= _transient(error, squared_before) * (new["count"] > 5)
-        new["root"] = root * (1 - np.clip(step, -0.1, 0.1))
+        return np.asarray(
+            parameters.learning_rate * gradient / np.maximum(cost, _TINY) * (new["count"] > 5)
+        )
 
-    def _add_or_prune(self, activation: Array, x: float, y: Array) -> None:
-        """Adds a field where none answers; removes the narrower of two that answer alike."""
-        parameters = self.parameters
-        strongest = np.argsort(activation)[::-1][:2]
-        highest = activation[strongest[0]] if len(strongest) else 0.0
-        if highest < parameters.generation_threshold:
-            root = self._initial_root
-            if highest > 0.1 * parameters.generation_threshold:
-                root = self.fields["root"][strongest[0]]  # The neighbour knows how fine it is here.
+    def _add(self, activation: Array, inputs: Array, outputs: Array) -> None:
+        """Adds a field for each sample that none answered, as wide as the next one."""
+        threshold = self.parameters.generation_threshold
+        for sample in np.flatnonzero(activation.max(axis=1, initial=0.0) < threshold):
             field = np.zeros(1, dtype=self.fields.dtype)
-            field["centre"] = field["mean_x"] = x
-            field["mean_y"] = y
-            field["root"] = root
+            field["centre"] = field["mean_x"] = inputs[sample]
+            field["mean_y"] = outputs[sample]
+            field["root"] = self._initial_root
             field["ss"] = 1e-10
-            field["forgetting"] = parameters.initial_forgetting
+            field["forgetting"] = self.parameters.initial_forgetting
+            around = _activation(self.fields, inputs[sample : sample + 1])[0]
+            if around.max(initial=0.0) > 0.1 * threshold:
+                field["root"] = self.fields["root"][around.argmax()]
             self.fields = np.concatenate([self.fields, field])
             self.num_added += 1
-        elif len(strongest) == 2 and activation[strongest[1]] > parameters.pruning_threshold:
-            narrower = strongest[np.argmax(self.fields["root"][strongest])]
+
+    def _prune(self, activation: Array) -> None:
+        """Removes the narrower of two fields that answered a sample alike."""
+        if len(self.fields) < 2:
+            return
+        second = np.partition(activation, -2, axis=1)[:, -2]
+        crowded = np.flatnonzero(second > self.parameters.pruning_threshold)
+        if len(crowded):
+            pairs = np.argsort(activation[crowded], axis=1)[:, -2:]
+            roots = self.fields["root"][pairs]
+            narrower = np.unique(pairs[np.arange(len(pairs)), roots.argmax(axis=1)])
             self.fields = np.delete(self.fields, narrower)
-            self.num_pruned += 1
+            self.num_pruned += len(narrower)
 
 
 def _field_type(num_outputs: int) -> np.dtype[np.void]:
@@ -198,13 +218,7 @@ def _slope(fields: np.ndarray) -> Array:
     return np.asarray(fields["sr"] / fields["ss"][:, None])
 
 
-def _transient(error: Array, squared_before: Array) -> Array:
-    """Returns a factor in [0, 1] that holds the metric back while a field's line is still raw."""
-    ratio = np.sum(error**2, axis=1) / np.maximum(squared_before, np.finfo(float).tiny)
-    return np.minimum(1.0, ratio) ** 4
-
-
-def fit_lwpr(data: ForcingData, num_basis: int, seed: int, num_epochs: int = 20) -> LocalLines:
+def fit_lwpr(data: ForcingData, num_basis: int, seed: int, num_epochs: int = 30) -> LocalLines:
     """Learns the forcing term by showing all samples `num_epochs` times, each in a random order.
 
     Args:
@@ -228,9 +242,13 @@ def fit_lwpr(data: ForcingData, num_basis: int, seed: int, num_epochs: int = 20)
     width = reach / np.sqrt(-2 * np.log(parameters.generation_threshold))
     learner = Lwpr(data.targets.shape[1], width, parameters)
     rng = np.random.default_rng(seed)
+    # Samples eight widths apart are shown together: no field answers two of them.
+    order = np.argsort(data.times, kind="stable")
+    stride = max(1, int(np.ceil(8 * width * len(order))))
     for _ in range(num_epochs):
-        for index in rng.permutation(len(outputs)):
-            learner.update(data.times[index], outputs[index])
+        for first in rng.permutation(stride):
+            together = order[first::stride]
+            learner.update(data.times[together], outputs[together])
     fields = learner.trusted_fields()
     slopes = _slope(fields)
     heights = fields["mean_y"] + slopes * (fields["centre"] - fields["mean_x"])[:, None]

@@ -8,7 +8,11 @@ def show(learner, inputs, function, epochs, seed=0):
     rng = np.random.default_rng(seed)
     for _ in range(epochs):
         for x in rng.permutation(inputs):
-            learner.update(x, function(x))
+            learner.update(np.array([x]), function(x)[None])
+
+
+def show_one(learner, x, y):
+    learner.update(np.array([x]), y[None])
 
 
 def weighted_line(inputs, outputs, centre, root):
@@ -26,9 +30,9 @@ def test_sums_after_two_samples_worked_by_hand():
         initial_forgetting=1.0, final_forgetting=1.0, learning_rate=0.0, generation_threshold=0.1
     )
     learner = Lwpr(1, 1.0, parameters)
-    learner.update(0.0, np.array([1.0]))
-    learner.update(0.0, np.array([1.0]))
-    learner.update(1.0, np.array([3.0]))
+    show_one(learner, 0.0, np.array([1.0]))
+    show_one(learner, 0.0, np.array([1.0]))
+    show_one(learner, 1.0, np.array([3.0]))
     w = np.exp(-0.5)
     field = learner.fields[0]
     mean = w / (1 + w)
@@ -91,13 +95,13 @@ def test_metric_follows_the_gradient_of_the_leave_one_out_cost():
         penalty=0.0,
     )
     learner = Lwpr(1, width, parameters)
-    learner.update(0.0, outputs[100:101])
+    learner.update(np.zeros(1), outputs[100:101, None])
     rng = np.random.default_rng(0)
     roots = []
     for _ in range(epochs):
         roots.append(learner.fields["root"][0])
         for index in rng.permutation(len(inputs)):
-            learner.update(inputs[index], outputs[index : index + 1])
+            learner.update(inputs[index : index + 1], outputs[index : index + 1, None])
     samples = len(roots) // 2
     measured = -np.log(roots[-1] / roots[samples]) / rate
 
@@ -121,11 +125,11 @@ def test_metric_follows_the_gradient_of_the_leave_one_out_cost():
 
 def test_of_two_fields_that_answer_alike_the_narrower_goes():
     learner = Lwpr(1, 0.1)
-    learner.update(0.0, np.zeros(1))
-    learner.update(0.3, np.zeros(1))
+    show_one(learner, 0.0, np.zeros(1))
+    show_one(learner, 0.3, np.zeros(1))
     assert learner.num_added == 2
     learner.fields["root"] = [1.0, 0.5]
-    learner.update(0.15, np.zeros(1))
+    show_one(learner, 0.15, np.zeros(1))
     assert learner.num_pruned == 1
     assert learner.fields["centre"].tolist() == [0.3]
 
@@ -136,3 +140,16 @@ def test_outputs_share_fields_and_are_predicted_together():
     show(learner, inputs, lambda x: np.array([np.sin(6 * x), np.cos(6 * x)]), epochs=15)
     expected = np.column_stack([np.sin(6 * inputs), np.cos(6 * inputs)])
     np.testing.assert_allclose(learner.predict(inputs), expected, atol=0.04)
+
+
+def test_distant_samples_together_are_the_same_as_one_after_the_other():
+    together, in_turn = Lwpr(1, 0.01), Lwpr(1, 0.01)
+    inputs = np.linspace(0, 1, 200)
+    rng = np.random.default_rng(0)
+    for first in np.tile(rng.permutation(50), 4):
+        chosen = inputs[first::50]
+        outputs = np.sin(9 * chosen)[:, None]
+        together.update(chosen, outputs)
+        for x, y in zip(chosen, outputs, strict=True):
+            show_one(in_turn, x, y)
+    np.testing.assert_allclose(together.predict(inputs), in_turn.predict(inputs), rtol=1e-9)
