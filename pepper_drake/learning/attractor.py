@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,7 @@ from pepper_drake.learning.spring import (
 )
 
 Array = npt.NDArray[np.float64]
+Scalar = Any  # A float, or an AutoDiffXd where gradients are asked for.
 
 Forcing = Callable[[Array], Array]
 """A forcing term with its scaling: phases (..., M) to (..., M, D)."""
@@ -74,11 +75,11 @@ class GoalState(NamedTuple):
             position = self.position
         return GoalState(position, velocity, self.delayed)
 
-    def later(self, time_step: float, rate: float) -> "GoalState":
+    def later(self, time_step: float, rate: Scalar) -> "GoalState":
         """Returns the goal `time_step` later; `rate` is the attractor's `goal_rate`."""
         position = self.position + self.velocity * time_step
         lag = self.delayed - self.position
-        return GoalState(position, self.velocity, position + np.exp(-rate * time_step) * lag)
+        return GoalState(position, self.velocity, position + lag * np.exp(-rate * time_step))
 
 
 def still_goal(position: Array) -> GoalState:
@@ -119,8 +120,8 @@ class Attractor:
         Args:
             start: Where the motion starts.
             goal: What the spring sees.
-            weights: (S, K, D) for S forcing terms with the features of the model; the function
-                then takes phases (S, M).
+            weights: (K, D) in place of the model's; or (S, K, D) for S forcing terms with the
+                model's features, the function then takes phases (S, M).
         """
         matrix = self.matrix(start, goal)
         if weights is None:
@@ -128,13 +129,13 @@ class Attractor:
         model = self.model
         assert isinstance(model, LinearForcingModel)
 
-        def batch(phases: Array) -> Array:
+        def reweighted(phases: Array) -> Array:
             features = model.features(phases.ravel()).reshape(*phases.shape, -1)
             return scaled(features @ weights, matrix)
 
-        return batch
+        return reweighted
 
-    def start_velocity(self, start: Array, goal: Array, tau: float) -> Array:
+    def start_velocity(self, start: Array, goal: Array, tau: Scalar) -> Array:
         """Returns the velocity (D,) of the demonstration's start, scaled like the forcing term."""
         demonstrated = scaling_matrix(self.scaling, self.frame, self.frame.start, self.frame.goal)
         if demonstrated is None or self.scaling == "amplitude":
@@ -147,7 +148,7 @@ class Attractor:
         return replace(self, model=model)
 
     def acceleration(
-        self, state: Array, goal: GoalState, forcing: Forcing, phase: Array, tau: float
+        self, state: Array, goal: GoalState, forcing: Forcing, phase: Scalar, tau: Scalar
     ) -> Array:
         """Returns the acceleration without coupling, (..., D).
 
@@ -158,7 +159,7 @@ class Attractor:
             phase: (...).
             tau: [s].
         """
-        pull = forcing(phase[..., None])[..., 0, :]
+        pull = forcing(np.asarray(phase)[..., None])[..., 0, :]
         seen = np.stack((goal.delayed, goal.velocity))
         return acceleration(state, seen, pull, tau, self.alpha_z)
 
@@ -167,9 +168,9 @@ class Attractor:
         state: Array,
         goal: GoalState,
         forcing: Forcing,
-        phase: Array,
-        decay: Array,
-        tau: float,
+        phase: Scalar,
+        decay: Scalar,
+        tau: Scalar,
         time_step: float,
         coupling: Array | None = None,
     ) -> Array:
@@ -192,17 +193,17 @@ class Attractor:
         lag = goal.delayed - goal.position
         if np.any(lag != 0.0):
             w = self.alpha_z / (2.0 * tau)
-            fading = np.exp(-self.goal_rate(tau) * time_step * NODES)
-            inputs = inputs + w * w * np.multiply.outer(fading, lag)
+            fading = np.exp(NODES * (-self.goal_rate(tau) * time_step))
+            inputs = inputs + np.multiply.outer(fading, lag) * (w * w)
         target = np.stack((goal.position, goal.velocity))
         return advance(state, target, inputs, make_step(tau, time_step, self.alpha_z), time_step)
 
-    def goal_rate(self, tau: float) -> float:
+    def goal_rate(self, tau: Scalar) -> Scalar:
         """Returns how fast the goal that the spring sees follows the goal [1/s]."""
         return self.alpha_z / (2.0 * tau)
 
 
-def node_phases(phase: Array | float, decay: Array | float, time_step: float) -> Array:
+def node_phases(phase: Scalar, decay: Scalar, time_step: float) -> Array:
     """Returns the phases (..., 3) at a step's nodes.
 
     Args:

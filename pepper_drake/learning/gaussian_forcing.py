@@ -55,12 +55,19 @@ class GaussianBasis:
         return np.concatenate((values, values * offsets), axis=1) if self.slopes else values
 
     def _evaluate(self, phases: Array) -> tuple[Array, Array]:
-        held = np.maximum(phases, np.exp(-self.alpha_x))
+        held = hold(phases, np.exp(-self.alpha_x))
         offsets = (held[:, None] - self.centres) / self.widths
         values = np.exp(-0.5 * (offsets * offsets))
         if self.normalized:
             values = values / values.sum(axis=1)[:, None]
         return values, offsets
+
+
+def hold(phases: Array, least: float) -> Array:
+    """Returns the phases, but not less than `least`; for AutoDiffXd and Expression as well."""
+    if phases.dtype == object:
+        return 0.5 * (phases + least + np.abs(phases - least))
+    return np.maximum(phases, least)
 
 
 @lru_cache(maxsize=64)

@@ -11,7 +11,8 @@ continuously, so that a motion may turn by more than half a turn.
 is that of the goal's orientation; near a pitch of 90 degrees it fails, as all such angles do.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +20,23 @@ from scipy.interpolate import make_interp_spline
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.attractor import Attractor, GoalState, MotionSample, learn_attractor
+from pepper_drake.learning.attractor import Attractor, MotionSample, learn_attractor, still_goal
 
 Array = npt.NDArray[np.float64]
 
 ORIENTATIONS = ("log_map", "angles")
+
+
+class OrientationState(NamedTuple):
+    """The state of an orientation.
+
+    Attributes:
+        coordinates: (2, 3) coordinates and their rates.
+        goal: (4,) unit quaternion that the spring sees.
+    """
+
+    coordinates: Array
+    goal: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +54,6 @@ class OrientationAttractor:
     mode: str
     start: Array
     goal: Array
-
-    def with_attractor(self, attractor: Attractor) -> "OrientationAttractor":
-        """Returns the same orientation motion with another attractor."""
-        return replace(self, attractor=attractor)
 
     def goal_coordinates(self, goal: Array) -> Array:
         """Returns the goal (3,) of the coordinates: zero, or the angles nearest to those shown."""
@@ -85,10 +94,69 @@ class OrientationAttractor:
         columns = so3.angle_rates_to_angular_velocity(coordinates, np.eye(3)).T
         return np.asarray(np.linalg.solve(columns, angular_velocity), dtype=np.float64)
 
-    def goal_state(self, goal: Array) -> GoalState:
-        """Returns the goal of the coordinates, at rest."""
-        position = self.goal_coordinates(goal)
-        return GoalState(position, np.zeros(3), position)
+    def start_state(self, start: Array, goal: Array, tau: float | None) -> OrientationState:
+        """Returns the state of a motion that starts now.
+
+        Args:
+            start: (4,) unit quaternion.
+            goal: (4,) unit quaternion.
+            tau: [s] to start with the demonstration's velocity; None to start from rest.
+        """
+        start, goal = so3.normalize(start), so3.normalize(goal)
+        coordinates = self.coordinates(start, goal)
+        rates = np.zeros(3)
+        if tau is not None:
+            target = self.goal_coordinates(goal)
+            rates = self.attractor.start_velocity(coordinates, target, tau)
+        return OrientationState(np.stack((coordinates, rates)), goal)
+
+    def pose(self, state: OrientationState) -> tuple[Array, Array]:
+        """Returns the orientation (4,) and the angular velocity (3,) [rad/s] of a state."""
+        coordinates, rates = state.coordinates
+        return (
+            self.orientation(coordinates, state.goal),
+            self.angular_velocity(coordinates, rates),
+        )
+
+    def advance(
+        self,
+        state: OrientationState,
+        goal: Array,
+        phase: float,
+        decay: float,
+        tau: float,
+        time_step: float,
+    ) -> OrientationState:
+        """Returns the state one step later; see `Attractor.advance`.
+
+        The goal that the spring sees turns towards `goal` (4,) at the attractor's `goal_rate`.
+        """
+        goal = so3.normalize(goal)
+        target = self.goal_coordinates(state.goal)
+        moved = self.attractor.advance(
+            state.coordinates,
+            still_goal(target),
+            self.attractor.forcing(state.coordinates[0], target),
+            phase,
+            decay,
+            tau,
+            time_step,
+        )
+        turn = so3.log_map(so3.multiply(goal, so3.conjugate(state.goal)))
+        if not np.any(turn):
+            return OrientationState(moved, state.goal)
+        share = 1.0 - np.exp(-self.attractor.goal_rate(tau) * time_step)
+        seen = so3.normalize(so3.multiply(so3.exp_map(share * turn), state.goal))
+        return OrientationState(self._retargeted(moved, state.goal, seen), seen)
+
+    def _retargeted(self, coordinates: Array, old_goal: Array, new_goal: Array) -> Array:
+        """Returns coordinates and rates (2, 3) of the same motion for another goal."""
+        if self.mode == "angles":
+            return coordinates
+        position, rates = coordinates
+        orientation = self.orientation(position, old_goal)
+        moved = self.coordinates(orientation, new_goal, near=position)
+        return np.stack((moved, self.rates(moved, self.angular_velocity(position, rates))))
 
 
 def learn_orientation(

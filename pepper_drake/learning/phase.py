@@ -7,10 +7,13 @@ x = exp(-alpha_x s). Everything that is learned is a function of the phase, so a
 system (a rhythmic one) only has to bring its own phase and its own features of it.
 """
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Scalar = Any  # A float, or an AutoDiffXd where gradients are asked for.
 
 ALPHA_Z = 25.0
 """Default constant of the spring: it settles to 1e-4 of a step within one tau."""
@@ -33,8 +36,8 @@ def relative_time_at(phases: npt.ArrayLike, alpha_x: float) -> Array:
 
 
 def extended_tau(
-    tau: float, known_goal: Array, seen_goal: Array, extension: float
-) -> tuple[float, Array]:
+    tau: Scalar, known_goal: Array, seen_goal: Array, extension: float
+) -> tuple[Scalar, Array]:
     """Extends the duration in proportion to the goal's displacement.
 
     Args:
@@ -51,4 +54,4 @@ def extended_tau(
     square = displacement @ displacement
     if square <= GOAL_THRESHOLD**2:
         return tau, known_goal
-    return tau + extension * float(np.sqrt(square)), seen_goal
+    return tau + extension * np.sqrt(square), seen_goal

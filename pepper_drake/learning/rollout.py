@@ -3,7 +3,7 @@
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -101,7 +101,7 @@ def response_matrix(model: LinearForcingModel, steps: int, step: float, alpha_z:
 
     The last two columns answer the start's offset from the goal and its rate.
     """
-    basis: Features = getattr(model, "basis", model)
+    basis: Any = getattr(model, "basis", model)
     return _response_matrix(basis, steps, step, alpha_z)
 
 
@@ -266,26 +266,28 @@ def orientation_motion(
     Returns:
         Orientations (N, 4) and angular velocities (N, 3) [rad/s] at the translation's samples.
     """
-    attractor = orientation.attractor
-    target = orientation.goal_coordinates(goal)
-    first = orientation.coordinates(start, goal)
     tau = float(motion.taus[0])
-    velocity = attractor.start_velocity(first, target, tau)
-    steps = len(motion.times) - 1
     time_step = float(motion.times[1] - motion.times[0])
+    state = orientation.start_state(start, goal, tau)
     if motion.coupling is None:
-        turned = undisturbed_motion(attractor, first, target, velocity, tau, time_step, steps)
+        target = orientation.goal_coordinates(goal)
+        steps = len(motion.times) - 1
+        turned = undisturbed_motion(
+            orientation.attractor,
+            state.coordinates[0],
+            target,
+            state.coordinates[1],
+            tau,
+            time_step,
+            steps,
+        )
         coordinates, rates = turned.positions, turned.velocities
     else:
-        states = [np.stack((first, velocity))]
-        forcing = attractor.forcing(first, target)
-        still = orientation.goal_state(goal)
+        states = [state]
         decays = -np.diff(np.log(motion.phases)) / time_step
         for phase, decay, tau in zip(motion.phases[:-1], decays, motion.taus[:-1], strict=True):
-            states.append(
-                attractor.advance(states[-1], still, forcing, phase, decay, float(tau), time_step)
-            )
-        coordinates, rates = np.moveaxis(np.array(states), 1, 0)
+            states.append(orientation.advance(states[-1], goal, phase, decay, tau, time_step))
+        coordinates, rates = np.moveaxis(np.array([s.coordinates for s in states]), 1, 0)
     return (
         orientation.orientation(coordinates, goal),
         orientation.angular_velocity(coordinates, rates),

@@ -16,13 +16,14 @@ A step of 20 ms and one of 1 ms therefore give the same motion.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
 Array = npt.NDArray[np.float64]
+Scalar = Any  # A float, or an AutoDiffXd where gradients are asked for.
 
 NODES: Array = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
 """Gauss-Legendre nodes in a step of length one; inputs are evaluated there."""
@@ -42,21 +43,21 @@ class Step(NamedTuple):
     gain: Array
 
 
-def make_step(tau: float, time_step: float, alpha_z: float) -> Step:
+def make_step(tau: Scalar, time_step: float, alpha_z: float) -> Step:
     """Returns the matrices of a step of `time_step` [s]; tau [s] may be an AutoDiffXd."""
     if type(tau) is float:
         return _cached_step(tau, time_step, alpha_z)
     return _make_step(tau, time_step, alpha_z)
 
 
-def _make_step(tau: float, time_step: float, alpha_z: float) -> Step:
+def _make_step(tau: Scalar, time_step: float, alpha_z: float) -> Step:
     w = alpha_z / (2.0 * tau)
     h = time_step
     decay = np.exp(-w * h)
-    transition = decay * np.array([[1.0 + w * h, h], [-w * w * h, 1.0 - w * h]])
+    transition = np.array([[1.0 + w * h, h], [-w * w * h, 1.0 - w * h]]) * decay
     rest = h * (1.0 - NODES)
-    weights = h * _NODE_WEIGHTS * np.exp(-w * rest)
-    return Step(transition, np.stack((weights * rest, weights * (1.0 - w * rest))))
+    weights = h * _NODE_WEIGHTS * np.exp(rest * -w)
+    return Step(transition, np.stack((weights * rest, weights * (1.0 - rest * w))))
 
 
 @lru_cache(maxsize=256)
@@ -82,11 +83,11 @@ def advance(state: Array, goal: Array, inputs: Array, step: Step, time_step: flo
     return moved
 
 
-def acceleration(state: Array, goal: Array, forcing: Array, tau: float, alpha_z: float) -> Array:
+def acceleration(state: Array, goal: Array, forcing: Array, tau: Scalar, alpha_z: float) -> Array:
     """Returns y'' (..., D) for a state (..., 2, D), goal (2, D) and u (..., D) [m/s²]."""
     w = alpha_z / (2.0 * tau)
     offset = goal - state
-    return w * w * offset[..., 0, :] + 2.0 * w * offset[..., 1, :] + forcing / (tau * tau)
+    return offset[..., 0, :] * (w * w) + offset[..., 1, :] * (2.0 * w) + forcing / (tau * tau)
 
 
 def unforced_response(relative_times: Array, alpha_z: float) -> Array:

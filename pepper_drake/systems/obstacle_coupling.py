@@ -1,0 +1,133 @@
+"""What pushes the hand around obstacles."""
+
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.perception import PointCloud
+from pydrake.systems.framework import LeafSystem, ValueProducer
+
+from pepper_drake.learning.coupling import Coupling, Push, make_coupling
+from pepper_drake.learning.obstacle_field import ObstacleField
+
+
+class ObstacleCoupling(LeafSystem):
+    """The coupling term of a cloud of obstacles.
+
+    .. pydrake_system::
+
+        name: ObstacleCoupling
+        input_ports:
+        - cloud (optional)
+        - position
+        - velocity
+        - nominal_acceleration
+        - goal_position
+        - tau
+        output_ports:
+        - coupling
+        - slowdown
+        - distance
+
+    C_t of equation 2.6 and the phase stopping of `learning.coupling`. No state: outputs follow
+    from the inputs. The k-d tree of the cloud is built once for each new cloud.
+
+    Inputs: `cloud` abstract PointCloud [m], points that are not finite are ignored, an empty or
+    missing cloud pushes nothing; `position` (3) [m], `velocity` (3) [m/s] and
+    `nominal_acceleration` (3) [m/s²] of a `TransformationSystem`; `goal_position` (3) [m];
+    `tau` (1) [s]. All are in the frame of the motion, normally T.
+
+    Outputs: `coupling` (3) [m]; `slowdown` (1) >= 0 for the `CanonicalSystem`; `distance` (1) [m]
+    from the hand's centre to the nearest solid, infinite without obstacles.
+    """
+
+    def __init__(self, coupling: str | Coupling = "barrier") -> None:
+        """Makes the system.
+
+        Args:
+            coupling: `barrier`, `report`, or a coupling with other constants.
+        """
+        super().__init__()
+        self._coupling = make_coupling(coupling) if isinstance(coupling, str) else coupling
+        self.cloud_port = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
+        self.position_port = self.DeclareVectorInputPort("position", 3)
+        self.velocity_port = self.DeclareVectorInputPort("velocity", 3)
+        self.nominal_acceleration_port = self.DeclareVectorInputPort("nominal_acceleration", 3)
+        self.goal_position_port = self.DeclareVectorInputPort("goal_position", 3)
+        self.tau_port = self.DeclareVectorInputPort("tau", 1)
+
+        self._field = self.DeclareCacheEntry(
+            "obstacle field",
+            ValueProducer(allocate=lambda: Value({}), calc=self._calc_field),
+            prerequisites_of_calc={self.cloud_port.ticket()},
+        )
+        self._clearance = self.DeclareCacheEntry(
+            "clearance at the goal",
+            ValueProducer(allocate=lambda: Value({}), calc=self._calc_clearance),
+            prerequisites_of_calc={self._field.ticket(), self.goal_position_port.ticket()},
+        )
+        self._push = self.DeclareCacheEntry(
+            "push",
+            ValueProducer(allocate=lambda: Value({}), calc=self._calc_push),
+            prerequisites_of_calc={
+                self._clearance.ticket(),
+                *(
+                    port.ticket()
+                    for port in (
+                        self.position_port,
+                        self.velocity_port,
+                        self.nominal_acceleration_port,
+                        self.tau_port,
+                    )
+                ),
+            },
+        )
+        cached = {self._push.ticket()}
+        self.coupling_port = self.DeclareVectorOutputPort(
+            "coupling",
+            3,
+            lambda context, out: out.SetFromVector(self._eval(context).coupling),
+            prerequisites_of_calc=cached,
+        )
+        self.slowdown_port = self.DeclareVectorOutputPort(
+            "slowdown",
+            1,
+            lambda context, out: out.SetFromVector([self._eval(context).slowdown]),
+            prerequisites_of_calc=cached,
+        )
+        self.distance_port = self.DeclareVectorOutputPort(
+            "distance",
+            1,
+            lambda context, out: out.SetFromVector([self._eval(context).distance]),
+            prerequisites_of_calc=cached,
+        )
+
+    def _eval(self, context: Any) -> Push:
+        push: Push = self._push.Eval(context)["push"]
+        return push
+
+    def _calc_field(self, context: Any, value: Any) -> None:
+        points: Any = np.zeros((0, 3), dtype=np.float32)
+        if self.cloud_port.HasValue(context):
+            points = self.cloud_port.Eval(context).xyzs().T
+        entry = value.get_mutable_value()
+        # A source that computes the same cloud again each time costs a comparison, not a tree.
+        content = points.tobytes()
+        if entry.get("content") != content:
+            entry["content"] = content
+            entry["field"] = ObstacleField(points)
+
+    def _calc_clearance(self, context: Any, value: Any) -> None:
+        field = self._field.Eval(context)["field"]
+        goal = self.goal_position_port.Eval(context)
+        value.get_mutable_value()["clearance"] = self._coupling.clearance(field, goal)
+
+    def _calc_push(self, context: Any, value: Any) -> None:
+        value.get_mutable_value()["push"] = self._coupling.push(
+            self._field.Eval(context)["field"],
+            np.stack((self.position_port.Eval(context), self.velocity_port.Eval(context))),
+            self.nominal_acceleration_port.Eval(context),
+            self.goal_position_port.Eval(context),
+            self._clearance.Eval(context)["clearance"],
+            float(self.tau_port.Eval(context)[0]),
+        )

@@ -1,0 +1,303 @@
+"""The hand's position along a learned motion."""
+
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from pepper_drake.learning.approximators import LinearForcingModel
+from pepper_drake.learning.attractor import Forcing, GoalState
+from pepper_drake.learning.primitive import MovementPrimitive
+
+# Parts of the discrete state, each of three coordinates.
+_POSITION, _VELOCITY, _GOAL, _DELAYED, _START = (slice(3 * k, 3 * k + 3) for k in range(5))
+
+
+@TemplateSystem.define("TransformationSystem_")
+def TransformationSystem_(T: type) -> type:
+    """Makes `TransformationSystem` for a scalar type."""
+
+    class Impl(LeafSystem_[T]):
+        """The transformation system of a primitive's translation.
+
+        .. pydrake_system::
+
+            name: TransformationSystem
+            input_ports:
+            - active
+            - phase
+            - phase_velocity
+            - tau
+            - goal_position
+            - start_position
+            - goal_velocity (optional)
+            - coupling (optional)
+            output_ports:
+            - position
+            - velocity
+            - nominal_acceleration
+            - delayed_goal_position
+            - next_position
+            - next_velocity
+
+        tau² y'' = alpha_z (beta_z (g - y) + tau (g' - y')) + f(x) + C_t (equations 2.4 to 2.6 of
+        the report); each step is the one of `learning.spring`. All vectors are in the frame of the
+        demonstration, normally T.
+
+        Inputs: `active` (1) 0 or 1; `phase` (1), `phase_velocity` (1) [1/s], `tau` (1) [s] of a
+        `CanonicalSystem`; `goal_position` (3) [m], followed smoothly, moves under 3 mm ignored;
+        `goal_velocity` (3) [m/s] if known; `start_position` (3) [m], where the hand is: the motion
+        starts from there; `coupling` (3) [m], C_t.
+
+        Outputs: `position` (3) [m], `velocity` (3) [m/s] and `delayed_goal_position` (3) [m], the
+        goal that the spring sees, are state. `nominal_acceleration` (3) [m/s²] is without
+        coupling and does not depend on it, nor on `phase_velocity`. `next_position` and
+        `next_velocity` are the state one step ahead, fed through from all inputs: what follows the
+        motion with them has no delay. While inactive they are `start_position` and zero.
+
+        State: position, velocity, goal, delayed goal, start, each (3). Discrete with period
+        `time_step`. With `time_step` 0 position, velocity and delayed goal are continuous and
+        the rest is updated after each step of the integrator; there is then no next step, and the
+        two ports are missing. In continuous time, derivatives exist for Expression as well.
+
+        Parameters: numeric parameter 0 has the weights of the forcing term, row by row, if the
+        approximator has any; with AutoDiffXd, gradients by them follow.
+        """
+
+        def _construct(
+            self,
+            primitive: MovementPrimitive,
+            *,
+            time_step: float = 0.01,
+            start_moving: bool = False,
+            converter: Any = None,
+        ) -> None:
+            """Makes the system.
+
+            Args:
+                primitive: What is performed.
+                time_step: [s]; 0 for a continuous state.
+                start_moving: Whether the motion starts with the demonstration's velocity, as a
+                    rollout does, or from rest, as a hand does. With it, `velocity` has that start
+                    velocity already while inactive.
+                converter: For the framework.
+            """
+            super().__init__(converter)
+            self._primitive = primitive
+            self._time_step = time_step
+            self._start_moving = start_moving
+            self._attractor = primitive.translation
+            model = self._attractor.model
+            self._weights_shape: tuple[int, int] | None = None
+            if isinstance(model, LinearForcingModel):
+                rows, columns = model.weights.shape
+                self._weights_shape = (rows, columns)
+                self.DeclareNumericParameter(BasicVector_[T](model.weights.ravel()))
+
+            declare = self.DeclareVectorInputPort
+            self.active_port = declare("active", 1)
+            self.phase_port = declare("phase", 1)
+            self.phase_velocity_port = declare("phase_velocity", 1)
+            self.tau_port = declare("tau", 1)
+            self.goal_position_port = declare("goal_position", 3)
+            self.start_position_port = declare("start_position", 3)
+            self.goal_velocity_port = declare("goal_velocity", 3)
+            self.coupling_port = declare("coupling", 3)
+
+            if time_step > 0.0:
+                index = self.DeclareDiscreteState(15)
+                state_tickets = {self.discrete_state_ticket(index)}
+                self.DeclareInitializationDiscreteUpdateEvent(self._rest)
+                self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+            else:
+                self.DeclareContinuousState(3, 3, 3)
+                index = self.DeclareDiscreteState(6)
+                state_tickets = {self.xc_ticket(), self.discrete_state_ticket(index)}
+                self.DeclareInitializationUnrestrictedUpdateEvent(self._update_between_steps)
+                self.DeclarePerStepUnrestrictedUpdateEvent(self._update_between_steps)
+
+            def output(name: str, calc: Any, tickets: set[Any]) -> Any:
+                return self.DeclareVectorOutputPort(
+                    name,
+                    3,
+                    lambda context, out: out.SetFromVector(calc(context)),
+                    prerequisites_of_calc=tickets,
+                )
+
+            self.position_port = output(
+                "position", lambda c: self._state(c)[_POSITION], state_tickets
+            )
+            self.velocity_port = output(
+                "velocity", lambda c: self._state(c)[_VELOCITY], state_tickets
+            )
+            self.delayed_goal_position_port = output(
+                "delayed_goal_position", lambda c: self._state(c)[_DELAYED], state_tickets
+            )
+            nominal_tickets = state_tickets | {
+                port.ticket()
+                for port in (
+                    self.active_port,
+                    self.phase_port,
+                    self.tau_port,
+                    self.goal_position_port,
+                    self.goal_velocity_port,
+                )
+            }
+            if self._weights_shape is not None:
+                nominal_tickets |= {self.all_parameters_ticket()}
+            self.nominal_acceleration_port = output(
+                "nominal_acceleration", self._nominal_acceleration, nominal_tickets
+            )
+            if time_step > 0.0:
+                next_tickets = nominal_tickets | {
+                    port.ticket()
+                    for port in (
+                        self.phase_velocity_port,
+                        self.start_position_port,
+                        self.coupling_port,
+                    )
+                }
+                self._next = self.DeclareCacheEntry(
+                    "next state",
+                    ValueProducer(allocate=lambda: Value({}), calc=self._calc_next_state),
+                    prerequisites_of_calc=next_tickets,
+                )
+                cached = {self._next.ticket()}
+                self.next_position_port = output(
+                    "next_position", lambda c: self._next_state(c)[_POSITION], cached
+                )
+                self.next_velocity_port = output(
+                    "next_velocity",
+                    lambda c: self._next_state(c)[_VELOCITY] * self._active(c),
+                    cached | {self.active_port.ticket()},
+                )
+
+        def _construct_copy(self, other: Any, converter: Any = None) -> None:
+            Impl._construct(
+                self,
+                other._primitive,
+                time_step=other._time_step,
+                start_moving=other._start_moving,
+                converter=converter,
+            )
+
+        def _state(self, context: Any) -> Any:
+            """Returns position, velocity, goal, delayed goal, start: (15,)."""
+            discrete = context.get_discrete_state_vector().CopyToVector()
+            if self._time_step > 0.0:
+                return discrete
+            continuous = context.get_continuous_state_vector().CopyToVector()
+            return np.concatenate((continuous[:6], discrete[:3], continuous[6:], discrete[3:]))
+
+        def _optional(self, port: Any, context: Any) -> Any:
+            return port.Eval(context) if port.HasValue(context) else np.zeros(3)
+
+        def _active(self, context: Any) -> Any:
+            return self.active_port.Eval(context)[0]
+
+        def _forcing(self, context: Any, state: Any) -> Forcing:
+            weights = None
+            if self._weights_shape is not None:
+                weights = context.get_numeric_parameter(0).CopyToVector()
+                weights = weights.reshape(self._weights_shape)
+            return self._attractor.forcing(state[_START], state[_DELAYED], weights)
+
+        def _goal(self, context: Any, state: Any) -> GoalState:
+            velocity = self._optional(self.goal_velocity_port, context)
+            goal = GoalState(state[_GOAL], velocity, state[_DELAYED])
+            if self._time_step == 0.0:
+                return goal
+            return goal.seen(self.goal_position_port.Eval(context), velocity)
+
+        def _nominal_acceleration(self, context: Any) -> Any:
+            state = self._state(context)
+            nominal = self._attractor.acceleration(
+                state[:6].reshape(2, 3),
+                self._goal(context, state),
+                self._forcing(context, state),
+                self.phase_port.Eval(context)[0],
+                self.tau_port.Eval(context)[0],
+            )
+            return nominal * self._active(context)
+
+        def _start_state(self, context: Any) -> Any:
+            """Returns the state (15,) of a motion that starts now."""
+            start = self.start_position_port.Eval(context)
+            goal = self.goal_position_port.Eval(context)
+            velocity = np.zeros(3)
+            if self._start_moving:
+                tau = self.tau_port.Eval(context)[0]
+                velocity = self._attractor.start_velocity(start, goal, tau)
+            return np.concatenate((start, velocity, goal, goal, start))
+
+        def _calc_next_state(self, context: Any, value: Any) -> None:
+            state = self._state(context)
+            if self._active(context) > 0.5:
+                goal = self._goal(context, state)
+                phase = self.phase_port.Eval(context)[0]
+                tau = self.tau_port.Eval(context)[0]
+                decay = -self.phase_velocity_port.Eval(context)[0] / phase if phase > 0.0 else 0.0
+                moved = self._attractor.advance(
+                    state[:6].reshape(2, 3),
+                    goal,
+                    self._forcing(context, state),
+                    phase,
+                    decay,
+                    tau,
+                    self._time_step,
+                    self._optional(self.coupling_port, context),
+                )
+                later = goal.later(self._time_step, self._attractor.goal_rate(tau))
+                state = np.concatenate(
+                    (moved.ravel(), later.position, later.delayed, state[_START])
+                )
+            else:
+                state = self._start_state(context)
+            value.get_mutable_value()["state"] = state
+
+        def _next_state(self, context: Any) -> Any:
+            return self._next.Eval(context)["state"]
+
+        def _rest(self, context: Any, discrete: Any) -> None:
+            discrete.set_value(self._start_state(context))
+
+        def _update(self, context: Any, discrete: Any) -> None:
+            discrete.set_value(self._next_state(context))
+
+        def _update_between_steps(self, context: Any, state: Any) -> None:
+            values = self._state(context)
+            phase = self.phase_port.Eval(context)[0]
+            if self._active(context) > 0.5 and phase < 1.0:
+                velocity = self._optional(self.goal_velocity_port, context)
+                goal = GoalState(values[_GOAL], velocity, values[_DELAYED])
+                seen = goal.seen(self.goal_position_port.Eval(context), velocity)
+                values[_GOAL] = seen.position
+            else:
+                values = self._start_state(context)
+                continuous = np.concatenate((values[:6], values[_DELAYED]))
+                state.get_mutable_continuous_state().SetFromVector(continuous)
+            memory = np.concatenate((values[_GOAL], values[_START]))
+            state.get_mutable_discrete_state(0).SetFromVector(memory)
+
+        def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:
+            if self._time_step > 0.0:
+                return
+            state = self._state(context)
+            active = self._active(context)
+            tau = self.tau_port.Eval(context)[0]
+            push = self._optional(self.coupling_port, context) / (tau * tau)
+            goal = self._goal(context, state)
+            following = (goal.position - goal.delayed) * self._attractor.goal_rate(tau)
+            rates = (
+                state[_VELOCITY] * active,
+                self._nominal_acceleration(context) + push * active,
+                (following + goal.velocity) * active,
+            )
+            derivatives.get_mutable_vector().SetFromVector(np.concatenate(rates))
+
+    return Impl
+
+
+TransformationSystem = TransformationSystem_[None]
