@@ -17,6 +17,7 @@ from pydrake.planning import (
 from pydrake.systems.framework import Context
 
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper
+from pepper_drake.perception.solids import RobotSolids
 
 Vector = npt.NDArray[np.float64]
 
@@ -88,6 +89,10 @@ class ControlModel:
                 implicit_context_parallelism=False,
             )
         )
+
+    def solids(self) -> RobotSolids:
+        """Pepper's collision shapes, to be cut out of what its cameras see."""
+        return RobotSolids(self.plant, self.diagram.scene_graph(), self.model_instance)
 
     def position_indices(self, names: Sequence[str]) -> list[int]:
         """Where joints stand in the plant's position vector."""

@@ -7,7 +7,7 @@ from pydrake.multibody.inverse_kinematics import DifferentialInverseKinematicsSy
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.planning import DofMask, JointLimits
 
-from pepper_drake.models.pepper import hand_frame
+from pepper_drake.models.pepper import elbow_roll_limits, hand_frame
 from pepper_drake.planning.control_model import ControlModel, arm_joints
 
 
@@ -49,6 +49,16 @@ def hand_key(arm: str) -> str:
     return f"pepper::{hand_frame(arm)}"
 
 
+def strictest_elbow_roll(arm: str) -> tuple[float, float]:
+    """The elbow roll's range (lower, upper), rad, that every elbow yaw allows.
+
+    The solver knows only constant limits. The 11 degrees that some yaws would allow besides are
+    at the folded end, where the hand is nearest to the shoulder.
+    """
+    ranges = [elbow_roll_limits(yaw, arm) for yaw in np.linspace(-2.1, 2.1, 85)]
+    return max(lower for lower, _ in ranges), min(upper for _, upper in ranges)
+
+
 def make_differential_ik(
     model: ControlModel, arm: str, params: DifferentialIkParams
 ) -> DifferentialInverseKinematicsSystem:
@@ -70,9 +80,12 @@ def make_differential_ik(
     indices = model.position_indices(arm_joints(arm))
     mask = DofMask([k in indices for k in range(model.plant.num_positions())])
     rated = JointLimits(model.plant)
+    lower, upper = rated.position_lower(), rated.position_upper()
+    elbow_roll = indices[3]
+    lower[elbow_roll], upper[elbow_roll] = strictest_elbow_roll(arm)
     limits = JointLimits(
-        position_lower=rated.position_lower(),
-        position_upper=rated.position_upper(),
+        position_lower=lower,
+        position_upper=upper,
         velocity_lower=params.speed_fraction * rated.velocity_lower(),
         velocity_upper=params.speed_fraction * rated.velocity_upper(),
         acceleration_lower=rated.acceleration_lower(),

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, InputPort, LeafSystem, OutputPort, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, OutputPort, ValueProducer
 
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.planning.control_model import BODY_JOINTS, ControlModel
@@ -34,6 +34,10 @@ class RobotKinematics(LeafSystem):
         - torso_pose
         - left_hand_pose
         - right_hand_pose
+        - left_hand_position
+        - left_hand_orientation
+        - right_hand_position
+        - right_hand_orientation
         - camera_top_pose
         - camera_bottom_pose
         - camera_depth_pose
@@ -41,7 +45,8 @@ class RobotKinematics(LeafSystem):
     Inputs: `joint_position` (15), rad, in the order of `BODY_JOINTS`; `base_pose` (3), x and y in m
     and yaw in rad, in W.
     Outputs: `robot_position` (18), the control model's positions; `torso_pose` X_WT; the hands'
-    X_TH in the torso frame; the cameras' X_WC, all RigidTransform.
+    X_TH in the torso frame; the cameras' X_WC, all RigidTransform. The hands' poses come as
+    vectors, too: position (3), m, and unit quaternion w, x, y, z (4).
     """
 
     def __init__(self, model: ControlModel) -> None:
@@ -68,6 +73,7 @@ class RobotKinematics(LeafSystem):
         self._declare_pose("torso_pose", "torso", None)
         for arm in ("left", "right"):
             self._declare_pose(f"{arm}_hand_pose", hand_frame(arm), "torso")
+            self._declare_vectors(f"{arm}_hand", hand_frame(arm))
         for camera, frame in CAMERA_FRAMES.items():
             self._declare_pose(f"{camera}_pose", frame, None)
 
@@ -81,6 +87,23 @@ class RobotKinematics(LeafSystem):
             name, allocate, calc, prerequisites_of_calc={self._kinematics.ticket()}
         )
 
+    def _declare_vectors(self, name: str, frame: str) -> None:
+        def calc_position(context: Context, output: BasicVector) -> None:
+            X_TH = self._model.pose(self._kinematics.Eval(context), frame, "torso")
+            output.SetFromVector(X_TH.translation())
+
+        def calc_orientation(context: Context, output: BasicVector) -> None:
+            X_TH = self._model.pose(self._kinematics.Eval(context), frame, "torso")
+            output.SetFromVector(X_TH.rotation().ToQuaternion().wxyz())
+
+        ready = {self._kinematics.ticket()}
+        self.DeclareVectorOutputPort(
+            f"{name}_position", 3, calc_position, prerequisites_of_calc=ready
+        )
+        self.DeclareVectorOutputPort(
+            f"{name}_orientation", 4, calc_orientation, prerequisites_of_calc=ready
+        )
+
     def _calc_kinematics(self, context: Context, plant_context: Value) -> None:
         self._model.plant.SetPositions(
             plant_context.get_mutable_value(),
@@ -89,7 +112,7 @@ class RobotKinematics(LeafSystem):
             ),
         )
 
-    def _calc_robot_position(self, context: Context, output: Value) -> None:
+    def _calc_robot_position(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(
             self._model.positions(
                 self.joint_position_input.Eval(context), self.base_pose_input.Eval(context)

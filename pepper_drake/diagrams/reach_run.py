@@ -1,0 +1,288 @@
+"""One reach from start to end: simulate, watch, measure, and leave a folder of results."""
+
+import time
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import (
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    QueryObject,
+    Rgba,
+)
+from pydrake.math import RigidTransform
+from pydrake.perception import BaseField, Fields, PointCloud
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from tqdm import tqdm
+
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.models.pepper import hand_frame
+from pepper_drake.perception.cloud_points import cloud_points
+from pepper_drake.reporting.reach_log import ReachLog
+from pepper_drake.reporting.reach_report import CloudReport, ReachReport, pose_error
+from pepper_drake.systems.reach_supervisor import ReachMode
+
+Vector = npt.NDArray[np.float64]
+
+_SLICE = 0.1
+"""How often a run is looked at from outside, s of simulated time."""
+_LONGEST = 60.0
+"""No reach takes longer, s of simulated time."""
+
+
+@dataclass
+class RunOptions:
+    """How a run is shown."""
+
+    meshcat: Meshcat | None = None
+    """Where it is drawn, if anywhere."""
+    record: bool = False
+    """Whether meshcat keeps the run for `recording.html`."""
+    realtime: bool = False
+    """Whether it runs no faster than real time."""
+    progress: bool = True
+    """Whether a progress bar is shown."""
+
+
+@dataclass(frozen=True)
+class ReachResult:
+    """What a run gave: its report and its log, and the page that shows it, if it was recorded."""
+
+    report: ReachReport
+    log: ReachLog
+    html: str | None
+
+
+class ReachRun:
+    """Simulates a `Reaching` diagram to its end and measures it against the truth.
+
+    Attributes:
+        reaching: The diagram.
+        simulator: Of the diagram, or of the diagram with its visualizer.
+    """
+
+    def __init__(self, reaching: Reaching, options: RunOptions) -> None:
+        self.reaching, self._options = reaching, options
+        system: Diagram = reaching
+        self._visualizer: MeshcatVisualizer | None = None
+        if options.meshcat is not None:
+            builder = DiagramBuilder()
+            builder.AddSystem(reaching)
+            self._visualizer = MeshcatVisualizer(
+                options.meshcat, MeshcatVisualizerParams(publish_period=1 / 32)
+            )
+            builder.AddNamedSystem("visualizer", self._visualizer)
+            builder.Connect(
+                reaching.GetOutputPort("ground_truth.query"), self._visualizer.query_object_input_port()
+            )
+            system = builder.Build()
+        self.simulator = Simulator(system)
+        self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
+        self._cloud_W: Vector = np.zeros((0, 3))
+        self._cloud_T: Vector = np.zeros((0, 3))
+        self._cloud_report = CloudReport()
+
+    @property
+    def context(self) -> Context:
+        """The reaching diagram's context."""
+        return self.reaching.GetMyContextFromRoot(self.simulator.get_context())
+
+    def mode(self) -> ReachMode:
+        """What the robot is doing now."""
+        reaching = self.reaching
+        return reaching.supervisor.progress(
+            reaching.supervisor.GetMyContextFromRoot(self.simulator.get_context())
+        ).mode
+
+    def run(self) -> ReachResult:
+        """Runs until the reach is done or has failed."""
+        options = self._options
+        self.simulator.Initialize()
+        if self._visualizer is not None and options.record:
+            self._visualizer.StartRecording(False)
+        started = time.perf_counter()
+        progress = tqdm(
+            total=None,
+            desc="looking",
+            unit=" s",
+            bar_format="{desc:10s} {n:5.1f} s simulated, {elapsed} elapsed",
+            disable=not options.progress,
+            leave=False,
+        )
+        mode = ReachMode.LOOKING
+        while mode not in (ReachMode.DONE, ReachMode.FAILED):
+            now = self.simulator.get_context().get_time()
+            if now >= _LONGEST:
+                break
+            self.simulator.AdvanceTo(now + _SLICE)
+            previous, mode = mode, self.mode()
+            if mode == ReachMode.REACHING and previous != mode:
+                self._look_at_cloud()
+            progress.set_description(mode.name.lower())
+            progress.update(_SLICE)
+        wall = time.perf_counter() - started
+        progress.close()
+        html = None
+        if self._visualizer is not None and options.record:
+            assert options.meshcat is not None
+            self._visualizer.StopRecording()
+            self._visualizer.PublishRecording()
+            html = options.meshcat.StaticHtml()
+        log = self._log()
+        return ReachResult(self._report(log, wall), log, html)
+
+    def _look_at_cloud(self) -> None:
+        """Measures the cloud with which the arm starts, and draws it."""
+        reaching, context = self.reaching, self.context
+        source = reaching.cloud_source.GetMyContextFromRoot(self.simulator.get_context())
+        self._cloud_W = cloud_points(reaching.cloud_source.GetOutputPort("cloud").Eval(source))
+        self._cloud_T = cloud_points(
+            reaching.cloud_source.GetOutputPort("cloud_torso").Eval(source)
+        )
+        query = reaching.GetOutputPort("ground_truth.query").Eval(context)
+        self._cloud_report = measure_cloud(reaching.station, query, self._cloud_W)
+        if self._options.meshcat is not None:
+            draw_cloud(self._options.meshcat, self._cloud_W)
+
+    def _rows(self, name: str) -> Vector:
+        """The logged rows (N, n) of one signal."""
+        log = self.reaching.logs[name].FindLog(self.simulator.get_context())
+        return np.asarray(log.data()).T
+
+    def _log(self) -> ReachLog:
+        reaching = self.reaching
+        times = self.reaching.logs["mode"].FindLog(self.simulator.get_context()).sample_times()
+        tau = self._rows("tau")[:, 0]
+        coupling = (
+            self._rows("coupling") / tau[:, None] ** 2
+            if "coupling" in reaching.logs
+            else np.zeros((len(times), 3))
+        )
+        return ReachLog(
+            time_s=np.asarray(times),
+            mode=self._rows("mode")[:, 0].astype(np.int64),
+            joint_position_rad=self._rows("joint_position"),
+            joint_command_rad=self._rows("joint_command"),
+            base_pose_m_m_rad=self._rows("base_pose"),
+            hand_position_torso_m=self._rows("hand_position"),
+            desired_position_torso_m=self._rows("desired_position"),
+            goal_position_torso_m=self._rows("goal_position"),
+            goal_distance_m=self._true_goal_distance(),
+            phase=self._rows("phase")[:, 0],
+            tau_s=tau,
+            coupling_m_per_s2=coupling,
+            clearance_m=self._rows("clearance")[:, 0],
+            seen_clearance_m=np.minimum(self._rows("seen_clearance")[:, 0], 0.2),
+            cloud_torso_m=self._cloud_T,
+            demonstration_m=reaching.planner.demonstrated_path(),
+        )
+
+    def _true_poses(self, plant_context: Context) -> tuple[RigidTransform, RigidTransform]:
+        """The hand's and its goal's true poses in W."""
+        station, scene = self.reaching.station, self.reaching.scene
+        X_WH = station.plant.GetFrameByName(hand_frame(scene.arm)).CalcPoseInWorld(plant_context)
+        X_WO = station.plant.EvalBodyPoseInWorld(
+            plant_context, station.plant.GetBodyByName(station.scene_models.goal_object)
+        )
+        return X_WH, X_WO @ scene.pre_grasp()
+
+    def _true_goal_distance(self) -> Vector:
+        plant = self.reaching.station.plant
+        plant_context = plant.CreateDefaultContext()
+        distances = []
+        for state in self._rows("state"):
+            plant.SetPositionsAndVelocities(plant_context, state)
+            X_WH, X_WG = self._true_poses(plant_context)
+            distances.append(np.linalg.norm(X_WH.translation() - X_WG.translation()))
+        return np.array(distances)
+
+    def _report(self, log: ReachLog, wall: float) -> ReachReport:
+        reaching, root = self.reaching, self.simulator.get_context()
+        scene, station = reaching.scene, reaching.station
+        progress = reaching.supervisor.progress(reaching.supervisor.GetMyContextFromRoot(root))
+        X_WH, X_WG = self._true_poses(station.plant.GetMyContextFromRoot(root))
+        report = ReachReport(
+            scene=scene.name,
+            arm=scene.arm,
+            coupling=scene.coupling if reaching.coupling is not None else "none",
+            seed=reaching.config.station.seed,
+            cloud=self._cloud_report,
+            simulated_seconds=root.get_time(),
+            wall_seconds=wall,
+            realtime_factor=root.get_time() / wall,
+            minimum_clearance=float(log.clearance_m.min()),
+            contacts=int(np.count_nonzero(log.clearance_m <= 0.0)),
+            versions={name: version(name) for name in ("pepper-drake", "drake", "numpy")},
+        )
+        report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
+        estimator = reaching.goal_estimator.GetMyContextFromRoot(root)
+        if reaching.goal_estimator.GetOutputPort("valid").Eval(estimator)[0]:
+            X_WO = reaching.object_pose.Eval(estimator)
+            report.goal_estimate_error, _ = pose_error(X_WO @ scene.pre_grasp(), X_WG)
+        moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
+        if np.any(moving):
+            error = log.hand_position_torso_m[moving] - log.desired_position_torso_m[moving]
+            report.tracking_error_rms = float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+        self._judge(report, progress.mode, progress.reason, progress.sentence)
+        return report
+
+    def _judge(self, report: ReachReport, mode: ReachMode, reason: str, sentence: str) -> None:
+        """Fills in outcome and reason: what the robot says of itself, then what is true."""
+        tolerance = self.reaching.config.timing.accepted_position
+        if mode == ReachMode.FAILED:
+            report.reason, report.sentence = reason, sentence
+        elif mode != ReachMode.DONE:
+            report.reason = "timeout"
+            report.sentence = f"the reach was not over after {_LONGEST:g} s"
+        elif report.contacts:
+            report.reason = "touched"
+            report.sentence = f"a link touched an obstacle ({report.closest_pair})"
+        elif report.final_position_error is None or report.final_position_error > tolerance:
+            report.reason = "not_at_goal"
+            report.sentence = "the hand is farther from the true goal than the robot believes"
+        else:
+            report.outcome = "reached"
+
+
+def measure_cloud(station: PepperStation, query: QueryObject, points_W: Vector) -> CloudReport:
+    """Compares a cloud with the true geometry.
+
+    Args:
+        station: Whose geometry it is.
+        query: The true geometry as it stands now.
+        points_W: (P, 3), m.
+    """
+    robot, goal = station.robot_geometries(), station.goal_geometries()
+    obstacles = station.obstacle_geometries()
+    report, squares = CloudReport(points=len(points_W)), []
+    for point in points_W:
+        distances = query.ComputeSignedDistanceToPoint(point, 0.3)
+        nearest = [abs(d.distance) for d in distances if d.id_G in obstacles]
+        squares.append(min(nearest, default=0.3) ** 2)
+        report.robot_points += any(d.distance <= 0 for d in distances if d.id_G in robot)
+        report.goal_points += any(d.distance <= 0 for d in distances if d.id_G in goal)
+    if squares:
+        report.rms_error = float(np.sqrt(np.mean(squares)))
+    return report
+
+
+def draw_cloud(meshcat: Meshcat, points_W: Vector) -> None:
+    """Shows what the robot takes for obstacles as small dots."""
+    cloud = PointCloud(len(points_W), Fields(BaseField.kXYZs))
+    cloud.mutable_xyzs()[:] = points_W.T
+    meshcat.SetObject("cloud", cloud, 0.006, Rgba(0.85, 0.33, 0.1))
+
+
+def save_result(result: ReachResult, folder: Path) -> None:
+    """Writes `report.json`, `log.npz` and, if it was recorded, `recording.html`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    result.report.save(folder / "report.json")
+    result.log.save(folder / "log.npz")
+    if result.html is not None:
+        (folder / "recording.html").write_text(result.html)

@@ -1,0 +1,387 @@
+"""Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import (
+    ConstantVectorSource,
+    LogVectorOutput,
+    MatrixGain,
+    Multiplexer,
+    VectorLogSink,
+)
+
+from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.coupling import Coupling
+from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.models.scene import Scene
+from pepper_drake.perception.goal import MarkedObject
+from pepper_drake.perception.solids import RobotSolids
+from pepper_drake.planning.arm_geometry import ArmGeometry
+from pepper_drake.planning.control_model import (
+    BODY_JOINTS,
+    arm_joints,
+    body_indices,
+    shared_control_model,
+)
+from pepper_drake.planning.differential_ik import (
+    DifferentialIkParams,
+    hand_key,
+    make_differential_ik,
+)
+from pepper_drake.planning.reach_planner import ReachPlanner, ReachPlannerParams
+from pepper_drake.systems.arm_command import ArmCommand
+from pepper_drake.systems.base_driver import BaseDriver
+from pepper_drake.systems.canonical_system import CanonicalSystem
+from pepper_drake.systems.clearance_monitor import ClearanceMonitor
+from pepper_drake.systems.depth_point_cloud_source import DepthPointCloudSource
+from pepper_drake.systems.goal_estimator import GoalEstimator
+from pepper_drake.systems.hand_goal import HandGoal
+from pepper_drake.systems.hand_pose_bus import HandPoseBus
+from pepper_drake.systems.look_at import LookAt
+from pepper_drake.systems.nominal_posture import NominalPosture
+from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
+from pepper_drake.systems.orientation_transformation_system import (
+    OrientationTransformationSystem,
+)
+from pepper_drake.systems.reach_supervisor import ReachSupervisor, ReachTiming
+from pepper_drake.systems.safety_monitor import SafetyMonitor
+from pepper_drake.systems.seen_clearance import SeenClearance
+from pepper_drake.systems.transformation_system import TransformationSystem
+
+
+@dataclass
+class ReachingConfig:
+    """How the reach is built."""
+
+    station: StationConfig = field(default_factory=StationConfig)
+    ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
+    planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
+    timing: ReachTiming = field(default_factory=ReachTiming)
+    minimum_clearance: float = 0.0
+    """Distance of the arm to the cloud at which the safety monitor stops it, m."""
+    safety: bool = True
+    """Whether a link that comes too close stops the arm."""
+    log_period: float = 0.01
+    """Period of all logs, s."""
+
+
+class Reaching(Diagram):
+    """The whole loop, from the cameras' images to the joints' commands.
+
+    Attributes:
+        station: Pepper in its scene; another station with the same ports may take its place.
+        supervisor: What decides.
+        logs: Vector logs by the name of what they log.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        primitive: MovementPrimitive,
+        coupling: Coupling | None,
+        config: ReachingConfig,
+    ) -> None:
+        super().__init__()
+        self.scene, self.primitive, self.config = scene, primitive, config
+        self._builder = builder = DiagramBuilder()
+        model = shared_control_model()
+        self.geometry = ArmGeometry(model, scene.arm)
+        station = builder.AddNamedSystem("station", PepperStation(scene, config.station, model))
+        self.station: PepperStation = station
+        self.logs: dict[str, VectorLogSink] = {}
+
+        self._add_perception()
+        self._add_supervisor(coupling)
+        self._add_primitive(coupling)
+        self._add_inverse_kinematics()
+        self._add_commands()
+        self._add_logs()
+        builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
+        del self._builder
+        builder.BuildInto(self)
+
+    def _connect(self, source: OutputPort, system: object, *names: str) -> None:
+        for name in names:
+            self._builder.Connect(source, system.GetInputPort(name))  # type: ignore[attr-defined]
+
+    def _add_perception(self) -> None:
+        """Goal estimator, obstacle cloud, and the head that looks at the goal."""
+        builder, station = self._builder, self.station
+        marked = MarkedObject.from_scene(self.scene.goal)
+        self.goal_estimator = builder.AddNamedSystem(
+            "goal_estimator",
+            GoalEstimator(marked, expects_noise=self.config.station.noise),
+        )
+        for camera in ("top", "bottom"):
+            for port, name in (
+                ("image", "color_image"),
+                ("time_stamp", "time_stamp"),
+                ("pose", "X_WC"),
+            ):
+                self._connect(
+                    station.GetOutputPort(f"camera_{camera}.{port}"),
+                    self.goal_estimator,
+                    f"{name}_{camera}",
+                )
+        self.object_pose = self.goal_estimator.GetOutputPort("object_pose")
+
+        self.cloud_source = builder.AddNamedSystem(
+            "cloud_source",
+            DepthPointCloudSource(
+                RobotSolids(
+                    station.control_model.plant, station.control_model.diagram.scene_graph()
+                ),
+                marked,
+            ),
+        )
+        for port, name in (
+            ("image", "depth_image"),
+            ("time_stamp", "time_stamp"),
+            ("pose", "X_WC"),
+            ("position", "position"),
+        ):
+            self._connect(station.GetOutputPort(f"camera_depth.{port}"), self.cloud_source, name)
+        self._connect(self.object_pose, self.cloud_source, "object_pose")
+        self._connect(
+            self.goal_estimator.GetOutputPort("valid"), self.cloud_source, "object_valid"
+        )
+        self._connect(
+            self.goal_estimator.GetOutputPort("velocity"), self.cloud_source, "object_velocity"
+        )
+        self._connect(station.GetOutputPort("torso_pose"), self.cloud_source, "X_WT")
+
+        self.look_at = builder.AddNamedSystem("look_at", LookAt(marked.X_OM.translation()))
+        self._connect(self.object_pose, self.look_at, "object_pose")
+        self._connect(self.goal_estimator.GetOutputPort("valid"), self.look_at, "valid")
+        self._connect(station.GetOutputPort("torso_pose"), self.look_at, "X_WT")
+        for camera in ("top", "bottom"):
+            builder.Connect(
+                self.look_at.GetOutputPort(f"{camera}_enabled"),
+                station.GetInputPort(f"camera_{camera}.enabled"),
+            )
+
+    def _add_supervisor(self, coupling: Coupling | None) -> None:
+        """The supervisor with its planner, and the base that it drives."""
+        builder, station = self._builder, self.station
+        self.planner = ReachPlanner(
+            model=station.control_model,
+            arm=self.scene.arm,
+            X_OG=self.scene.pre_grasp(),
+            primitive=self.primitive,
+            coupling=coupling,
+            ik=self.config.ik,
+            params=self.config.planner,
+        )
+        self.hand_goal = builder.AddNamedSystem("hand_goal", HandGoal(self.scene.pre_grasp()))
+        self._connect(self.object_pose, self.hand_goal, "object_pose")
+        self._connect(station.GetOutputPort("torso_pose"), self.hand_goal, "torso_pose")
+        self.supervisor = builder.AddNamedSystem(
+            "supervisor", ReachSupervisor(self.planner, self.config.timing)
+        )
+        sources = {
+            "object_pose": self.object_pose,
+            "goal_valid": self.goal_estimator.GetOutputPort("valid"),
+            "goal_age": self.goal_estimator.GetOutputPort("age"),
+            "goal_position": self.hand_goal.GetOutputPort("goal_position"),
+            "cloud": self.cloud_source.GetOutputPort("cloud"),
+            "cloud_time": self.cloud_source.GetOutputPort("time_stamp"),
+            "joint_position": station.GetOutputPort("joint_position"),
+            "base_pose": station.GetOutputPort("base_pose"),
+            "hand_pose": station.GetOutputPort(f"{self.scene.arm}_hand_pose"),
+        }
+        for name, source in sources.items():
+            self._connect(source, self.supervisor, name)
+        self.active = self.supervisor.GetOutputPort("active")
+        self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
+
+        driver = builder.AddNamedSystem("base_driver", BaseDriver())
+        builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
+        builder.Connect(station.GetOutputPort("base_pose"), driver.base_pose_input)
+        builder.Connect(
+            driver.GetOutputPort("base_velocity_command"),
+            station.GetInputPort("base_velocity_command"),
+        )
+        self._connect(driver.GetOutputPort("arrived"), self.supervisor, "arrived")
+
+    def _add_primitive(self, coupling: Coupling | None) -> None:
+        """Canonical system, both transformation systems and the obstacle coupling."""
+        builder, station, primitive = self._builder, self.station, self.primitive
+        time_step = self.config.ik.time_step
+        goal = self.hand_goal.GetOutputPort("goal_position")
+        self.canonical = builder.AddNamedSystem(
+            "canonical_system", CanonicalSystem(primitive, time_step=time_step)
+        )
+        self._connect(self.active, self.canonical, "active")
+        self._connect(goal, self.canonical, "goal_position")
+        self._connect(self.canonical.GetOutputPort("tau"), self.supervisor, "tau")
+
+        self.translation = builder.AddNamedSystem(
+            "transformation_system", TransformationSystem(primitive, time_step=time_step)
+        )
+        self.rotation = builder.AddNamedSystem(
+            "orientation_transformation_system",
+            OrientationTransformationSystem(primitive, time_step=time_step),
+        )
+        hand = f"{self.scene.arm}_hand"
+        for system in (self.translation, self.rotation):
+            self._connect(self.active, system, "active")
+            for name in ("phase", "phase_velocity", "tau"):
+                self._connect(self.canonical.GetOutputPort(name), system, name)
+        self._connect(goal, self.translation, "goal_position")
+        self._connect(
+            station.GetOutputPort(f"{hand}_position"), self.translation, "start_position"
+        )
+        self._connect(
+            self.hand_goal.GetOutputPort("goal_orientation"), self.rotation, "goal_orientation"
+        )
+        self._connect(
+            station.GetOutputPort(f"{hand}_orientation"), self.rotation, "start_orientation"
+        )
+
+        self.coupling = None
+        if coupling is not None:
+            self.coupling = builder.AddNamedSystem(
+                "obstacle_coupling", ObstacleCoupling(coupling)
+            )
+            self._connect(
+                self.cloud_source.GetOutputPort("cloud_torso"), self.coupling, "cloud"
+            )
+            for name in ("position", "velocity", "nominal_acceleration"):
+                self._connect(self.translation.GetOutputPort(name), self.coupling, name)
+            self._connect(goal, self.coupling, "goal_position")
+            self._connect(self.canonical.GetOutputPort("tau"), self.coupling, "tau")
+            self._connect(
+                self.coupling.GetOutputPort("coupling"), self.translation, "coupling"
+            )
+            self._connect(self.coupling.GetOutputPort("slowdown"), self.canonical, "slowdown")
+
+    def _add_inverse_kinematics(self) -> None:
+        """From the hand's next pose to the arm's next command."""
+        builder, station, arm = self._builder, self.station, self.scene.arm
+        model, params = station.control_model, self.config.ik
+        bus = builder.AddNamedSystem("hand_pose_bus", HandPoseBus(hand_key(arm)))
+        self._connect(self.translation.GetOutputPort("next_position"), bus, "position")
+        self._connect(self.rotation.GetOutputPort("next_orientation"), bus, "orientation")
+        posture = builder.AddNamedSystem("nominal_posture", NominalPosture(self.planner.posture))
+        self._connect(self.canonical.GetOutputPort("phase"), posture, "phase")
+
+        self.differential_ik = builder.AddNamedSystem(
+            "differential_ik", make_differential_ik(model, arm, params)
+        )
+        self.arm_command = builder.AddNamedSystem(
+            "arm_command",
+            ArmCommand(
+                arm=arm,
+                limits=model.command_limits(
+                    arm_joints(arm), speed_fraction=params.speed_fraction
+                ),
+                time_step=params.time_step,
+            ),
+        )
+        # The hand's pose in T depends on the arm's joints alone, so all others may be zero.
+        widen = np.zeros((model.plant.num_positions(), 5))
+        widen[model.position_indices(arm_joints(arm)), range(5)] = 1
+        for source, port in (
+            (self.arm_command.GetOutputPort("position_command"), "position"),
+            (posture.get_output_port(), "nominal_posture"),
+        ):
+            wide = builder.AddNamedSystem(f"ik_{port}", MatrixGain(D=widen))
+            builder.Connect(source, wide.get_input_port())
+            self._connect(wide.get_output_port(), self.differential_ik, port)
+        self._connect(bus.get_output_port(), self.differential_ik, "desired_cartesian_poses")
+
+        measured = builder.AddNamedSystem(
+            "arm_position", MatrixGain(D=np.eye(len(BODY_JOINTS))[body_indices(arm_joints(arm))])
+        )
+        builder.Connect(station.GetOutputPort("joint_position"), measured.get_input_port())
+        self.arm_position = measured.get_output_port()
+        self._connect(self.active, self.arm_command, "active")
+        self._connect(
+            self.differential_ik.get_output_port(), self.arm_command, "desired_velocity"
+        )
+        self._connect(self.arm_position, self.arm_command, "measured_position")
+
+    def _add_commands(self) -> None:
+        """All joints' commands together, through the safety monitor, to the station."""
+        builder, station, arm = self._builder, self.station, self.scene.arm
+        model = station.control_model
+        start = self.scene.robot.positions()
+        moved = (*JOINT_GROUPS["head"], *arm_joints(arm))
+        rest = [name for name in BODY_JOINTS if name not in moved]
+        others = builder.AddNamedSystem(
+            "other_joints", ConstantVectorSource([start[name] for name in rest])
+        )
+        merge = builder.AddNamedSystem("all_joints", Multiplexer([2, 5, len(rest)]))
+        order = [(*moved, *rest).index(name) for name in BODY_JOINTS]
+        sort = builder.AddNamedSystem("body_order", MatrixGain(D=np.eye(len(order))[order]))
+        builder.Connect(
+            self.look_at.GetOutputPort("head_position_command"), merge.get_input_port(0)
+        )
+        builder.Connect(
+            self.arm_command.GetOutputPort("position_command"), merge.get_input_port(1)
+        )
+        builder.Connect(others.get_output_port(), merge.get_input_port(2))
+        builder.Connect(merge.get_output_port(), sort.get_input_port())
+
+        head = builder.AddNamedSystem(
+            "head_position",
+            MatrixGain(D=np.eye(len(BODY_JOINTS))[body_indices(JOINT_GROUPS["head"])]),
+        )
+        builder.Connect(station.GetOutputPort("joint_position"), head.get_input_port())
+        self._connect(head.get_output_port(), self.look_at, "head_position")
+
+        self.seen_clearance = builder.AddNamedSystem("seen_clearance", SeenClearance(self.geometry))
+        self._connect(
+            self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud"
+        )
+        self._connect(self.arm_position, self.seen_clearance, "joint_position")
+
+        self.safety = builder.AddNamedSystem(
+            "safety_monitor",
+            SafetyMonitor(
+                limits=model.command_limits(BODY_JOINTS),
+                minimum_clearance=self.config.minimum_clearance,
+                time_step=self.config.ik.time_step,
+            ),
+        )
+        self._connect(sort.get_output_port(), self.safety, "joint_position_command")
+        self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
+        if self.config.safety:
+            self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
+        self._connect(self.safety.GetOutputPort("stop_reason"), self.supervisor, "stop_reason")
+        builder.Connect(
+            self.safety.GetOutputPort("safe_joint_position_command"),
+            station.GetInputPort("joint_position_command"),
+        )
+
+    def _add_logs(self) -> None:
+        """Logs what the report and the figures need, and watches the true clearance."""
+        builder, station = self._builder, self.station
+        self.clearance = builder.AddNamedSystem(
+            "clearance_monitor",
+            ClearanceMonitor(
+                robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
+            ),
+        )
+        self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
+        sources = {
+            "state": station.GetOutputPort("ground_truth.state"),
+            "joint_position": station.GetOutputPort("joint_position"),
+            "joint_command": self.safety.GetOutputPort("safe_joint_position_command"),
+            "base_pose": station.GetOutputPort("base_pose"),
+            "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
+            "desired_position": self.translation.GetOutputPort("position"),
+            "goal_position": self.hand_goal.GetOutputPort("goal_position"),
+            "phase": self.canonical.GetOutputPort("phase"),
+            "tau": self.canonical.GetOutputPort("tau"),
+            "mode": self.supervisor.GetOutputPort("mode"),
+            "clearance": self.clearance.get_output_port(),
+            "seen_clearance": self.seen_clearance.get_output_port(),
+        }
+        if self.coupling is not None:
+            sources["coupling"] = self.coupling.GetOutputPort("coupling")
+        for name, source in sources.items():
+            self.logs[name] = LogVectorOutput(source, builder, self.config.log_period)

@@ -1,0 +1,337 @@
+"""PepperStation: the simulated robot in its scene, with the ports that the real robot has."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.geometry import GeometryId, MakeRenderEngineVtk, RenderEngineVtkParams, SceneGraph
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import (
+    MatrixGain,
+    Multiplexer,
+    StateInterpolatorWithDiscreteDerivative,
+    TrajectorySource,
+)
+from pydrake.systems.sensors import RgbdSensor
+
+from pepper_drake.models.objects import SceneModels, add_scene
+from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper
+from pepper_drake.models.scene import Scene
+from pepper_drake.perception.camera import (
+    CAMERA_BOTTOM,
+    CAMERA_DEPTH,
+    CAMERA_TOP,
+    HeadCamera,
+    make_render_cameras,
+)
+from pepper_drake.perception.noise import ColorNoise, DepthNoise
+from pepper_drake.planning.control_model import BODY_JOINTS, ControlModel
+from pepper_drake.systems.base_servo import BaseServo
+from pepper_drake.systems.camera_model import CameraModel
+from pepper_drake.systems.robot_kinematics import RobotKinematics
+
+RENDERER = "vtk"
+_HAND_PORTS = tuple(
+    f"{arm}_hand_{what}" for arm in ("left", "right") for what in ("pose", "position", "orientation")
+)
+NO_DEPTH_NOISE = DepthNoise(floor=0.0, growth=0.0, edge_loss=0.0, edge_mix=0.0, loss=0.0)
+
+
+@dataclass
+class StationConfig:
+    """How the simulated robot is built."""
+
+    time_step: float = 0.002
+    """Step of the physics, s."""
+    command_period: float = 0.01
+    """Period at which joint commands arrive, s."""
+    cameras: bool = True
+    """Whether the cameras exist; without them a run is several times faster."""
+    camera_period: float = 0.2
+    """Time between images of each camera, s."""
+    noise: bool = True
+    """Whether the cameras have the noise of the real ones."""
+    seed: int = 0
+    """Seed of all sensor noise."""
+    stiffness: dict[str, float] = field(
+        default_factory=lambda: {name: 1.0 for name in JOINT_GROUPS}
+    )
+    """Stiffness of each joint group, from 0 (limp) to 1, as NAOqi has it."""
+    proportional_gain: float = 400.0
+    """Of a joint at stiffness 1, N m/rad (N/m for the base's x and y, ten times as much)."""
+    derivative_gain: float = 10.0
+    """Of a joint at any stiffness above zero, N m s/rad."""
+
+
+class PepperStation(Diagram):
+    """Pepper and a scene, simulated: position-controlled joints, a base, three head cameras.
+
+    .. pydrake_system::
+
+        name: PepperStation
+        input_ports:
+        - joint_position_command
+        - base_velocity_command
+        - camera_top.enabled
+        - camera_bottom.enabled
+        - camera_depth.enabled
+        output_ports:
+        - joint_position
+        - joint_velocity
+        - base_pose
+        - robot_position
+        - torso_pose
+        - left_hand_pose
+        - left_hand_position
+        - left_hand_orientation
+        - right_hand_pose
+        - right_hand_position
+        - right_hand_orientation
+        - camera_top.image
+        - camera_top.pose
+        - camera_top.time_stamp
+        - camera_bottom.image
+        - camera_bottom.pose
+        - camera_bottom.time_stamp
+        - camera_depth.image
+        - camera_depth.pose
+        - camera_depth.position
+        - camera_depth.time_stamp
+        - ground_truth.query
+        - ground_truth.state
+        - ground_truth.body_poses
+
+    The joint ports have 15 elements in the order of `BODY_JOINTS` (rad); `base_velocity_command`
+    is vx, vy, yaw rate in the base frame; `base_pose` is x, y, yaw in W by odometry. Poses are
+    X_WT, X_TH and X_WC, from the measured joints. A camera's image, pose, time stamp (and the
+    robot's positions, 18) belong together: all four are of the moment of the capture. Only the
+    ports `ground_truth.*` know what a real robot cannot.
+
+    Attributes:
+        plant: The plant with Pepper and the scene.
+        scene_graph: Its geometry.
+        pepper: Pepper's model instance.
+        scene_models: The scene's bodies.
+    """
+
+    def __init__(self, scene: Scene, config: StationConfig, model: ControlModel) -> None:
+        super().__init__()
+        self.config = config
+        self.control_model = model
+        builder = DiagramBuilder()
+        plant, scene_graph = AddMultibodyPlant(
+            MultibodyPlantConfig(
+                time_step=config.time_step,
+                discrete_contact_approximation="sap",
+                use_sampled_output_ports=False,
+            ),
+            builder,
+        )
+        self.plant: MultibodyPlant = plant
+        self.scene_graph: SceneGraph = scene_graph
+        if config.cameras:
+            scene_graph.AddRenderer(RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
+        self.pepper: ModelInstanceIndex = add_pepper(plant)
+        self._set_gains(config)
+        self.scene_models: SceneModels = add_scene(plant, scene)
+        plant.Finalize()
+        plant.set_name("plant")
+        scene_graph.set_name("scene_graph")
+        self._set_start(scene)
+
+        measured = self._add_measurements(builder)
+        self._add_actuation(builder, measured)
+        self._add_motions(builder)
+        kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model))
+        builder.Connect(measured["joint_position"], kinematics.joint_position_input)
+        builder.Connect(measured["base_pose"], kinematics.base_pose_input)
+        for name in ("robot_position", "torso_pose", *_HAND_PORTS):
+            builder.ExportOutput(kinematics.GetOutputPort(name), name)
+        if config.cameras:
+            self._add_cameras(builder, kinematics)
+
+        builder.ExportOutput(scene_graph.get_query_output_port(), "ground_truth.query")
+        builder.ExportOutput(plant.get_state_output_port(), "ground_truth.state")
+        builder.ExportOutput(plant.get_body_poses_output_port(), "ground_truth.body_poses")
+        builder.BuildInto(self)
+
+    def robot_geometries(self) -> set[GeometryId]:
+        """Pepper's collision geometries."""
+        return self._geometries(
+            index for index in self.plant.GetBodyIndices(self.pepper)
+        )
+
+    def obstacle_geometries(self) -> set[GeometryId]:
+        """The collision geometries of what must not be touched."""
+        return self._geometries(
+            self.plant.GetBodyByName(name).index() for name in self.scene_models.obstacles
+        )
+
+    def goal_geometries(self) -> set[GeometryId]:
+        """The collision geometries of the goal object."""
+        goal = self.plant.GetBodyByName(self.scene_models.goal_object)
+        return self._geometries([goal.index()])
+
+    def _geometries(self, bodies: Iterable[BodyIndex]) -> set[GeometryId]:
+        plant = self.plant
+        return {
+            geometry
+            for index in bodies
+            for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(index))
+        }
+
+    def _set_gains(self, config: StationConfig) -> None:
+        """Gives every joint the servo of its group's stiffness."""
+        group_of = {name: group for group, names in JOINT_GROUPS.items() for name in names}
+        for index in self.plant.GetJointActuatorIndices():  # Pepper's: the scene comes later.
+            actuator = self.plant.get_mutable_joint_actuator(index)
+            group = group_of[actuator.joint().name()]
+            stiffness = config.stiffness.get(group, 1.0)
+            strength = 100.0 if group == "base" else 1.0
+            actuator.set_controller_gains(
+                PdControllerGains(
+                    p=max(strength * stiffness * config.proportional_gain, 1e-6),
+                    d=strength * config.derivative_gain if stiffness > 0 else 0.3,
+                )
+            )
+
+    def _set_start(self, scene: Scene) -> None:
+        """Makes the scene's robot pose and posture the default of every context."""
+        for name, angle in scene.robot.positions().items():
+            joint = self.plant.GetJointByName(name, self.pepper)
+            joint.set_default_positions([angle])
+
+    def _add_measurements(self, builder: DiagramBuilder) -> dict[str, OutputPort]:
+        """Splits the plant's state into what joint encoders and odometry measure."""
+        plant = self.plant
+        num_positions = plant.num_positions(self.pepper)
+        state = plant.get_state_output_port(self.pepper)
+        model = self.control_model
+        rows = {
+            "joint_position": model.position_indices(BODY_JOINTS),
+            "joint_velocity": [num_positions + k for k in model.position_indices(BODY_JOINTS)],
+            "base_pose": model.position_indices(JOINT_GROUPS["base"]),
+        }
+        ports = {}
+        for name, columns in rows.items():
+            selector = builder.AddNamedSystem(
+                name, MatrixGain(D=np.eye(2 * num_positions)[columns])
+            )
+            builder.Connect(state, selector.get_input_port())
+            builder.ExportOutput(selector.get_output_port(), name)
+            ports[name] = selector.get_output_port()
+        return ports
+
+    def _add_actuation(self, builder: DiagramBuilder, measured: dict[str, OutputPort]) -> None:
+        """Turns joint and base commands into the desired state of the plant's servos."""
+        plant, config = self.plant, self.config
+        joints = builder.AddNamedSystem(
+            "joint_servo",
+            StateInterpolatorWithDiscreteDerivative(
+                len(BODY_JOINTS), config.command_period, suppress_initial_transient=True
+            ),
+        )
+        builder.ExportInput(joints.get_input_port(), "joint_position_command")
+        base = builder.AddNamedSystem("base_servo", BaseServo(time_step=config.command_period))
+        builder.ExportInput(base.velocity_input, "base_velocity_command")
+        builder.Connect(measured["base_pose"], base.base_pose_input)
+
+        n, nb = len(BODY_JOINTS), len(JOINT_GROUPS["base"])
+        names = [*BODY_JOINTS, *JOINT_GROUPS["base"]]
+        q_column = {name: k for k, name in enumerate(BODY_JOINTS)}
+        q_column |= {name: 2 * n + k for k, name in enumerate(JOINT_GROUPS["base"])}
+        offset = {name: n if name in BODY_JOINTS else nb for name in names}
+        order = [
+            plant.get_joint_actuator(index).joint().name()
+            for index in plant.GetJointActuatorIndices(self.pepper)
+        ]
+        columns = [q_column[name] for name in order]
+        columns += [q_column[name] + offset[name] for name in order]
+        merge = builder.AddNamedSystem("commands", Multiplexer([2 * n, 2 * nb]))
+        permute = builder.AddNamedSystem(
+            "actuator_order", MatrixGain(D=np.eye(2 * (n + nb))[columns])
+        )
+        builder.Connect(joints.get_output_port(), merge.get_input_port(0))
+        builder.Connect(base.get_output_port(), merge.get_input_port(1))
+        builder.Connect(merge.get_output_port(), permute.get_input_port())
+        builder.Connect(permute.get_output_port(), plant.get_desired_state_input_port(self.pepper))
+
+    def _add_motions(self, builder: DiagramBuilder) -> None:
+        """Moves what has a path along it."""
+        for moving in self.scene_models.moving:
+            source = builder.AddNamedSystem(
+                f"{moving.name}_path",
+                TrajectorySource(
+                    moving.path, output_derivative_order=1, zero_derivatives_beyond_limits=True
+                ),
+            )
+            builder.Connect(
+                source.get_output_port(), self.plant.get_desired_state_input_port(moving.model)
+            )
+
+    def _add_cameras(self, builder: DiagramBuilder, kinematics: RobotKinematics) -> None:
+        """Mounts the three cameras on the head."""
+        config = self.config
+        head = self.plant.GetBodyFrameIdOrThrow(self.plant.GetBodyByName("Head").index())
+        plan = (
+            ("camera_top", CAMERA_TOP, "color", 0.0),
+            ("camera_bottom", CAMERA_BOTTOM, "color", 0.0),
+            ("camera_depth", CAMERA_DEPTH, "depth", 0.5 * config.camera_period),
+        )
+        for number, (name, camera, kind, offset) in enumerate(plan):
+            self._add_camera(builder, kinematics, head, name, camera, kind, offset, number)
+
+    def _add_camera(
+        self,
+        builder: DiagramBuilder,
+        kinematics: RobotKinematics,
+        head: object,
+        name: str,
+        camera: HeadCamera,
+        kind: str,
+        offset: float,
+        number: int,
+    ) -> None:
+        config = self.config
+        color_camera, depth_camera = make_render_cameras(camera.intrinsics, RENDERER)
+        sensor = builder.AddNamedSystem(
+            f"{name}_sensor",
+            RgbdSensor(
+                parent_id=head,
+                X_PB=camera.X_HeadC,
+                color_camera=color_camera,
+                depth_camera=depth_camera,
+            ),
+        )
+        builder.Connect(self.scene_graph.get_query_output_port(), sensor.query_object_input_port())
+        noise: ColorNoise | DepthNoise
+        if kind == "color":
+            noise = ColorNoise() if config.noise else ColorNoise(sigma=0.0)
+            image = sensor.color_image_output_port()
+        else:
+            noise = DepthNoise() if config.noise else NO_DEPTH_NOISE
+            image = sensor.depth_image_32F_output_port()
+        camera_model = builder.AddNamedSystem(
+            name,
+            CameraModel(
+                camera.intrinsics,
+                kind=kind,
+                period=config.camera_period,
+                offset=offset,
+                noise=noise,
+                seed=3 * config.seed + number,
+                num_positions=self.control_model.plant.num_positions(),
+            ),
+        )
+        builder.Connect(image, camera_model.get_image_input_port())
+        builder.Connect(kinematics.GetOutputPort(f"{name}_pose"), camera_model.GetInputPort("X_WC"))
+        builder.Connect(
+            kinematics.GetOutputPort("robot_position"), camera_model.GetInputPort("position")
+        )
+        builder.ExportInput(camera_model.GetInputPort("enabled"), f"{name}.enabled")
+        builder.ExportOutput(camera_model.get_image_output_port(), f"{name}.image")
+        for port, export in (("X_WC", "pose"), ("time_stamp", "time_stamp")):
+            builder.ExportOutput(camera_model.GetOutputPort(port), f"{name}.{export}")
+        builder.ExportOutput(camera_model.GetOutputPort("position"), f"{name}.position")

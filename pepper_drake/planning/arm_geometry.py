@@ -1,0 +1,62 @@
+"""Where an arm's hand and spheres are, for many joint positions at once."""
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.models.pepper import hand_frame
+from pepper_drake.planning.arm_spheres import arm_link_names, make_link_spheres
+from pepper_drake.planning.control_model import ControlModel, arm_joints
+
+Vector = npt.NDArray[np.float64]
+
+
+class ArmGeometry:
+    """Forward kinematics of one arm in the torso frame T, with the arm as spheres.
+
+    Immutable: each call works on a context of its own.
+
+    Attributes:
+        arm: "left" or "right".
+        spheres: The arm's spheres, upper arm to hand.
+    """
+
+    def __init__(self, model: ControlModel, arm: str) -> None:
+        self.arm = arm
+        self.spheres = make_link_spheres(model, arm_link_names(arm))
+        self._model = model
+        self._torso = model.plant.GetFrameByName("torso")
+        self._hand = model.plant.GetFrameByName(hand_frame(arm))
+        self._links = [model.plant.GetFrameByName(name) for name in arm_link_names(arm)]
+        self._index = model.position_indices(arm_joints(arm))
+
+    def hand_pose(self, joint_position: Vector) -> RigidTransform:
+        """X_TH for the arm's joints (5,), rad."""
+        context = self._model.create_context()
+        q = np.zeros(self._model.plant.num_positions())
+        q[self._index] = joint_position
+        self._model.plant.SetPositions(context, q)
+        return self._hand.CalcPose(context, self._torso)
+
+    def sphere_centers(self, joint_positions: Vector) -> Vector:
+        """Centres (N, S, 3) of the spheres in T, m, for joints (N, 5), rad."""
+        context = self._model.create_context()
+        plant = self._model.plant
+        count = len(self._links)
+        rotations = np.empty((len(joint_positions), count, 3, 3))
+        positions = np.empty((len(joint_positions), count, 3))
+        q = np.zeros(plant.num_positions())
+        for n, angles in enumerate(joint_positions):
+            q[self._index] = angles
+            plant.SetPositions(context, q)
+            for k, frame in enumerate(self._links):
+                X_TL = frame.CalcPose(context, self._torso)
+                rotations[n, k] = X_TL.rotation().matrix()
+                positions[n, k] = X_TL.translation()
+        return self.spheres.place(rotations, positions)
+
+    def clearances(self, joint_positions: Vector, field: ObstacleField) -> Vector:
+        """Least distance (N,) of the arm's spheres to the obstacles of a field in T, m."""
+        gaps = field.distance(self.sphere_centers(joint_positions)) - self.spheres.radii
+        return gaps.min(axis=1)

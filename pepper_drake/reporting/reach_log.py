@@ -1,0 +1,74 @@
+"""The log of one reach: named arrays with their units in their names."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ReachLog:
+    """What happened, sampled every 10 ms: N rows. T is the torso frame, W the world.
+
+    Attributes:
+        time_s: (N,).
+        mode: (N,) the supervisor's `ReachMode`.
+        joint_position_rad: (N, 15) measured, in the order of `BODY_JOINTS`.
+        joint_command_rad: (N, 15) what the safety monitor passed on.
+        base_pose_m_m_rad: (N, 3) x, y, yaw in W.
+        hand_position_torso_m: (N, 3) measured.
+        desired_position_torso_m: (N, 3) the primitive's.
+        goal_position_torso_m: (N, 3) estimated.
+        goal_distance_m: (N,) between the hand and the true pre-grasp position.
+        phase: (N,).
+        tau_s: (N,).
+        coupling_m_per_s2: (N, 3) the coupling term as an acceleration, C_t / tau^2.
+        clearance_m: (N,) true least distance between Pepper and the obstacles, cut at 0.2.
+        seen_clearance_m: (N,) the same between the arm and the cloud, as the robot sees it.
+        cloud_torso_m: (P, 3) the cloud when the arm started.
+        demonstration_m: (M, 3) the demonstrated path.
+    """
+
+    time_s: Vector
+    mode: Vector
+    joint_position_rad: Vector
+    joint_command_rad: Vector
+    base_pose_m_m_rad: Vector
+    hand_position_torso_m: Vector
+    desired_position_torso_m: Vector
+    goal_position_torso_m: Vector
+    goal_distance_m: Vector
+    phase: Vector
+    tau_s: Vector
+    coupling_m_per_s2: Vector
+    clearance_m: Vector
+    seen_clearance_m: Vector
+    cloud_torso_m: Vector
+    demonstration_m: Vector
+
+    def save(self, path: Path) -> None:
+        """Writes all arrays into one compressed file."""
+        np.savez_compressed(path, **{f.name: getattr(self, f.name) for f in fields(self)})
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Reads what `save` wrote.
+
+        Raises:
+            InputError: The file is missing, is no log, or lacks an array.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                return cls(**{f.name: data[f.name] for f in fields(cls)})
+        except FileNotFoundError:
+            raise InputError(f"{path}: there is no such log; run a reach first") from None
+        except KeyError as error:
+            raise InputError(f"{path}: {error.args[0]}; record the run again") from None
+        except (ValueError, OSError):
+            raise InputError(f"{path}: this is no log of a reach; record the run again") from None

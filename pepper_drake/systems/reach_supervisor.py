@@ -1,0 +1,329 @@
+"""Decides what Pepper does next: look, drive up, reach, hold, or stop and say why."""
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.perception import PointCloud
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    EventStatus,
+    InputPort,
+    LeafSystem,
+    State,
+)
+
+from pepper_drake.perception.cloud_points import cloud_points
+from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
+from pepper_drake.planning.control_model import BODY_JOINTS
+from pepper_drake.planning.reach_planner import ReachPlanner, ReachVerdict
+
+Vector = npt.NDArray[np.float64]
+
+
+class ReachMode(IntEnum):
+    """What the robot is doing."""
+
+    LOOKING = 0
+    DRIVING = 1
+    SETTLING = 2
+    REACHING = 3
+    HOLDING = 4
+    DONE = 5
+    FAILED = 6
+
+
+@dataclass
+class ReachTiming:
+    """Durations and tolerances of the reach, s, m, m/s."""
+
+    looking: float = 1.2
+    """How long the scene is looked at, once the goal is seen."""
+    goal_timeout: float = 10.0
+    """How long the goal is searched for."""
+    driving_timeout: float = 20.0
+    settling: float = 0.6
+    """How long the robot stands and looks again before it reaches."""
+    goal_lost: float = 12.0
+    """Age of the last sight of the goal at which it counts as lost."""
+    holding: float = 1.0
+    """How long the hand stays at the goal before the job is done."""
+    reaching_timeout: float = 2.5
+    """In units of tau."""
+    position_tolerance: float = 0.006
+    """Distance of the hand to the goal at which it has arrived."""
+    accepted_position: float = 0.010
+    """The same, when the time is over."""
+
+
+@dataclass(frozen=True)
+class ReachProgress:
+    """The supervisor's state; each change makes a new one.
+
+    Attributes:
+        mode: What the robot is doing.
+        since: Time at which it began, s.
+        goal_seen_since: Time at which the goal was first seen, s; NaN before.
+        base_goal: Where the base should stand, x, y, yaw in W; NaN means: where it is.
+        reason: Name of the outcome: "" while all is well, else what went wrong in one word.
+        sentence: The same as a sentence.
+        still_since: Since when the hand has been at the goal, s; NaN when it is not.
+    """
+
+    mode: ReachMode = ReachMode.LOOKING
+    since: float = 0.0
+    goal_seen_since: float = np.nan
+    base_goal: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    reason: str = ""
+    sentence: str = ""
+    still_since: float = np.nan
+
+    def __deepcopy__(self, memo: dict) -> "ReachProgress":
+        """Returns itself: Drake copies the state at each event, and this never changes."""
+        return self
+
+    def to(self, mode: ReachMode, time: float) -> "ReachProgress":
+        """The same robot, doing something else from now on."""
+        return replace(self, mode=mode, since=time, still_since=np.nan)
+
+    def fail(self, time: float, reason: str, sentence: str) -> "ReachProgress":
+        """The end: what went wrong, as a word and as a sentence."""
+        return replace(self.to(ReachMode.FAILED, time), reason=reason, sentence=sentence)
+
+
+class ReachSupervisor(LeafSystem):
+    """The reach as a sequence of modes.
+
+    LOOKING (find the goal, take in the scene) → DRIVING (to where the arm can reach) → SETTLING
+    (stand, look again, check the reach) → REACHING → HOLDING → DONE; from everywhere to FAILED,
+    where the arm holds still. Whether, and from where, the goal can be reached is the planner's
+    to say, before the arm moves.
+
+    .. pydrake_system::
+
+        name: ReachSupervisor
+        input_ports:
+        - object_pose
+        - goal_valid
+        - goal_age
+        - goal_position
+        - cloud
+        - cloud_time
+        - joint_position
+        - base_pose
+        - hand_pose
+        - arrived
+        - tau
+        - stop_reason
+        output_ports:
+        - active
+        - base_goal
+        - resting_head
+        - mode
+        - progress
+
+    Inputs: `object_pose` X_WO; `goal_valid`, `goal_age` (1; s); `goal_position` (3), the hand's
+    goal in T; `cloud` (PointCloud in W) and `cloud_time` (1; time of its last frame, not finite
+    before the first); `joint_position` (15); `base_pose` (3); `hand_pose` X_TH; `arrived` (1);
+    `tau` (1; s); `stop_reason` (1; the safety monitor's `StopReason`).
+    Outputs: `active` (1), 1 while the primitive runs; `base_goal` (3), NaN for "stay";
+    `resting_head` (2), head yaw and pitch while the goal is searched for, rad; `mode` (1), a `ReachMode`; `progress`, the whole `ReachProgress`.
+    State: `ReachProgress` (abstract), at `time_step`.
+    """
+
+    def __init__(
+        self, planner: ReachPlanner, timing: ReachTiming, *, time_step: float = 0.05
+    ) -> None:
+        super().__init__()
+        self._planner, self._timing, self._time_step = planner, timing, time_step
+        self._ports: dict[str, InputPort] = {
+            name: self.DeclareAbstractInputPort(name, value)
+            for name, value in (
+                ("object_pose", Value(RigidTransform())),
+                ("cloud", Value(PointCloud())),
+                ("hand_pose", Value(RigidTransform())),
+            )
+        }
+        for name, size in (
+            ("goal_valid", 1),
+            ("goal_age", 1),
+            ("goal_position", 3),
+            ("cloud_time", 1),
+            ("joint_position", len(BODY_JOINTS)),
+            ("base_pose", 3),
+            ("arrived", 1),
+            ("tau", 1),
+            ("stop_reason", 1),
+        ):
+            self._ports[name] = self.DeclareVectorInputPort(name, size)
+        self._progress = self.DeclareAbstractState(Value[object](ReachProgress()))
+        state = {self.abstract_state_ticket(self._progress)}
+        self.DeclareVectorOutputPort("active", 1, self._calc_active, prerequisites_of_calc=state)
+        self.DeclareVectorOutputPort(
+            "base_goal", 3, self._calc_base_goal, prerequisites_of_calc=state
+        )
+        self.DeclareVectorOutputPort(
+            "resting_head",
+            2,
+            self._calc_resting_head,
+            prerequisites_of_calc={self.time_ticket()},
+        )
+        self.DeclareVectorOutputPort("mode", 1, self._calc_mode, prerequisites_of_calc=state)
+        self.DeclareAbstractOutputPort(
+            "progress",
+            lambda: Value[object](ReachProgress()),
+            self._calc_progress,
+            prerequisites_of_calc=state,
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
+
+    def progress(self, context: Context) -> ReachProgress:
+        """The present state in this context."""
+        return context.get_abstract_state(int(self._progress)).get_value()
+
+    def _scalar(self, context: Context, name: str) -> float:
+        return float(self._ports[name].Eval(context)[0])
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        before = self.progress(context)
+        after = self._next(context, before)
+        if after is before:
+            return EventStatus.DidNothing()
+        state.get_mutable_abstract_state(int(self._progress)).set_value(after)
+        return EventStatus.Succeeded()
+
+    def _next(self, context: Context, progress: ReachProgress) -> ReachProgress:
+        """The mode after this tick."""
+        if progress.mode in (ReachMode.DONE, ReachMode.FAILED):
+            return progress
+        time = context.get_time()
+        stop = StopReason(int(self._scalar(context, "stop_reason")))
+        if stop != StopReason.NONE:
+            return progress.fail(time, stop.name.lower(), STOP_SENTENCES[stop])
+        if (
+            progress.mode != ReachMode.LOOKING
+            and self._scalar(context, "goal_age") > self._timing.goal_lost
+        ):
+            return progress.fail(
+                time,
+                "goal_lost",
+                f"the goal's marker was not seen for {self._timing.goal_lost:g} s",
+            )
+        step = {
+            ReachMode.LOOKING: self._look,
+            ReachMode.DRIVING: self._drive,
+            ReachMode.SETTLING: self._settle,
+            ReachMode.REACHING: self._reach,
+            ReachMode.HOLDING: self._hold,
+        }[progress.mode]
+        return step(context, progress, time)
+
+    def _look(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+        timing = self._timing
+        if self._scalar(context, "goal_valid") < 0.5:
+            if time - progress.since > timing.goal_timeout:
+                return progress.fail(
+                    time,
+                    "goal_not_seen",
+                    f"no marker of the goal object was seen in {timing.goal_timeout:g} s",
+                )
+            return progress
+        if np.isnan(progress.goal_seen_since):
+            return replace(progress, goal_seen_since=time)
+        if time - progress.goal_seen_since < timing.looking:
+            return progress
+        if not np.isfinite(self._scalar(context, "cloud_time")):
+            if time - progress.goal_seen_since > timing.goal_timeout:
+                return progress.fail(
+                    time, "cloud_missing", "the depth camera gave no image of the scene"
+                )
+            return progress
+        plan = self._planner.plan_stand(
+            base_pose=self._ports["base_pose"].Eval(context),
+            joint_position=self._ports["joint_position"].Eval(context),
+            X_WO=self._ports["object_pose"].Eval(context),
+            cloud_W=cloud_points(self._ports["cloud"].Eval(context)),
+        )
+        if plan.verdict != ReachVerdict.CLEAR:
+            return progress.fail(time, plan.verdict.value, plan.sentence)
+        x, y, yaw = plan.base_pose
+        return replace(progress.to(ReachMode.DRIVING, time), base_goal=(x, y, yaw))
+
+    def _drive(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+        if self._scalar(context, "arrived") > 0.5 and time - progress.since > self._time_step:
+            return progress.to(ReachMode.SETTLING, time)
+        if time - progress.since > self._timing.driving_timeout:
+            return progress.fail(time, "drive_failed", "the base did not get to where it can reach")
+        return progress
+
+    def _settle(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+        if time - progress.since < self._timing.settling:
+            return progress
+        plan = self._planner.check_reach(
+            base_pose=self._ports["base_pose"].Eval(context),
+            joint_position=self._ports["joint_position"].Eval(context),
+            X_WO=self._ports["object_pose"].Eval(context),
+            cloud_W=cloud_points(self._ports["cloud"].Eval(context)),
+        )
+        if plan.verdict != ReachVerdict.CLEAR:
+            return progress.fail(time, plan.verdict.value, plan.sentence)
+        return progress.to(ReachMode.REACHING, time)
+
+    def _error(self, context: Context) -> float:
+        p_TH = self._ports["hand_pose"].Eval(context).translation()
+        return float(np.linalg.norm(self._ports["goal_position"].Eval(context) - p_TH))
+
+    def _reach(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+        timing = self._timing
+        elapsed = time - progress.since
+        tau = self._scalar(context, "tau")
+        error = self._error(context)
+        if elapsed >= tau and error <= timing.position_tolerance:
+            if np.isnan(progress.still_since):
+                return replace(progress, still_since=time)
+            if time - progress.still_since >= 0.2:
+                return progress.to(ReachMode.HOLDING, time)
+            return progress
+        if elapsed > timing.reaching_timeout * tau:
+            if error <= timing.accepted_position:
+                return progress.to(ReachMode.HOLDING, time)
+            return progress.fail(
+                time,
+                "not_reached",
+                f"the hand stayed {1000 * error:.0f} mm from its goal",
+            )
+        if not np.isnan(progress.still_since):
+            return replace(progress, still_since=np.nan)
+        return progress
+
+    def _hold(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+        if time - progress.since >= self._timing.holding:
+            return progress.to(ReachMode.DONE, time)
+        return progress
+
+    def _calc_active(self, context: Context, output: BasicVector) -> None:
+        mode = self.progress(context).mode
+        running = mode in (ReachMode.REACHING, ReachMode.HOLDING, ReachMode.DONE)
+        output.SetAtIndex(0, float(running))
+
+    def _calc_base_goal(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(np.array(self.progress(context).base_goal))
+
+    def _calc_resting_head(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(search_gaze(context.get_time()))
+
+    def _calc_mode(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, float(self.progress(context).mode))
+
+    def _calc_progress(self, context: Context, output: Value) -> None:
+        output.set_value(self.progress(context))
+
+
+def search_gaze(time: float) -> Vector:
+    """Head yaw and pitch (2,), rad, that sweep tables to the left and right, from the middle."""
+    sweep, period, pitch = np.radians(60), 6.0, 0.25
+    return np.array([sweep * np.sin(2 * np.pi * time / period), pitch])

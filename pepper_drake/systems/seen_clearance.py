@@ -1,0 +1,62 @@
+"""How near the arm is to what the robot has seen."""
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.perception import PointCloud
+from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
+
+from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.perception.cloud_points import cloud_points
+from pepper_drake.planning.arm_geometry import ArmGeometry
+
+
+class SeenClearance(LeafSystem):
+    """Least distance between the arm, as spheres, and the cloud.
+
+    .. pydrake_system::
+
+        name: SeenClearance
+        input_ports:
+        - cloud
+        - joint_position
+        output_ports:
+        - clearance
+
+    Inputs: `cloud`, a PointCloud in the torso frame T; `joint_position` (5), the arm's, rad.
+    Output: `clearance` (1), m, infinite before the first tick and for an empty cloud. State: the
+    same, every `time_step`.
+
+    Args:
+        geometry: Of the arm.
+        extension: How far each point reaches down, m (see `ObstacleField`); zero takes the cloud
+            as it was seen.
+        time_step: s.
+    """
+
+    def __init__(
+        self, geometry: ArmGeometry, *, extension: float = 0.0, time_step: float = 0.05
+    ) -> None:
+        super().__init__()
+        self._geometry, self._extension = geometry, extension
+        self.cloud_input: InputPort = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
+        self.joint_position_input: InputPort = self.DeclareVectorInputPort("joint_position", 5)
+        self._field = self.DeclareCacheEntry(
+            "distance field of the cloud",
+            ValueProducer(
+                allocate=lambda: Value[object](ObstacleField(np.zeros((0, 3)))),
+                calc=self._calc_field,
+            ),
+            prerequisites_of_calc={self.cloud_input.ticket()},
+        )
+        self._clearance = self.DeclareDiscreteState([np.inf])
+        self.DeclareStateOutputPort("clearance", self._clearance)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+
+    def _calc_field(self, context: Context, field: Value) -> None:
+        points = cloud_points(self.cloud_input.Eval(context))
+        field.set_value(ObstacleField(points, extension=self._extension))
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        joints = self.joint_position_input.Eval(context)
+        field = self._field.Eval(context)
+        discrete_state.set_value(self._clearance, self._geometry.clearances(joints[None], field))
