@@ -5,6 +5,7 @@ and recording.html (a stand-alone page that shows the motion).
 """
 
 import json
+import logging
 import time
 
 import numpy as np
@@ -35,6 +36,7 @@ def main() -> int:
     if arguments.arm not in (None, script.arm):
         script = script.mirrored()
 
+    logging.getLogger("drake").setLevel(logging.WARNING)  # Not where meshcat could be watched.
     meshcat = Meshcat()
     start = time.perf_counter()
     recording = record_guided(script, meshcat)

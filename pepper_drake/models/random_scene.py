@@ -28,13 +28,15 @@ def random_scene(seed: int) -> Scene:
     height = float(rng.uniform(0.66, 0.80))
     edge = float(rng.uniform(0.75, 1.05))
     depth = float(rng.uniform(0.45, 0.65))
+    radius = round(float(rng.uniform(0.028, 0.036)), 4)
     goal = GoalObject(
-        radius=float(rng.uniform(0.028, 0.036)),
+        radius=radius,
         height=0.22,
-        position=_rounded(edge + rng.uniform(0.06, 0.13), side * rng.uniform(0.02, 0.20), height),
+        position=_rounded(edge + rng.uniform(0.05, 0.11), side * rng.uniform(0.02, 0.20), height),
         yaw=round(float(rng.uniform(-0.3, 0.3)), 4),
     )
-    goal.radius = round(goal.radius, 4)
+    # The plate leans on the cylinder, whatever its radius.
+    goal.marker.position[0] = round(-radius - 0.017, 4)
     obstacles = _table(edge, depth, height)
     taken = [(goal.position[0], goal.position[1], _GOAL_KEEP_OUT)]
     for number in range(int(rng.integers(2, 7))):
