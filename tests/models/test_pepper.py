@@ -8,6 +8,7 @@ from pydrake.geometry import Box, Capsule, Cylinder, Role, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from pepper_drake.errors import InputError
@@ -288,11 +289,18 @@ def test_the_head_does_not_hide_the_view_of_its_own_cameras(robot):
     assert front < 0.0514  # the rearmost camera's lens
 
 
-def test_the_file_loads_by_itself():
-    plant = MultibodyPlant(0.0)
+@pytest.mark.parametrize("welded", [None, "odom", "base_footprint", "torso"])
+def test_the_file_loads_and_moves_by_itself_whatever_is_welded(welded):
+    plant = MultibodyPlant(0.002)
     (model,) = Parser(plant).AddModels(pepper.PEPPER_URDF)
+    if welded:
+        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(welded))
     plant.Finalize()
     assert plant.GetModelInstanceName(model) == "pepper"
+    assert plant.num_positions() == (18 if welded else 25)
+    simulator = Simulator(plant)
+    simulator.AdvanceTo(0.02)
+    assert np.isfinite(plant.GetPositions(simulator.get_context())).all()
 
 
 def test_added_pepper_starts_in_its_posture_without_gravity():
