@@ -27,6 +27,8 @@ class LwprParameters:
         learning_rate: Of the distance metric [alpha].
         penalty: Weight of the cost on narrow fields [gamma], for errors in units of the
             outputs' standard deviation and metrics in units of the initial one.
+        widest: A field gets no wider than so many times the initial width. Where a field spans
+            several bends the cost falls towards wider ones, still worse for its neighbours.
     """
 
     generation_threshold: float = 0.3
@@ -36,6 +38,7 @@ class LwprParameters:
     forgetting_rate: float = 0.999
     learning_rate: float = 0.3
     penalty: float = 1e-5
+    widest: float = 1.5
 
 
 _TINY = np.finfo(float).tiny
@@ -121,7 +124,8 @@ class Lwpr:
         ratio = np.sum(error**2, axis=1) / np.maximum(squared_before, _TINY)
         transient = np.minimum(1.0, ratio) ** 4
         step = transient * self._metric_step(new, w, x, s, error, squared_before)
-        new["root"] *= 1 - np.minimum(np.maximum(step, -0.1), 0.1)
+        root = new["root"] * (1 - np.minimum(np.maximum(step, -0.1), 0.1))
+        new["root"] = np.maximum(root, self._initial_root / self.parameters.widest)
         # Traces of how earlier samples' errors change when this sample's weight does.
         leverage = w * s**2 / new["ss"]
         damping = transient / np.maximum(1 - leverage, 1e-3)
@@ -244,7 +248,7 @@ def fit_lwpr(data: ForcingData, num_basis: int, seed: int, num_epochs: int = 30)
     rng = np.random.default_rng(seed)
     # Samples eight widths apart are shown together: no field answers two of them.
     order = np.argsort(data.times, kind="stable")
-    stride = max(1, int(np.ceil(8 * width * len(order))))
+    stride = min(len(order), int(np.ceil(8 * width * len(order))))
     for _ in range(num_epochs):
         for first in rng.permutation(stride):
             together = order[first::stride]

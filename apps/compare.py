@@ -1,0 +1,84 @@
+"""Compare the approximators: the report's table 4.1 and figure 4.5, on your demonstrations.
+
+Fits every demonstration with every approximator, performs it, and measures how far the motion is
+from what was shown (equation 4.1) and how long it took. Writes table.json, table.md and
+comparison.png. Without demonstrations it takes ten made-up motions.
+"""
+
+import json
+from dataclasses import asdict
+
+from tqdm import tqdm
+
+from pepper_drake.cli import EXIT_DONE, make_parser, run
+from pepper_drake.errors import InputError
+from pepper_drake.learning import approximator_names
+from pepper_drake.learning.approximators import get_approximator
+from pepper_drake.learning.comparison import (
+    REPORT_NUM_BASIS,
+    compare,
+    give_back,
+    markdown_table,
+)
+from pepper_drake.learning.demonstration_folder import load_all
+from pepper_drake.learning.example_motions import example_demonstrations
+from pepper_drake.reporting.comparison_figure import draw_comparison
+
+
+def main() -> int:
+    """Runs the app and returns its exit code."""
+    parser = make_parser("compare", __doc__)
+    parser.add_argument(
+        "demonstrations",
+        nargs="*",
+        metavar="DEMO",
+        help="a demonstration, or a folder in and below which all are taken",
+    )
+    parser.add_argument(
+        "--num-basis",
+        nargs="+",
+        type=int,
+        default=REPORT_NUM_BASIS,
+        metavar="N",
+        help="numbers of basis functions (default: 20 30 40 50 60)",
+    )
+    parser.add_argument(
+        "--approximators",
+        nargs="+",
+        default=approximator_names(),
+        metavar="NAME",
+        help=f"some of {', '.join(approximator_names())} (default: all)",
+    )
+    arguments = parser.parse_args()
+    names, nums_basis = list(arguments.approximators), list(arguments.num_basis)
+    for name in names:
+        get_approximator(name)
+    if min(nums_basis) < 1:
+        raise InputError(f"--num-basis: {min(nums_basis)} basis functions; use at least 1")
+    demonstrations = load_all(arguments.demonstrations)
+    if not demonstrations:
+        demonstrations = example_demonstrations(seed=arguments.seed)
+
+    total = len(names) * len(nums_basis) * len(demonstrations)
+    with tqdm(total=total, unit="fit", disable=arguments.quiet) as bar:
+        rows = compare(demonstrations, names, nums_basis, progress=bar.update)
+
+    shown = demonstrations[0]
+    middle = sorted(nums_basis)[len(nums_basis) // 2]
+    paths = {name: give_back(shown, name, middle)[0] for name in names}
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    table = {
+        "demonstrations": [demonstration.name for demonstration in demonstrations],
+        "rows": [asdict(row) for row in rows],
+    }
+    (arguments.output / "table.json").write_text(json.dumps(table, indent=2) + "\n")
+    (arguments.output / "table.md").write_text(markdown_table(rows))
+    draw_comparison(shown, paths, rows).savefig(arguments.output / "comparison.png", dpi=120)
+    if not arguments.quiet:
+        print(markdown_table(rows))
+        print(f"written to {arguments.output}: table.json, table.md, comparison.png")
+    return EXIT_DONE
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,68 @@
+"""The report's figure 4.5: how the approximators give back one demonstration, and which is best."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.interpolate import CubicHermiteSpline
+
+from pepper_drake.learning.comparison import ComparisonRow
+from pepper_drake.learning.demonstration import Demonstration
+from pepper_drake.learning.primitive import Path3D
+
+
+def draw_comparison(
+    demonstration: Demonstration, paths: Mapping[str, Path3D], rows: Sequence[ComparisonRow]
+) -> Figure:
+    """Draws one demonstration with the paths of each approximator, and the table's medians.
+
+    Args:
+        demonstration: The motion that was shown.
+        paths: By approximator, that motion given back.
+        rows: Of `compare`.
+    """
+    figure = Figure(figsize=(13, 8), layout="constrained")
+    grid = figure.add_gridspec(2, 6)
+    colors = {name: f"C{index}" for index, name in enumerate(paths)}
+    space = figure.add_subplot(grid[0, :3], projection="3d")
+    space.plot(*demonstration.positions.T, color="k", lw=4, alpha=0.25, label="demonstration")
+    space.scatter(*demonstration.positions[:1].T, color="k", s=25)
+    for name, path in paths.items():
+        space.plot(*path.positions.T, color=colors[name], lw=1.2, label=name)
+    space.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    space.set_title(f"{demonstration.name}: shown and given back (dot: start)", fontsize=10)
+    space.set_aspect("equal")
+    space.locator_params(nbins=4)
+    space.legend(fontsize=8, loc="center left", bbox_to_anchor=(-0.45, 0.5))
+
+    times = demonstration.times - demonstration.times[0]
+    error = figure.add_subplot(grid[0, 3:])
+    for name, path in paths.items():
+        given = CubicHermiteSpline(path.times, path.positions, path.velocities)(times)
+        gap = 1000 * np.linalg.norm(given - demonstration.positions, axis=1)
+        error.semilogy(times, np.maximum(gap, 1e-6), color=colors[name], lw=1.2)
+    error.set(xlabel="time [s]", ylabel="distance to the demonstration [mm]")
+    error.set_title("what the eye cannot see on the left", fontsize=10)
+    error.grid(alpha=0.3)
+
+    count = rows[0].demonstrations if rows else 0
+    values = (
+        ("position_distance_median", "position distance, equation 4.1 [m]", 1.0),
+        ("velocity_distance_median", "velocity distance [m/s]", 1.0),
+        ("fit_seconds", "time to fit [ms]", 1000.0),
+    )
+    for index, (key, label, unit) in enumerate(values):
+        axes = figure.add_subplot(grid[1, 2 * index : 2 * index + 2])
+        for name in paths:
+            mine = [row for row in rows if row.approximator == name]
+            axes.semilogy(
+                [row.num_basis for row in mine],
+                [unit * getattr(row, key) for row in mine],
+                "o-",
+                color=colors[name],
+                ms=4,
+            )
+        axes.set(xlabel="basis functions", ylabel=label)
+        axes.set_title(f"median over {count} demonstrations", fontsize=10)
+        axes.grid(alpha=0.3, which="both")
+    return figure
