@@ -1,7 +1,11 @@
 """What every app shares: options, exit codes, and one clear sentence for bad input."""
 
 import argparse
+import contextlib
+import logging
+import os
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -53,3 +57,25 @@ def run(main: Callable[[], int]) -> None:
         print("interrupted", file=sys.stderr)
         code = 130
     sys.exit(code)
+
+
+def quiet_libraries() -> None:
+    """Keeps the terminal for the app: Drake logs warnings only, and its solver prints nothing.
+
+    The quadratic-program solver inside Drake's inverse kinematics prints to C's standard output,
+    which Python cannot redirect; Python's own output moves to a copy of the terminal.
+    """
+    logging.getLogger("drake").setLevel(logging.WARNING)
+    sys.stdout.flush()
+    terminal = os.dup(1)
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+    sys.stdout = os.fdopen(terminal, "w", buffering=1)
+
+
+def wait_for_interrupt(message: str) -> None:
+    """Prints a message and waits until Ctrl-C."""
+    print(message, flush=True)
+    with contextlib.suppress(KeyboardInterrupt):
+        while True:
+            time.sleep(1)

@@ -79,7 +79,8 @@ class ReachRun:
             )
             builder.AddNamedSystem("visualizer", self._visualizer)
             builder.Connect(
-                reaching.GetOutputPort("ground_truth.query"), self._visualizer.query_object_input_port()
+                reaching.GetOutputPort("ground_truth.query"),
+                self._visualizer.query_object_input_port(),
             )
             system = builder.Build()
         self.simulator = Simulator(system)
@@ -178,7 +179,7 @@ class ReachRun:
             tau_s=tau,
             coupling_m_per_s2=coupling,
             clearance_m=self._rows("clearance")[:, 0],
-            seen_clearance_m=np.minimum(self._rows("seen_clearance")[:, 0], 0.2),
+            seen_clearance_m=np.minimum(self._rows("seen_clearance")[:, 0], 0.1),
             cloud_torso_m=self._cloud_T,
             demonstration_m=reaching.planner.demonstrated_path(),
         )

@@ -5,16 +5,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import (
-    ConstantVectorSource,
     LogVectorOutput,
     MatrixGain,
-    Multiplexer,
     VectorLogSink,
 )
 
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.coupling import Coupling
+from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.goal import MarkedObject
@@ -40,6 +39,7 @@ from pepper_drake.systems.depth_point_cloud_source import DepthPointCloudSource
 from pepper_drake.systems.goal_estimator import GoalEstimator
 from pepper_drake.systems.hand_goal import HandGoal
 from pepper_drake.systems.hand_pose_bus import HandPoseBus
+from pepper_drake.systems.joint_command_merge import JointCommandMerge
 from pepper_drake.systems.look_at import LookAt
 from pepper_drake.systems.nominal_posture import NominalPosture
 from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
@@ -50,6 +50,7 @@ from pepper_drake.systems.reach_supervisor import ReachSupervisor, ReachTiming
 from pepper_drake.systems.safety_monitor import SafetyMonitor
 from pepper_drake.systems.seen_clearance import SeenClearance
 from pepper_drake.systems.transformation_system import TransformationSystem
+from pepper_drake.systems.triggered_path import TriggeredPath
 
 
 @dataclass
@@ -98,6 +99,7 @@ class Reaching(Diagram):
         self._add_primitive(coupling)
         self._add_inverse_kinematics()
         self._add_commands()
+        self._add_goal_motion()
         self._add_logs()
         builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
         del self._builder
@@ -145,9 +147,7 @@ class Reaching(Diagram):
         ):
             self._connect(station.GetOutputPort(f"camera_depth.{port}"), self.cloud_source, name)
         self._connect(self.object_pose, self.cloud_source, "object_pose")
-        self._connect(
-            self.goal_estimator.GetOutputPort("valid"), self.cloud_source, "object_valid"
-        )
+        self._connect(self.goal_estimator.GetOutputPort("valid"), self.cloud_source, "object_valid")
         self._connect(
             self.goal_estimator.GetOutputPort("velocity"), self.cloud_source, "object_velocity"
         )
@@ -231,9 +231,7 @@ class Reaching(Diagram):
             for name in ("phase", "phase_velocity", "tau"):
                 self._connect(self.canonical.GetOutputPort(name), system, name)
         self._connect(goal, self.translation, "goal_position")
-        self._connect(
-            station.GetOutputPort(f"{hand}_position"), self.translation, "start_position"
-        )
+        self._connect(station.GetOutputPort(f"{hand}_position"), self.translation, "start_position")
         self._connect(
             self.hand_goal.GetOutputPort("goal_orientation"), self.rotation, "goal_orientation"
         )
@@ -243,19 +241,14 @@ class Reaching(Diagram):
 
         self.coupling = None
         if coupling is not None:
-            self.coupling = builder.AddNamedSystem(
-                "obstacle_coupling", ObstacleCoupling(coupling)
-            )
-            self._connect(
-                self.cloud_source.GetOutputPort("cloud_torso"), self.coupling, "cloud"
-            )
+            self.coupling = builder.AddNamedSystem("obstacle_coupling", ObstacleCoupling(coupling))
+            self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.coupling, "cloud")
             for name in ("position", "velocity", "nominal_acceleration"):
                 self._connect(self.translation.GetOutputPort(name), self.coupling, name)
+            self._connect(self.active, self.coupling, "active")
             self._connect(goal, self.coupling, "goal_position")
             self._connect(self.canonical.GetOutputPort("tau"), self.coupling, "tau")
-            self._connect(
-                self.coupling.GetOutputPort("coupling"), self.translation, "coupling"
-            )
+            self._connect(self.coupling.GetOutputPort("coupling"), self.translation, "coupling")
             self._connect(self.coupling.GetOutputPort("slowdown"), self.canonical, "slowdown")
 
     def _add_inverse_kinematics(self) -> None:
@@ -275,9 +268,8 @@ class Reaching(Diagram):
             "arm_command",
             ArmCommand(
                 arm=arm,
-                limits=model.command_limits(
-                    arm_joints(arm), speed_fraction=params.speed_fraction
-                ),
+                limits=model.command_limits(arm_joints(arm), speed_fraction=params.speed_fraction),
+                start_position=[self.scene.robot.positions()[name] for name in arm_joints(arm)],
                 time_step=params.time_step,
             ),
         )
@@ -299,32 +291,22 @@ class Reaching(Diagram):
         builder.Connect(station.GetOutputPort("joint_position"), measured.get_input_port())
         self.arm_position = measured.get_output_port()
         self._connect(self.active, self.arm_command, "active")
-        self._connect(
-            self.differential_ik.get_output_port(), self.arm_command, "desired_velocity"
-        )
+        self._connect(self.differential_ik.get_output_port(), self.arm_command, "desired_velocity")
         self._connect(self.arm_position, self.arm_command, "measured_position")
 
     def _add_commands(self) -> None:
         """All joints' commands together, through the safety monitor, to the station."""
         builder, station, arm = self._builder, self.station, self.scene.arm
         model = station.control_model
-        start = self.scene.robot.positions()
-        moved = (*JOINT_GROUPS["head"], *arm_joints(arm))
-        rest = [name for name in BODY_JOINTS if name not in moved]
-        others = builder.AddNamedSystem(
-            "other_joints", ConstantVectorSource([start[name] for name in rest])
+        merge = builder.AddNamedSystem(
+            "joint_commands",
+            JointCommandMerge(
+                {"head": JOINT_GROUPS["head"], "arm": arm_joints(arm)},
+                self.scene.robot.positions(),
+            ),
         )
-        merge = builder.AddNamedSystem("all_joints", Multiplexer([2, 5, len(rest)]))
-        order = [(*moved, *rest).index(name) for name in BODY_JOINTS]
-        sort = builder.AddNamedSystem("body_order", MatrixGain(D=np.eye(len(order))[order]))
-        builder.Connect(
-            self.look_at.GetOutputPort("head_position_command"), merge.get_input_port(0)
-        )
-        builder.Connect(
-            self.arm_command.GetOutputPort("position_command"), merge.get_input_port(1)
-        )
-        builder.Connect(others.get_output_port(), merge.get_input_port(2))
-        builder.Connect(merge.get_output_port(), sort.get_input_port())
+        self._connect(self.look_at.GetOutputPort("head_position_command"), merge, "head_command")
+        self._connect(self.arm_command.GetOutputPort("position_command"), merge, "arm_command")
 
         head = builder.AddNamedSystem(
             "head_position",
@@ -334,9 +316,7 @@ class Reaching(Diagram):
         self._connect(head.get_output_port(), self.look_at, "head_position")
 
         self.seen_clearance = builder.AddNamedSystem("seen_clearance", SeenClearance(self.geometry))
-        self._connect(
-            self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud"
-        )
+        self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud")
         self._connect(self.arm_position, self.seen_clearance, "joint_position")
 
         self.safety = builder.AddNamedSystem(
@@ -347,7 +327,7 @@ class Reaching(Diagram):
                 time_step=self.config.ik.time_step,
             ),
         )
-        self._connect(sort.get_output_port(), self.safety, "joint_position_command")
+        self._connect(merge.get_output_port(), self.safety, "joint_position_command")
         self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
         if self.config.safety:
             self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
@@ -356,6 +336,17 @@ class Reaching(Diagram):
             self.safety.GetOutputPort("safe_joint_position_command"),
             station.GetInputPort("joint_position_command"),
         )
+
+    def _add_goal_motion(self) -> None:
+        """Moves the goal object once the arm starts, if that is asked for."""
+        for moving in self.station.scene_models.moving:
+            if self.config.station.goal_motion_port and moving.name == GOAL_OBJECT:
+                path = self._builder.AddNamedSystem("goal_motion", TriggeredPath(moving.path))
+                self._builder.Connect(self.active, path.trigger_input)
+                self._builder.Connect(
+                    path.get_output_port(),
+                    self.station.GetInputPort(f"{moving.name}.desired_state"),
+                )
 
     def _add_logs(self) -> None:
         """Logs what the report and the figures need, and watches the true clearance."""

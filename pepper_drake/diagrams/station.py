@@ -34,7 +34,9 @@ from pepper_drake.systems.robot_kinematics import RobotKinematics
 
 RENDERER = "vtk"
 _HAND_PORTS = tuple(
-    f"{arm}_hand_{what}" for arm in ("left", "right") for what in ("pose", "position", "orientation")
+    f"{arm}_hand_{what}"
+    for arm in ("left", "right")
+    for what in ("pose", "position", "orientation")
 )
 NO_DEPTH_NOISE = DepthNoise(floor=0.0, growth=0.0, edge_loss=0.0, edge_mix=0.0, loss=0.0)
 
@@ -55,8 +57,11 @@ class StationConfig:
     """Whether the cameras have the noise of the real ones."""
     seed: int = 0
     """Seed of all sensor noise."""
+    goal_motion_port: bool = False
+    """Whether the goal object's motion comes in by the port `goal_object.desired_state`, and not
+    from the path in its scene by the clock."""
     stiffness: dict[str, float] = field(
-        default_factory=lambda: {name: 1.0 for name in JOINT_GROUPS}
+        default_factory=lambda: dict.fromkeys(JOINT_GROUPS, 1.0)
     )
     """Stiffness of each joint group, from 0 (limp) to 1, as NAOqi has it."""
     proportional_gain: float = 400.0
@@ -77,6 +82,7 @@ class PepperStation(Diagram):
         - camera_top.enabled
         - camera_bottom.enabled
         - camera_depth.enabled
+        - goal_object.desired_state (optional)
         output_ports:
         - joint_position
         - joint_velocity
@@ -106,7 +112,8 @@ class PepperStation(Diagram):
     The joint ports have 15 elements in the order of `BODY_JOINTS` (rad); `base_velocity_command`
     is vx, vy, yaw rate in the base frame; `base_pose` is x, y, yaw in W by odometry. Poses are
     X_WT, X_TH and X_WC, from the measured joints. A camera's image, pose, time stamp (and the
-    robot's positions, 18) belong together: all four are of the moment of the capture. Only the
+    robot's positions, 18) belong together: all four are of the moment of the capture. Input
+    `goal_object.desired_state` (offset in m and its rate, 6) is there when the config asks for it. Only the
     ports `ground_truth.*` know what a real robot cannot.
 
     Attributes:
@@ -159,9 +166,7 @@ class PepperStation(Diagram):
 
     def robot_geometries(self) -> set[GeometryId]:
         """Pepper's collision geometries."""
-        return self._geometries(
-            index for index in self.plant.GetBodyIndices(self.pepper)
-        )
+        return self._geometries(index for index in self.plant.GetBodyIndices(self.pepper))
 
     def obstacle_geometries(self) -> set[GeometryId]:
         """The collision geometries of what must not be touched."""
@@ -261,15 +266,17 @@ class PepperStation(Diagram):
     def _add_motions(self, builder: DiagramBuilder) -> None:
         """Moves what has a path along it."""
         for moving in self.scene_models.moving:
+            desired_state = self.plant.get_desired_state_input_port(moving.model)
+            if self.config.goal_motion_port and moving.name == self.scene_models.goal_object:
+                builder.ExportInput(desired_state, f"{moving.name}.desired_state")
+                continue
             source = builder.AddNamedSystem(
                 f"{moving.name}_path",
                 TrajectorySource(
                     moving.path, output_derivative_order=1, zero_derivatives_beyond_limits=True
                 ),
             )
-            builder.Connect(
-                source.get_output_port(), self.plant.get_desired_state_input_port(moving.model)
-            )
+            builder.Connect(source.get_output_port(), desired_state)
 
     def _add_cameras(self, builder: DiagramBuilder, kinematics: RobotKinematics) -> None:
         """Mounts the three cameras on the head."""

@@ -52,7 +52,7 @@ class ReachPlannerParams:
     """Farthest distance of the hand from the shoulder."""
     body_clearance: float = 0.03
     """Between the body (all but the reaching arm) and the cloud."""
-    wanted_clearance: float = 0.02
+    wanted_clearance: float = 0.016
     """Between the arm and the cloud: with this a place to stand is taken at once."""
     least_clearance: float = 0.008
     """With less the arm does not start."""
@@ -178,10 +178,7 @@ class ReachPlanner:
             )
             if best is None or _quality(plan) > _quality(best):
                 best = plan
-            if (
-                plan.verdict == ReachVerdict.CLEAR
-                and plan.clearance >= params.wanted_clearance
-            ):
+            if plan.verdict == ReachVerdict.CLEAR and plan.clearance >= params.wanted_clearance:
                 break
         assert best is not None
         return best
@@ -331,7 +328,7 @@ class ReachPlanner:
                     options.append((discomfort, x, side * y, heading + turn))
         for _, x, y, yaw in sorted(options):
             # p_WG = p_WB + R_WB (p_BT + p_TG), in the plane.
-            forward, left = X_BT.translation()[:2] + [x, y]
+            forward, left = [*X_BT.translation()[:2], x, y]
             yield (
                 X_WG.translation()[0] - np.cos(yaw) * forward + np.sin(yaw) * left,
                 X_WG.translation()[1] - np.sin(yaw) * forward - np.cos(yaw) * left,

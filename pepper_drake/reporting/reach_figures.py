@@ -1,5 +1,6 @@
 """Figures of one reach, for people who would rather look than read."""
 
+import itertools
 from pathlib import Path
 
 import matplotlib as mpl
@@ -100,7 +101,7 @@ def _shade_modes(axes: Axes, log: ReachLog) -> None:
     changes = np.flatnonzero(np.diff(log.mode)) + 1
     edges = [0, *changes, len(log.mode) - 1]
     top = axes.get_subplotspec()
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in itertools.pairwise(edges):
         mode = ReachMode(int(log.mode[begin]))
         left, right = log.time_s[begin], log.time_s[end]
         axes.axvspan(left, right, color=_MODE_COLORS.get(mode, "white"), zorder=0)

@@ -29,7 +29,7 @@ class ReachLog:
         phase: (N,).
         tau_s: (N,).
         coupling_m_per_s2: (N, 3) the coupling term as an acceleration, C_t / tau^2.
-        clearance_m: (N,) true least distance between Pepper and the obstacles, cut at 0.2.
+        clearance_m: (N,) true least distance between Pepper and the obstacles, cut at 0.1.
         seen_clearance_m: (N,) the same between the arm and the cloud, as the robot sees it.
         cloud_torso_m: (P, 3) the cloud when the arm started.
         demonstration_m: (M, 3) the demonstrated path.

@@ -42,7 +42,7 @@ class ReachReport:
     final_position_error: float | None = None
     """Distance between the hand and the true pre-grasp pose at the end."""
     final_orientation_error: float | None = None
-    """Angle between the two. Five joints cannot take six-dimensional poses: position comes first."""
+    """Angle between the two. Five joints cannot take every pose: position comes first."""
     goal_estimate_error: float | None = None
     """Distance between the estimated and the true pre-grasp position at the end."""
     minimum_clearance: float | None = None
@@ -103,4 +103,3 @@ def pose_error(X_WA: RigidTransform, X_WB: RigidTransform) -> tuple[float, float
     distance = float(np.linalg.norm(X_WA.translation() - X_WB.translation()))
     angle = (X_WA.rotation().inverse() @ X_WB.rotation()).ToAngleAxis().angle()
     return distance, float(abs(angle))
-

@@ -1,5 +1,7 @@
 """The arm's joint command: what the inverse kinematics asks for, inside every limit."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
 
@@ -10,8 +12,9 @@ from pepper_drake.planning.joint_command import step_arm_command
 class ArmCommand(LeafSystem):
     """Integrates the inverse kinematics' joint velocities into commands that keep all limits.
 
-    While inactive the command brakes to a stand and stays. Before the first activity it is the
-    measured position, so that nothing jumps when the diagram starts.
+    While inactive the command brakes to a stand and stays. It starts from the measured position
+    when the diagram is initialized, so that nothing jumps; in a context that never was, from
+    `start_position`.
 
     .. pydrake_system::
 
@@ -26,11 +29,18 @@ class ArmCommand(LeafSystem):
 
     Inputs: `active` (1), 0 or 1; `desired_velocity` (5), rad/s; `measured_position` (5), rad.
     Outputs: `position_command` (5), rad; `velocity_command` (5), rad/s.
-    State: command position and velocity and whether it was ever active (11), at `time_step`.
-    The law is `planning.joint_command.step_arm_command`.
+    State: command position and velocity (10), at `time_step`. The law is
+    `planning.joint_command.step_arm_command`.
     """
 
-    def __init__(self, *, arm: str, limits: CommandLimits, time_step: float = 0.01) -> None:
+    def __init__(
+        self,
+        *,
+        arm: str,
+        limits: CommandLimits,
+        start_position: Sequence[float],
+        time_step: float = 0.01,
+    ) -> None:
         super().__init__()
         self._arm, self._limits, self._time_step = arm, limits, time_step
         self.active_input: InputPort = self.DeclareVectorInputPort("active", 1)
@@ -38,13 +48,10 @@ class ArmCommand(LeafSystem):
         self.measured_position_input: InputPort = self.DeclareVectorInputPort(
             "measured_position", 5
         )
-        self._state = self.DeclareDiscreteState(11)
+        self._state = self.DeclareDiscreteState(np.array([*start_position, *np.zeros(5)]))
         state = {self.discrete_state_ticket(self._state)}
         self.DeclareVectorOutputPort(
-            "position_command",
-            5,
-            self._calc_position,
-            prerequisites_of_calc=state | {self.measured_position_input.ticket()},
+            "position_command", 5, self._calc_position, prerequisites_of_calc=state
         )
         self.DeclareVectorOutputPort(
             "velocity_command", 5, self._calc_velocity, prerequisites_of_calc=state
@@ -52,36 +59,25 @@ class ArmCommand(LeafSystem):
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
-    def _latched(self, context: Context) -> bool:
-        return context.get_discrete_state(self._state).value()[10] > 0
-
     def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
-        state = np.zeros(11)
-        state[:5] = self.measured_position_input.Eval(context)
-        state[10] = 1.0
-        discrete_state.set_value(self._state, state)
+        measured = self.measured_position_input.Eval(context)
+        discrete_state.set_value(self._state, np.concatenate((measured, np.zeros(5))))
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        if not self._latched(context):
-            self._initialize(context, discrete_state)
-            return
         state = context.get_discrete_state(self._state).value()
         active = self.active_input.Eval(context)[0] > 0.5
         position, velocity = step_arm_command(
             state[:5],
-            state[5:10],
+            state[5:],
             self.desired_velocity_input.Eval(context) if active else np.zeros(5),
             arm=self._arm,
             limits=self._limits,
             time_step=self._time_step,
         )
-        discrete_state.set_value(self._state, np.concatenate((position, velocity, [1.0])))
+        discrete_state.set_value(self._state, np.concatenate((position, velocity)))
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
-        if self._latched(context):
-            output.SetFromVector(context.get_discrete_state(self._state).value()[:5])
-        else:
-            output.SetFromVector(self.measured_position_input.Eval(context))
+        output.SetFromVector(context.get_discrete_state(self._state).value()[:5])
 
     def _calc_velocity(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).value()[5:10])
+        output.SetFromVector(context.get_discrete_state(self._state).value()[5:])

@@ -35,7 +35,7 @@ class ClearanceMonitor(LeafSystem):
         *,
         robot: Set[GeometryId],
         obstacles: Set[GeometryId],
-        max_distance: float = 0.2,
+        max_distance: float = 0.1,
         time_step: float = 0.01,
     ) -> None:
         super().__init__()

@@ -24,6 +24,7 @@ class ObstacleCoupling(LeafSystem):
         - nominal_acceleration
         - goal_position
         - tau
+        - active (optional)
         output_ports:
         - coupling
         - slowdown
@@ -35,7 +36,8 @@ class ObstacleCoupling(LeafSystem):
     Inputs: `cloud` abstract PointCloud [m], points that are not finite are ignored, an empty or
     missing cloud pushes nothing; `position` (3) [m], `velocity` (3) [m/s] and
     `nominal_acceleration` (3) [m/s²] of a `TransformationSystem`; `goal_position` (3) [m];
-    `tau` (1) [s]. All are in the frame of the motion, normally T.
+    `tau` (1) [s]. All are in the frame of the motion, normally T. While `active` (1) is 0 nothing
+    is computed: no push, and an infinite distance.
 
     Outputs: `coupling` (3) [m]; `slowdown` (1) >= 0 for the `CanonicalSystem`; `distance` (1) [m]
     from the hand's centre to the nearest solid, infinite without obstacles.
@@ -55,6 +57,7 @@ class ObstacleCoupling(LeafSystem):
         self.nominal_acceleration_port = self.DeclareVectorInputPort("nominal_acceleration", 3)
         self.goal_position_port = self.DeclareVectorInputPort("goal_position", 3)
         self.tau_port = self.DeclareVectorInputPort("tau", 1)
+        self.active_port = self.DeclareVectorInputPort("active", 1)
 
         self._field = self.DeclareCacheEntry(
             "obstacle field",
@@ -71,6 +74,7 @@ class ObstacleCoupling(LeafSystem):
             ValueProducer(allocate=lambda: Value({}), calc=self._calc_push),
             prerequisites_of_calc={
                 self._clearance.ticket(),
+                self.active_port.ticket(),
                 *(
                     port.ticket()
                     for port in (
@@ -123,6 +127,9 @@ class ObstacleCoupling(LeafSystem):
         value.get_mutable_value()["clearance"] = self._coupling.clearance(field, goal)
 
     def _calc_push(self, context: Any, value: Any) -> None:
+        if self.active_port.HasValue(context) and not self.active_port.Eval(context)[0]:
+            value.get_mutable_value()["push"] = Push(np.zeros(3), np.array(0.0), np.array(np.inf))
+            return
         value.get_mutable_value()["push"] = self._coupling.push(
             self._field.Eval(context)["field"],
             np.stack((self.position_port.Eval(context), self.velocity_port.Eval(context))),

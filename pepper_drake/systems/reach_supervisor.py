@@ -131,7 +131,8 @@ class ReachSupervisor(LeafSystem):
     before the first); `joint_position` (15); `base_pose` (3); `hand_pose` X_TH; `arrived` (1);
     `tau` (1; s); `stop_reason` (1; the safety monitor's `StopReason`).
     Outputs: `active` (1), 1 while the primitive runs; `base_goal` (3), NaN for "stay";
-    `resting_head` (2), head yaw and pitch while the goal is searched for, rad; `mode` (1), a `ReachMode`; `progress`, the whole `ReachProgress`.
+    `resting_head` (2), head yaw and pitch while the goal is searched for, rad; `mode` (1), a
+    `ReachMode`; `progress`, the whole `ReachProgress`.
     State: `ReachProgress` (abstract), at `time_step`.
     """
 
@@ -324,6 +325,15 @@ class ReachSupervisor(LeafSystem):
 
 
 def search_gaze(time: float) -> Vector:
-    """Head yaw and pitch (2,), rad, that sweep tables to the left and right, from the middle."""
-    sweep, period, pitch = np.radians(60), 6.0, 0.25
-    return np.array([sweep * np.sin(2 * np.pi * time / period), pitch])
+    """Where the head looks while the goal is searched for.
+
+    Args:
+        time: Since the search began, s.
+
+    Returns:
+        Head yaw and pitch (2,), rad: first ahead at the height of tables, then sweeping to the
+        left and right.
+    """
+    patience, sweep, period, pitch = 1.5, np.radians(60), 6.0, 0.25
+    swept = max(time - patience, 0.0)
+    return np.array([sweep * np.sin(2 * np.pi * swept / period), pitch])

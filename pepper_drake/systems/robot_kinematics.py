@@ -1,10 +1,15 @@
 """Where Pepper's torso, hands and cameras are, by its own joints and odometry."""
 
-from collections.abc import Callable
-
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, OutputPort, ValueProducer
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    ValueProducer,
+)
 
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.planning.control_model import BODY_JOINTS, ControlModel
@@ -82,9 +87,11 @@ class RobotKinematics(LeafSystem):
             plant_context = self._kinematics.Eval(context)
             output.set_value(self._model.pose(plant_context, frame, relative_to))
 
-        allocate: Callable[[], Value] = lambda: Value(RigidTransform())
         return self.DeclareAbstractOutputPort(
-            name, allocate, calc, prerequisites_of_calc={self._kinematics.ticket()}
+            name,
+            lambda: Value(RigidTransform()),
+            calc,
+            prerequisites_of_calc={self._kinematics.ticket()},
         )
 
     def _declare_vectors(self, name: str, frame: str) -> None:

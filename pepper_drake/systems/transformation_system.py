@@ -8,7 +8,7 @@ from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from pepper_drake.learning.approximators import LinearForcingModel
-from pepper_drake.learning.attractor import Forcing, GoalState
+from pepper_drake.learning.attractor import Forcing, GoalState, node_phases
 from pepper_drake.learning.primitive import MovementPrimitive
 
 # Parts of the discrete state, each of three coordinates.
@@ -206,18 +206,19 @@ def TransformationSystem_(T: type) -> type:
 
         def _goal(self, context: Any, state: Any) -> GoalState:
             velocity = self._optional(self.goal_velocity_port, context)
-            goal = GoalState(state[_GOAL], velocity, state[_DELAYED])
+            lag = state[_DELAYED] - state[_GOAL]
+            goal = GoalState(np.stack((state[_GOAL], velocity)), lag)
             if self._time_step == 0.0:
                 return goal
             return goal.seen(self.goal_position_port.Eval(context), velocity)
 
         def _nominal_acceleration(self, context: Any) -> Any:
             state = self._state(context)
+            phases = self.phase_port.Eval(context)
             nominal = self._attractor.acceleration(
                 state[:6].reshape(2, 3),
                 self._goal(context, state),
-                self._forcing(context, state),
-                self.phase_port.Eval(context)[0],
+                self._forcing(context, state)(phases)[0],
                 self.tau_port.Eval(context)[0],
             )
             return nominal * self._active(context)
@@ -242,9 +243,7 @@ def TransformationSystem_(T: type) -> type:
                 moved = self._attractor.advance(
                     state[:6].reshape(2, 3),
                     goal,
-                    self._forcing(context, state),
-                    phase,
-                    decay,
+                    self._forcing(context, state)(node_phases(phase, decay, self._time_step)),
                     tau,
                     self._time_step,
                     self._optional(self.coupling_port, context),
@@ -270,10 +269,9 @@ def TransformationSystem_(T: type) -> type:
             values = self._state(context)
             phase = self.phase_port.Eval(context)[0]
             if self._active(context) > 0.5 and phase < 1.0:
-                velocity = self._optional(self.goal_velocity_port, context)
-                goal = GoalState(values[_GOAL], velocity, values[_DELAYED])
-                seen = goal.seen(self.goal_position_port.Eval(context), velocity)
-                values[_GOAL] = seen.position
+                seen = self.goal_position_port.Eval(context)
+                goal = self._goal(context, values)
+                values[_GOAL] = goal.seen(seen, goal.line[1]).position
             else:
                 values = self._start_state(context)
                 continuous = np.concatenate((values[:6], values[_DELAYED]))
@@ -293,7 +291,7 @@ def TransformationSystem_(T: type) -> type:
             rates = (
                 state[_VELOCITY] * active,
                 self._nominal_acceleration(context) + push * active,
-                (following + goal.velocity) * active,
+                (following + goal.line[1]) * active,
             )
             derivatives.get_mutable_vector().SetFromVector(np.concatenate(rates))
 

@@ -9,7 +9,7 @@ START = np.array([1.0, -0.5, 0.5, 0.8, 0.1])
 
 def make_rig(active):
     limits = shared_control_model().command_limits(arm_joints("right"))
-    system = ArmCommand(arm="right", limits=limits)
+    system = ArmCommand(arm="right", limits=limits, start_position=START - 0.2)
     simulator = Simulator(system)
     context = simulator.get_mutable_context()
     system.measured_position_input.FixValue(context, START)
@@ -24,6 +24,7 @@ def position(system, context):
 
 def test_inactive_holds_the_measured_start():
     system, simulator, context = make_rig(active=False)
+    simulator.Initialize()
     np.testing.assert_array_equal(position(system, context), START)
     simulator.AdvanceTo(0.2)
     system.measured_position_input.FixValue(context, START + 0.1)
@@ -49,8 +50,7 @@ def test_becoming_inactive_brakes_and_then_stands():
     np.testing.assert_array_equal(velocity, np.zeros(5))
 
 
-def test_works_when_it_was_never_initialised():
-    system, simulator, context = make_rig(active=True)
+def test_a_context_that_was_never_initialised_starts_from_the_start_position():
+    system, _, _ = make_rig(active=True)
     fresh = system.CreateDefaultContext()
-    system.measured_position_input.FixValue(fresh, START)
-    np.testing.assert_array_equal(position(system, fresh), START)
+    np.testing.assert_array_equal(position(system, fresh), START - 0.2)

@@ -45,8 +45,8 @@ def test_safe_commands_pass_in_the_same_tick():
     ("command", "reason"),
     [
         (np.full(5, np.nan), StopReason.COMMAND_NOT_FINITE),
-        (START + [0, 1.0, 0, 0, 0], StopReason.COMMAND_OUTSIDE_LIMITS),
-        (START + [0.2, 0, 0, 0, 0], StopReason.COMMAND_TOO_FAST),
+        (START + np.array([0, 1.0, 0, 0, 0]), StopReason.COMMAND_OUTSIDE_LIMITS),
+        (START + np.array([0.2, 0, 0, 0, 0]), StopReason.COMMAND_TOO_FAST),
     ],
 )
 def test_an_unsafe_command_never_passes_and_the_last_safe_one_is_held(command, reason):

@@ -1,0 +1,128 @@
+"""Pepper reaches for an object that it sees, around obstacles that it sees.
+
+It looks at the goal object (which carries an ArUco marker), takes in the scene with its depth
+camera, drives up, and performs the movement that it was taught, bent around the obstacles.
+
+  reach.py                              the table of the report's figure 4.1
+  reach.py --scene shelf --arm left     another scene, the other arm
+  reach.py --goal-motion up             the object moves while the arm is on its way
+  reach.py --no-avoidance               what happens without the obstacle coupling
+  reach.py --live                       watch it in a browser, in real time
+
+Results: report.json, log.npz, recording.html (open it in any browser), path.png, timeline.png,
+scene.png. Exit code 0: reached; 1: not reached, the report says why; 2: bad input.
+"""
+
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from pydrake.geometry import Meshcat
+
+from pepper_drake import cli
+from pepper_drake.diagrams.reach_run import ReachRun, RunOptions, save_result
+from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive, prepare_scene
+from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.models.random_scene import random_scene
+from pepper_drake.models.scene import SCENES, load_scene
+from pepper_drake.reporting.reach_figures import save_reach_figures
+from pepper_drake.reporting.scene_picture import save_scene_picture
+
+
+def make_parser() -> ArgumentParser:
+    """Makes the parser of this app's options."""
+    parser = cli.make_parser("reach", __doc__)
+    scenes = parser.add_mutually_exclusive_group()
+    scenes.add_argument(
+        "--scene",
+        default="table",
+        metavar="NAME|FILE",
+        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: %(default)s)",
+    )
+    scenes.add_argument("--random-scene", type=int, metavar="SEED", help="a random scene instead")
+    parser.add_argument(
+        "--demo",
+        type=Path,
+        metavar="PATH",
+        help="a demonstration of a right arm: a folder with translation.txt and rotation.txt, or "
+        "one text file of ten columns (default: the one that ships)",
+    )
+    parser.add_argument("--arm", choices=("left", "right"), help="default: the scene's")
+    parser.add_argument(
+        "--goal-motion",
+        metavar="MOTION",
+        help="move the goal object 8 cm once the arm starts: up, aside, away; or a file with rows "
+        "of time x y z (s and m, offsets in the world frame)",
+    )
+    parser.add_argument(
+        "--coupling",
+        choices=("barrier", "report"),
+        help="how obstacles bend the movement: a barrier, or the report's equation 2.7 "
+        "(default: the scene's)",
+    )
+    parser.add_argument(
+        "--no-avoidance", action="store_true", help="leave the obstacle coupling out"
+    )
+    parser.add_argument(
+        "--live", action="store_true", help="show it in a browser in real time, and stay open"
+    )
+    parser.add_argument(
+        "--no-recording", action="store_true", help="leave recording.html out, which is faster"
+    )
+    return parser
+
+
+def build(options: Namespace) -> Reaching:
+    """Builds the diagram that the options ask for."""
+    scene = (
+        load_scene(options.scene)
+        if options.random_scene is None
+        else random_scene(options.random_scene)
+    )
+    scene = prepare_scene(scene, arm=options.arm, motion=options.goal_motion)
+    if options.coupling is not None:
+        scene.coupling = options.coupling
+    config = ReachingConfig(
+        station=StationConfig(seed=options.seed, goal_motion_port=options.goal_motion is not None),
+        safety=not options.no_avoidance,
+    )
+    return Reaching(
+        scene,
+        make_primitive(options.demo, scene.arm),
+        make_coupling("none" if options.no_avoidance else scene.coupling),
+        config,
+    )
+
+
+def main() -> int:
+    """Runs the app."""
+    options = make_parser().parse_args()
+    cli.quiet_libraries()
+    reaching = build(options)
+    meshcat = Meshcat() if options.live or not options.no_recording else None
+    if options.live and meshcat is not None:
+        print(f"Watch it at {meshcat.web_url()}", flush=True)
+    run = ReachRun(
+        reaching,
+        RunOptions(
+            meshcat=meshcat,
+            record=not options.no_recording,
+            realtime=options.live,
+            progress=not options.quiet and sys.stderr.isatty(),
+        ),
+    )
+    result = run.run()
+    save_result(result, options.output)
+    save_reach_figures(result.log, options.output)
+    save_scene_picture(run, options.output / "scene.png")
+    if not options.quiet:
+        print(result.report.summary())
+        print(f"Results are in {options.output}")
+    if options.live:
+        cli.wait_for_interrupt("Press Ctrl-C to end.")
+    return cli.EXIT_DONE if result.report.outcome == "reached" else cli.EXIT_FAILED
+
+
+if __name__ == "__main__":
+    cli.run(main)
