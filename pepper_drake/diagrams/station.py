@@ -113,8 +113,8 @@ class PepperStation(Diagram):
     is vx, vy, yaw rate in the base frame; `base_pose` is x, y, yaw in W by odometry. Poses are
     X_WT, X_TH and X_WC, from the measured joints. A camera's image, pose, time stamp (and the
     robot's positions, 18) belong together: all four are of the moment of the capture. Input
-    `goal_object.desired_state` (offset in m and its rate, 6) is there when the config asks for it. Only the
-    ports `ground_truth.*` know what a real robot cannot.
+    `goal_object.desired_state` (6), the offset in m and its rate, is there when the config asks
+    for it. Only the ports `ground_truth.*` know what a real robot cannot.
 
     Attributes:
         plant: The plant with Pepper and the scene.

@@ -328,7 +328,7 @@ class ReachPlanner:
                     options.append((discomfort, x, side * y, heading + turn))
         for _, x, y, yaw in sorted(options):
             # p_WG = p_WB + R_WB (p_BT + p_TG), in the plane.
-            forward, left = [*X_BT.translation()[:2], x, y]
+            forward, left = X_BT.translation()[0] + x, X_BT.translation()[1] + y
             yield (
                 X_WG.translation()[0] - np.cos(yaw) * forward + np.sin(yaw) * left,
                 X_WG.translation()[1] - np.sin(yaw) * forward - np.cos(yaw) * left,
