@@ -133,6 +133,20 @@ class CameraIntrinsics:
             far=self.far,
         )
 
+    def scaled(self, factor: int) -> "CameraIntrinsics":
+        """Returns a camera with `factor` times as many pixels along each axis, the same view."""
+        return CameraIntrinsics(
+            self.width * factor,
+            self.height * factor,
+            self.focal_x * factor,
+            self.focal_y * factor,
+            (self.center_x + 0.5) * factor - 0.5,
+            (self.center_y + 0.5) * factor - 0.5,
+            self.distortion,
+            self.near,
+            self.far,
+        )
+
     def project(self, p_CP: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Projects points into the image.
 

@@ -15,6 +15,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.camera import CameraIntrinsics
+from pepper_drake.perception.marker_edges import marker_edges, refine_on_edges
 
 MARKER_DICTIONARY = "DICT_4X4_50"
 
@@ -25,7 +26,13 @@ _LARGEST_REPROJECTION_ERROR = 1.5
 """A quadrilateral that no square projects to within this rms [pixels] is not a marker."""
 
 _AMBIGUITY_RATIO = 2.5
-"""The two pose solutions are told apart by their errors alone when these differ by this factor."""
+"""Two poses are told apart by the errors of four corners when these differ by this factor, ..."""
+
+_EDGE_AMBIGUITY_RATIO = 1.2
+"""... and by the errors of all edges of the pattern when these differ by this one."""
+
+_LEAST_SUPPORT = 0.6
+"""A pattern of whose edges fewer are seen than this share is hidden, or another one."""
 
 
 @dataclass(frozen=True)
@@ -53,14 +60,16 @@ class MarkerPose:
 
     Attributes:
         X_CM: Pose of the marker in the camera frame.
-        reprojection_error: Root mean square distance of the corners from their projection, pixels.
-        covariance: Covariance (6, 6) of rotation (rad, axes of C) and position (m, in C), from the
-            corners' standard deviation given to `marker_poses`.
+        reprojection_error: Root mean square distance of the corners, or of the pattern's edges,
+            from where the pose puts them, pixels.
+        covariance: Covariance (6, 6) of rotation (rad, axes of C) and position (m, in C).
+        on_edges: Whether the pose was fitted to all edges of the pattern.
     """
 
     X_CM: RigidTransform
     reprojection_error: float
     covariance: npt.NDArray[np.float64]
+    on_edges: bool = False
 
 
 @functools.lru_cache(maxsize=4)
@@ -183,6 +192,42 @@ def marker_poses(
     return sorted(poses, key=lambda pose: pose.reprojection_error)
 
 
+def refine_poses(
+    image: npt.NDArray[np.uint8],
+    poses: Sequence[MarkerPose],
+    marker_id: int,
+    size: float,
+    intrinsics: CameraIntrinsics,
+    *,
+    dictionary: str = MARKER_DICTIONARY,
+) -> list[MarkerPose]:
+    """Fits poses to all edges of the marker's pattern.
+
+    Args:
+        image: RGBA, RGB or grey image.
+        poses: What `marker_poses` returned. The second is left out when it is clearly worse.
+        marker_id: The marker's number.
+        size: Side of the black square, m.
+        intrinsics: The camera.
+        dictionary: Name of an OpenCV dictionary.
+
+    Returns:
+        The refined poses, the better one first. None when the pattern is not seen where a pose
+        puts it. Poses of a marker that is too small in the image are returned as they are.
+    """
+    if len(poses) > 1 and _is_better(poses[0], poses[1]):
+        poses = poses[:1]
+    gray, edges = to_gray(image), marker_edges(dictionary, marker_id)
+    refined = []
+    for pose in poses:
+        fit = refine_on_edges(gray, pose.X_CM, edges, size, intrinsics)
+        if fit is None:
+            refined.append(pose)
+        elif fit.support >= _LEAST_SUPPORT:
+            refined.append(MarkerPose(fit.X_CM, fit.error, fit.covariance, on_edges=True))
+    return sorted(refined, key=lambda pose: pose.reprojection_error)
+
+
 def choose_pose(
     poses: Sequence[MarkerPose],
     X_WC: RigidTransform,
@@ -192,9 +237,9 @@ def choose_pose(
 ) -> MarkerPose | None:
     """Chooses between a marker's two poses.
 
-    The smaller reprojection error decides when it is smaller by a factor of 2.5. Otherwise it is
-    the pose that turns the object least from where it was last; without a last orientation, the
-    pose with which the object's z axis is closest to upright.
+    The smaller reprojection error decides when it is clearly smaller. Otherwise it is the pose that
+    turns the object least from where it was last; without a last orientation, the pose with which
+    the object's z axis is closest to upright.
 
     Args:
         poses: What `marker_poses` returned.
@@ -210,7 +255,7 @@ def choose_pose(
     if len(poses) == 1:
         return poses[0]
     best, other = poses[:2]
-    if other.reprojection_error > _AMBIGUITY_RATIO * max(best.reprojection_error, 0.02):
+    if _is_better(best, other):
         return best
 
     def strangeness(pose: MarkerPose) -> float:
@@ -220,6 +265,13 @@ def choose_pose(
         return -float(R_WO.col(2)[2])
 
     return min((best, other), key=strangeness)
+
+
+def _is_better(best: MarkerPose, other: MarkerPose) -> bool:
+    """Whether the errors alone tell which of two poses is the right one."""
+    on_edges = best.on_edges and other.on_edges
+    ratio = _EDGE_AMBIGUITY_RATIO if on_edges else _AMBIGUITY_RATIO
+    return other.reprojection_error > ratio * max(best.reprojection_error, 0.02)
 
 
 def _angle(R1: RotationMatrix, R2: RotationMatrix) -> float:

@@ -114,7 +114,9 @@ def degrade_color(
     """Makes a perfect colour image look as the real camera's: bent by its lens, and noisy.
 
     Args:
-        rgba: Rendered image (height, width, 4).
+        rgba: Rendered image (height, width, 4), or one of several times that size, of which each
+            block of pixels becomes one: a sensor's pixel gathers light over its whole area, a
+            renderer's looks at one point.
         intrinsics: The camera; its distortion is applied.
         noise: The noise.
         seed: Seed of the camera's noise.
@@ -123,6 +125,9 @@ def degrade_color(
     Returns:
         A new image (height, width, 4).
     """
+    if rgba.shape[1] > intrinsics.width:
+        size = (intrinsics.width, intrinsics.height)
+        rgba = cv2.resize(rgba, size, interpolation=cv2.INTER_AREA)
     if intrinsics.is_distorted:
         coarse, fine = distortion_maps(intrinsics)
         rgba = cv2.remap(rgba, coarse, fine, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
