@@ -12,7 +12,6 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 from scipy.cluster.vq import kmeans2
-from scipy.special import logsumexp
 
 from pepper_drake.errors import InputError
 
@@ -56,23 +55,22 @@ class GaussianMixture:
         factors = np.linalg.cholesky(self.covariances)
         whiten = np.linalg.inv(factors)
         offsets = (whiten @ self.means[:, :, None])[:, :, 0]
-        deviations = np.einsum("nd,ked->nke", data, whiten, optimize=True) - offsets
+        squares = np.zeros((len(data), self.num_components))
+        for row, offset in zip(np.swapaxes(whiten, 0, 1), offsets.T, strict=True):
+            squares += (data @ row.T - offset) ** 2
         log_determinants = 2 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
         with np.errstate(divide="ignore"):  # A component that lost all its data has log(0).
             log_priors = np.log(self.priors)
-        return log_priors - 0.5 * (
-            np.einsum("nke,nke->nk", deviations, deviations)
-            + log_determinants
-            + data.shape[1] * np.log(2 * np.pi)
-        )
+        constant = log_priors - 0.5 * (log_determinants + data.shape[1] * np.log(2 * np.pi))
+        return np.asarray(constant - 0.5 * squares)
 
     def log_likelihood(self, data: Array) -> float:
         """Returns the mean of log p(v_i) over data of shape (N, D)."""
-        return float(logsumexp(self.log_joint(data), axis=1).mean())
+        return float(soft_maximum(self.log_joint(data))[0].mean())
 
     def responsibilities(self, data: Array) -> Array:
         """Returns h_ki = p(k | v_i), equation A.4, shape (N, K), for data of shape (N, D)."""
-        return _normalised(self.log_joint(data))
+        return soft_maximum(self.log_joint(data))[1]
 
     def marginal(self, num_dims: int) -> "GaussianMixture":
         """Returns the mixture of the first `num_dims` coordinates."""
@@ -150,11 +148,16 @@ def maximisation(
     """
     counts = responsibilities.sum(axis=0)
     held = counts > np.finfo(float).tiny * len(data)
-    weights = responsibilities[:, held] / counts[held]
+    weights = responsibilities[:, held].T / counts[held, None]
+    # Moments about the centre of all data, so that little is lost in the difference.
+    centre = data.mean(axis=0)
+    centred = data - centre
+    first = weights @ centred
+    products = (centred[:, :, None] * centred[:, None, :]).reshape(len(data), -1)
+    second = (weights @ products).reshape(-1, data.shape[1], data.shape[1])
     means, covariances = previous.means.copy(), previous.covariances.copy()
-    means[held] = weights.T @ data
-    deviations = data[:, None, :] - means[held]
-    scatter = np.einsum("nk,nkd,nke->kde", weights, deviations, deviations, optimize=True)
+    means[held] = first + centre
+    scatter = second - first[:, :, None] * first[:, None, :]
     eigenvalues, eigenvectors = np.linalg.eigh(scatter)
     raised = np.maximum(eigenvalues, covariance_floor)
     covariances[held] = (eigenvectors * raised[:, None, :]) @ np.swapaxes(eigenvectors, 1, 2)
@@ -237,16 +240,18 @@ def fit_gaussian_mixture(
     )
     best = -np.inf
     for _ in range(max_iterations):
-        log_joint = mixture.log_joint(scaled)
-        log_likelihood = logsumexp(log_joint, axis=1).mean()
+        log_densities, responsibilities = soft_maximum(mixture.log_joint(scaled))
+        log_likelihood = log_densities.mean()
         if log_likelihood - best < tolerance:
             break
         best = log_likelihood
-        mixture = maximisation(scaled, _normalised(log_joint), covariance_floor, mixture)
+        mixture = maximisation(scaled, responsibilities, covariance_floor, mixture)
     return mixture.transformed(np.diag(scale), centre)
 
 
-def _normalised(log_joint: Array) -> Array:
-    """Exponentiates rows so that each sums to one."""
-    weights = np.exp(log_joint - log_joint.max(axis=1, keepdims=True))
-    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+def soft_maximum(log_joint: Array) -> tuple[Array, Array]:
+    """Returns log(sum_k exp(l_ik)), shape (N,), and exp(l_ik) divided by that sum, (N, K)."""
+    highest = log_joint.max(axis=1, keepdims=True)
+    weights = np.exp(log_joint - highest)
+    sums = weights.sum(axis=1, keepdims=True)
+    return (highest + np.log(sums))[:, 0], weights / sums
