@@ -57,34 +57,44 @@ class MotionSample:
 class GoalState(NamedTuple):
     """The goal as the attractor knows it, at one time.
 
+    The spring sees a delayed goal d that follows the goal g smoothly:
+    tau d' = alpha_z / 2 (g - d) + tau g'.
+
     Attributes:
-        position: (D,) of the goal.
-        velocity: (D,) its known velocity; zero if unknown.
-        delayed: (D,) the goal that the spring sees, which follows the goal smoothly:
-            tau d' = alpha_z / 2 (g - d) + tau g'.
+        line: (2, D) position of the goal and its known velocity, zero if unknown.
+        lag: (D,) d - g; None where the spring sees the goal itself.
     """
 
-    position: Array
-    velocity: Array
-    delayed: Array
+    line: Array
+    lag: Array | None = None
+
+    @classmethod
+    def at(cls, position: Array) -> "GoalState":
+        """Returns a goal at rest that the spring sees without delay."""
+        return cls(np.stack((position, np.zeros(len(position)))))
+
+    @property
+    def position(self) -> Array:
+        """(D,) where the goal is."""
+        return self.line[0]
+
+    @property
+    def delayed(self) -> Array:
+        """(D,) the goal that the spring sees."""
+        return self.line[0] if self.lag is None else self.line[0] + self.lag
 
     def seen(self, position: Array, velocity: Array) -> "GoalState":
         """Returns the goal after it was seen; moves under `GOAL_THRESHOLD` are ignored."""
         displacement = position - self.position
         if displacement @ displacement <= GOAL_THRESHOLD**2:
-            position = self.position
-        return GoalState(position, velocity, self.delayed)
+            return GoalState(np.stack((self.position, velocity)), self.lag)
+        return GoalState(np.stack((position, velocity)), self.delayed - position)
 
     def later(self, time_step: float, rate: Scalar) -> "GoalState":
         """Returns the goal `time_step` later; `rate` is the attractor's `goal_rate`."""
-        position = self.position + self.velocity * time_step
-        lag = self.delayed - self.position
-        return GoalState(position, self.velocity, position + lag * np.exp(-rate * time_step))
-
-
-def still_goal(position: Array) -> GoalState:
-    """Returns a goal at rest that the spring sees without delay."""
-    return GoalState(position, np.zeros(len(position)), position)
+        position = self.line[0] + self.line[1] * time_step
+        lag = None if self.lag is None else self.lag * np.exp(-rate * time_step)
+        return GoalState(np.stack((position, self.line[1])), lag)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,29 +157,25 @@ class Attractor:
         """Returns the same attractor with another forcing term."""
         return replace(self, model=model)
 
-    def acceleration(
-        self, state: Array, goal: GoalState, forcing: Forcing, phase: Scalar, tau: Scalar
-    ) -> Array:
+    def acceleration(self, state: Array, goal: GoalState, forcing: Array, tau: Scalar) -> Array:
         """Returns the acceleration without coupling, (..., D).
 
         Args:
             state: (..., 2, D) position and velocity.
             goal: What the spring sees.
-            forcing: Of `forcing`, for the start and the goal that the spring sees.
-            phase: (...).
+            forcing: (..., D) the forcing term.
             tau: [s].
         """
-        pull = forcing(np.asarray(phase)[..., None])[..., 0, :]
-        seen = np.stack((goal.delayed, goal.velocity))
-        return acceleration(state, seen, pull, tau, self.alpha_z)
+        seen = goal.line
+        if goal.lag is not None:
+            seen = np.stack((goal.delayed, seen[1]))
+        return acceleration(state, seen, forcing, tau, self.alpha_z)
 
     def advance(
         self,
         state: Array,
         goal: GoalState,
-        forcing: Forcing,
-        phase: Scalar,
-        decay: Scalar,
+        forcing: Array,
         tau: Scalar,
         time_step: float,
         coupling: Array | None = None,
@@ -179,24 +185,19 @@ class Attractor:
         Args:
             state: (..., 2, D) position and velocity.
             goal: What the spring sees, at the step's start.
-            forcing: Of `forcing`; its scaling is held over the step.
-            phase: (...) at the step's start.
-            decay: (...) -x' / x [1/s], held over the step.
+            forcing: (..., 4, D) the forcing term at the step's `node_phases`.
             tau: [s].
             time_step: [s].
             coupling: (..., D) C_t, held over the step; None means zero.
         """
-        inputs = forcing(node_phases(phase, decay, time_step))
-        if coupling is not None:
-            inputs = inputs + coupling[..., None, :]
+        inputs = forcing if coupling is None else forcing + coupling[..., None, :]
         inputs = inputs / (tau * tau)
-        lag = goal.delayed - goal.position
-        if np.any(lag != 0.0):
+        if goal.lag is not None:
             w = self.alpha_z / (2.0 * tau)
             fading = np.exp(NODES * (-self.goal_rate(tau) * time_step))
-            inputs = inputs + np.multiply.outer(fading, lag) * (w * w)
-        target = np.stack((goal.position, goal.velocity))
-        return advance(state, target, inputs, make_step(tau, time_step, self.alpha_z), time_step)
+            inputs = inputs + np.multiply.outer(fading, goal.lag) * (w * w)
+        step = make_step(tau, time_step, self.alpha_z)
+        return advance(state, goal.line, inputs, step, time_step)
 
     def goal_rate(self, tau: Scalar) -> Scalar:
         """Returns how fast the goal that the spring sees follows the goal [1/s]."""
@@ -204,14 +205,14 @@ class Attractor:
 
 
 def node_phases(phase: Scalar, decay: Scalar, time_step: float) -> Array:
-    """Returns the phases (..., 3) at a step's nodes.
+    """Returns the phases (..., 4) at a step's nodes.
 
     Args:
         phase: (...) at the step's start.
         decay: (...) -x' / x [1/s], constant over the step.
         time_step: [s].
     """
-    exponents = np.multiply.outer(np.asarray(decay), -time_step * NODES)
+    exponents = np.asarray(decay)[..., None] * (-time_step * NODES)
     return np.asarray(phase)[..., None] * np.exp(exponents)
 
 

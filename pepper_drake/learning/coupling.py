@@ -22,12 +22,14 @@ ahead, does not depend on how dense the cloud is, and is silent otherwise.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
+from pepper_drake.learning.arithmetic import arithmetic
 from pepper_drake.learning.obstacle_field import ObstacleField
 
 Array = npt.NDArray[np.float64]
@@ -43,8 +45,25 @@ class Push(NamedTuple):
     """
 
     coupling: Array
-    slowdown: Array
-    distance: Array
+    slowdown: Any
+    distance: Any
+
+
+class Field(Protocol):
+    """Where obstacles are: an `ObstacleField` or a `FieldFollower`."""
+
+    def distance(self, positions: npt.ArrayLike) -> Array:
+        """Returns distances (...) [m] at positions (..., 3)."""
+        ...
+
+    def distance_and_normal(self, position: Array, /) -> tuple[Any, Array]:
+        """Returns distances (...) [m] and unit normals (..., 3) at positions (..., 3)."""
+        ...
+
+    @property
+    def points(self) -> Array:
+        """(P, 3) the cloud [m]."""
+        ...
 
 
 class Coupling(Protocol):
@@ -56,7 +75,7 @@ class Coupling(Protocol):
 
     def push(
         self,
-        field: ObstacleField,
+        field: Field,
         state: Array,
         acceleration: Array,
         goal: Array,
@@ -75,7 +94,7 @@ class Coupling(Protocol):
         """
         ...
 
-    def silent_beyond(self, state: Array, acceleration: Array) -> Array:
+    def silent_beyond(self, state: Array, acceleration: Array) -> Any:
         """Returns the distance (...) [m] beyond which `push` is surely zero."""
         ...
 
@@ -98,7 +117,7 @@ class ReportCoupling:
 
     def push(
         self,
-        field: ObstacleField,
+        field: Field,
         state: Array,
         acceleration: Array,
         goal: Array,
@@ -120,7 +139,7 @@ class ReportCoupling:
         coupling = -(strength[..., None, :] @ across)[..., 0, :]
         return Push(coupling, np.zeros(speed.shape), field.distance(position))
 
-    def silent_beyond(self, state: Array, acceleration: Array) -> Array:
+    def silent_beyond(self, state: Array, acceleration: Array) -> Any:
         """Returns infinity: the report's push has no end."""
         return np.full(state.shape[:-2], np.inf)
 
@@ -167,7 +186,7 @@ class BarrierCoupling:
 
     def push(
         self,
-        field: ObstacleField,
+        field: Field,
         state: Array,
         acceleration: Array,
         goal: Array,
@@ -175,34 +194,45 @@ class BarrierCoupling:
         tau: float,
     ) -> Push:
         """Returns the barrier's push; see `Coupling`."""
+        xp, dot, scaled, anything = arithmetic(state)
         position, velocity = state[..., 0, :], state[..., 1, :]
         distance, normal = field.distance_and_normal(position)
-        to_goal = ((position - goal) ** 2).sum(axis=-1)
-        rho = self._rho0 + (goal_clearance - self._rho0) * np.exp(
-            -0.5 * to_goal / self.goal_distance**2
+        offset = position - goal
+        to_goal = dot(offset, offset)
+        rho = self._rho0 + (goal_clearance - self._rho0) * xp.exp(
+            -0.5 / self.goal_distance**2 * to_goal
         )
-        gap = distance - rho
-        inward = -(normal * acceleration).sum(axis=-1)
-        approach = (normal * velocity).sum(axis=-1)
-        with np.errstate(invalid="ignore"):
-            pressed = inward - self.damping * approach - self._stiffness * gap
-        strength = np.where(gap <= self.reach, np.clip(pressed, 0.0, self.largest_normal), 0.0)
-        up = np.asarray(self.up)
-        slide = velocity - approach[..., None] * normal
-        slide = slide + self.up_bias * (up - (normal @ up)[..., None] * normal)
-        length = np.maximum(np.sqrt((slide * slide).sum(axis=-1)), 0.05)
-        fade = 1.0 - np.exp(-0.5 * to_goal / self.sliding_distance**2)
-        total = strength[..., None] * (normal + (self.sliding * fade / length)[..., None] * slide)
-        size = np.sqrt((total * total).sum(axis=-1))
-        limited = np.minimum(size, self.largest_acceleration)
-        total = total * (limited / np.maximum(size, 1e-12))[..., None]
-        return Push(tau * tau * total, self.slowdown * limited, distance)
+        approach = dot(normal, velocity)
+        pressed = (
+            -dot(normal, acceleration)
+            - self.damping * approach
+            - self._stiffness * (distance - rho)
+        )
+        strength = xp.minimum(xp.maximum(pressed, 0.0), self.largest_normal)
+        strength = strength * (distance <= rho + self.reach)
+        if not anything(strength):
+            return Push(np.zeros(position.shape), np.zeros(state.shape[:-2]), distance)
+        slide = velocity + self._up_bias
+        slide = slide - scaled(normal, dot(normal, slide))
+        length = xp.maximum(xp.sqrt(dot(slide, slide)), 0.05)
+        fade = self.sliding * (1.0 - xp.exp(-0.5 / self.sliding_distance**2 * to_goal))
+        total = scaled(normal + scaled(slide, fade / length), strength)
+        size = xp.sqrt(dot(total, total))
+        limited = xp.minimum(size, self.largest_acceleration)
+        total = scaled(total, tau * tau * limited / xp.maximum(size, 1e-12))
+        return Push(total, self.slowdown * limited, distance)
 
-    def silent_beyond(self, state: Array, acceleration: Array) -> Array:
+    def silent_beyond(self, state: Array, acceleration: Array) -> Any:
         """Returns a distance beyond which a_n is zero whatever the normal's direction."""
-        speed = np.sqrt((state[..., 1, :] ** 2).sum(axis=-1))
-        size = np.sqrt((acceleration**2).sum(axis=-1))
-        return self._rho0 + np.minimum(self.reach, (size + self.damping * speed) / self._stiffness)
+        xp, dot, _, _ = arithmetic(state)
+        velocity = state[..., 1, :]
+        most = xp.sqrt(dot(acceleration, acceleration))
+        most = most + self.damping * xp.sqrt(dot(velocity, velocity))
+        return self._rho0 + xp.minimum(self.reach, most / self._stiffness)
+
+    @cached_property
+    def _up_bias(self) -> Array:
+        return self.up_bias * np.array(self.up)
 
     @property
     def _rho0(self) -> float:

@@ -11,7 +11,7 @@ functions look alike in time. Past the end of the motion only the gate x still f
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -54,13 +54,32 @@ class GaussianBasis:
         values = values * x[:, None]
         return np.concatenate((values, values * offsets), axis=1) if self.slopes else values
 
+    def combine(self, phases: Array, weights: Array) -> Array:
+        """Returns features(phases) @ weights, (N, D), without making the features."""
+        values, offsets = self._raw(phases)
+        size = len(self.centres)
+        gate = phases / values.sum(axis=1) if self.normalized else phases
+        total = values @ weights[:size]
+        if self.slopes:
+            total = total + (values * offsets) @ weights[size:]
+        return total * gate[:, None]
+
     def _evaluate(self, phases: Array) -> tuple[Array, Array]:
-        held = hold(phases, np.exp(-self.alpha_x))
-        offsets = (held[:, None] - self.centres) / self.widths
-        values = np.exp(-0.5 * (offsets * offsets))
+        values, offsets = self._raw(phases)
         if self.normalized:
             values = values / values.sum(axis=1)[:, None]
         return values, offsets
+
+    def _raw(self, phases: Array) -> tuple[Array, Array]:
+        """Returns the functions (N, B), not normalised, and (x - c) / sigma."""
+        slope, shift, end = self._affine
+        offsets = hold(phases, end)[:, None] * slope - shift
+        return np.exp(offsets * offsets * -0.5), offsets
+
+    @cached_property
+    def _affine(self) -> tuple[Array, Array, float]:
+        """1 / sigma, c / sigma, and the phase at the motion's end."""
+        return 1.0 / self.widths, self.centres / self.widths, float(np.exp(-self.alpha_x))
 
 
 def hold(phases: Array, least: float) -> Array:
@@ -109,7 +128,7 @@ class GaussianForcing:
 
     def __call__(self, phases: npt.ArrayLike) -> Array:
         """Returns the forcing term (N, D) at phases (N,)."""
-        return self.basis.features(phases) @ self.weights
+        return self.basis.combine(np.asarray(phases), self.weights)
 
     def with_weights(self, weights: npt.ArrayLike) -> Self:
         """Returns the same model with other weights (K, D)."""

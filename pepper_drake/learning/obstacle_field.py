@@ -1,5 +1,7 @@
 """Distance to what a point cloud shows, and the direction away from it."""
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
@@ -13,6 +15,7 @@ EXTENSION = 0.12
 
 _SPACING = 0.02
 _NEIGHBOURS = 12
+_REMEMBERED = 80
 _BLENDING = 0.006
 
 
@@ -75,15 +78,104 @@ class ObstacleField:
         positions = np.asarray(positions, dtype=float)
         if self._tree is None:
             return np.full(positions.shape[:-1], np.inf), np.zeros(positions.shape)
-        count = self._neighbours
-        found, indices = self._tree.query(positions, k=range(1, count + 1))
-        distances = np.asarray(found)
-        nearest = distances[..., :1]
+        indices = self._tree.query(positions, k=range(1, self._neighbours + 1))[1]
         away = positions[..., None, :] - self._solid[indices]
-        weights = np.exp((nearest - distances) / _BLENDING) / np.maximum(distances, 1e-9)
-        blended = (weights[..., None, :] @ away)[..., 0, :]
-        size = np.sqrt((blended * blended).sum(axis=-1))[..., None]
+        return _blended(away, squared_norm(away))
+
+    def follow(self) -> "FieldFollower":
+        """Returns a view of the field that is faster for one hand that moves in small steps."""
+        return FieldFollower(self)
+
+    def nearest(self, position: Array, count: int) -> tuple[Array, float]:
+        """Returns the (K, 3) points of the solid nearest to a position (3,), K <= count.
+
+        All others are at least as far as the second value [m], infinite where there are none.
+        """
+        if self._tree is None:
+            return self._solid, np.inf
+        size = len(self._solid)
+        distances, indices = self._tree.query(position, k=range(1, min(count, size) + 1))
+        return self._solid[indices], np.inf if count >= size else float(np.max(distances))
+
+
+class FieldFollower:
+    """Gives what `ObstacleField.distance_and_normal` gives, along the way of one hand.
+
+    It keeps the points around the last position that it looked up, and asks the k-d tree again
+    only when the hand has moved so far that another point could be among the nearest.
+    """
+
+    def __init__(self, field: ObstacleField) -> None:
+        """Starts without knowing anything."""
+        self._field = field
+        self._anchor = np.full(3, np.inf)
+        self._points = np.zeros((0, 3))
+        self._radius = -np.inf
+
+    @property
+    def points(self) -> Array:
+        """(P, 3) the cloud [m]."""
+        return self._field.points
+
+    def distance(self, positions: npt.ArrayLike) -> Array:
+        """Returns the field's distance (...) [m] at positions (..., 3)."""
+        return self._field.distance(positions)
+
+    def distance_and_normal(self, position: Array) -> tuple[float, Array]:
+        """Returns distance [m] and unit normal (3,) at a position (3,)."""
+        moved = position - self._anchor
+        slack = self._radius - math.sqrt(moved.dot(moved))
+        if slack > 0.0:
+            away = position - self._points
+            squares = np.einsum("ij,ij->i", away, away)
+            if len(squares) > _NEIGHBOURS:
+                chosen = squares.argpartition(_NEIGHBOURS - 1)[:_NEIGHBOURS]
+                away, squares = away[chosen], squares[chosen]
+            if squares.max(initial=0.0) <= slack * slack:
+                return _blended_one(away, squares)
+        self._points, self._radius = self._field.nearest(position, _REMEMBERED)
+        self._anchor = position
+        away = position - self._points[:_NEIGHBOURS]
+        return _blended_one(away, np.einsum("ij,ij->i", away, away))
+
+
+def _blended_one(away: Array, squares: Array) -> tuple[float, Array]:
+    """Does what `_blended` does, for one hand and with less overhead."""
+    if len(squares) == 0:
+        return math.inf, np.zeros(3)
+    distances = np.sqrt(squares)
+    nearest = float(distances.min())
+    if nearest > 1e-9:
+        blended = (np.exp((nearest - distances) / _BLENDING) / distances) @ away
+        size = math.sqrt(blended.dot(blended))
+        if size > 1e-9:
+            return nearest, blended / size
+    return nearest, _blended(away, squares)[1]
+
+
+def _blended(away: Array, squares: Array) -> tuple[Array, Array]:
+    """Returns the least length (...) and the blended direction (..., 3) of vectors (..., K, 3).
+
+    Args:
+        away: (..., K, 3), K may be zero.
+        squares: (..., K) their squared lengths.
+    """
+    if squares.shape[-1] == 0:
+        return np.full(squares.shape[:-1], np.inf), np.zeros((*away.shape[:-2], 3))
+    distances = np.sqrt(squares)
+    nearest = distances.min(axis=-1)
+    weights = np.exp((nearest[..., None] - distances) / _BLENDING) / np.maximum(distances, 1e-9)
+    blended = (weights[..., None, :] @ away)[..., 0, :]
+    size = np.sqrt(squared_norm(blended))
+    if size.min() <= 1e-9:
         # Directions may cancel out inside a solid: there the nearest point alone decides.
-        blended = np.where(size > 1e-9, blended, away[..., 0, :])
-        size = np.maximum(np.sqrt((blended * blended).sum(axis=-1))[..., None], 1e-12)
-        return nearest[..., 0], blended / size
+        first = np.argmin(distances, axis=-1)
+        alone = np.take_along_axis(away, first[..., None, None], axis=-2)[..., 0, :]
+        blended = np.where((size > 1e-9)[..., None], blended, alone)
+        size = np.maximum(np.sqrt(squared_norm(blended)), 1e-12)
+    return nearest, blended / size[..., None]
+
+
+def squared_norm(vectors: Array) -> Array:
+    """Returns the squared length (...) of vectors (..., 3)."""
+    return np.einsum("...i,...i->...", vectors, vectors)

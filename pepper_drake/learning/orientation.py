@@ -20,7 +20,13 @@ from scipy.interpolate import make_interp_spline
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.attractor import Attractor, MotionSample, learn_attractor, still_goal
+from pepper_drake.learning.attractor import (
+    Attractor,
+    GoalState,
+    MotionSample,
+    learn_attractor,
+    node_phases,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -133,12 +139,11 @@ class OrientationAttractor:
         """
         goal = so3.normalize(goal)
         target = self.goal_coordinates(state.goal)
+        forcing = self.attractor.forcing(state.coordinates[0], target)
         moved = self.attractor.advance(
             state.coordinates,
-            still_goal(target),
-            self.attractor.forcing(state.coordinates[0], target),
-            phase,
-            decay,
+            GoalState.at(target),
+            forcing(node_phases(phase, decay, time_step)),
             tau,
             time_step,
         )

@@ -22,10 +22,10 @@ from pepper_drake.learning.rollout import (
     Motion,
     number_of_steps,
     orientation_motion,
-    stepped_motion,
     undisturbed_motion,
     undisturbed_motions,
 )
+from pepper_drake.learning.stepping import stepped_motion
 
 Array = npt.NDArray[np.float64]
 GoalMotion = Callable[[float], npt.ArrayLike]
@@ -280,7 +280,7 @@ class MovementPrimitive:
             motion = stepped_motion(
                 self.translation,
                 np.broadcast_to(np.stack((y0, v0)), (len(sets), 2, 3)),
-                _goal_function(g, None, g),
+                g,
                 tau,
                 step,
                 settle,
@@ -409,8 +409,10 @@ def _goal_function(
     goal: npt.ArrayLike | GoalMotion | None,
     velocity: npt.ArrayLike | GoalMotion | None,
     first: Array,
-) -> Callable[[float], tuple[Array, Array]]:
-    """Returns a function of the time [s] that gives the goal's position and velocity (3,)."""
+) -> Callable[[float], tuple[Array, Array]] | Array:
+    """Returns the goal (3,), or a function of the time [s]: the goal's position and velocity."""
+    if not callable(goal) and velocity is None:
+        return first
     speed = None if callable(velocity) else _vector(velocity, np.zeros(3), 3, "goal_velocity")
 
     def goal_at(time: float) -> tuple[Array, Array]:

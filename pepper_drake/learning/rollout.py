@@ -1,6 +1,9 @@
-"""Performing a learned motion: all at once where nothing disturbs it, else step by step."""
+"""Performing a learned motion that nothing disturbs: all of it at once.
 
-from collections.abc import Callable, Hashable
+See `stepping` for motions among obstacles and to goals that move.
+"""
+
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Protocol
@@ -9,18 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.learning.approximators import LinearForcingModel
-from pepper_drake.learning.attractor import Attractor, GoalState
-from pepper_drake.learning.coupling import Coupling
-from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.learning.attractor import Attractor
 from pepper_drake.learning.orientation import OrientationAttractor
-from pepper_drake.learning.phase import PHASE_RATIO, extended_tau, phase_at
+from pepper_drake.learning.phase import PHASE_RATIO, phase_at
 from pepper_drake.learning.scaling import scaled
-from pepper_drake.learning.spring import forced_response, node_times, unforced_response
+from pepper_drake.learning.spring import NODES, forced_response, node_times, unforced_response
 
 Array = npt.NDArray[np.float64]
-
-LONGEST = 10.0
-"""A motion that obstacles hold up ends after this many nominal durations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,22 +61,23 @@ def number_of_steps(duration: float, time_step: float) -> int:
 
 def unforced_columns(steps: int, step: float, alpha_z: float) -> Array:
     """Returns (3, N, 2): y - g, y', y'' for tau = 1 after (offset, rate) at the start."""
-    response = unforced_response(_grid(steps, step), alpha_z)
+    response = unforced_response(time_grid(steps, step), alpha_z)
     return np.concatenate((response, _curvature(response, 0.0, alpha_z)[None]))
 
 
 def forced_columns(basis: Features, steps: int, step: float, alpha_z: float) -> Array:
     """Returns (3, N, K): y, y', y'' for tau = 1 that each feature of the forcing term causes."""
     alpha_x = alpha_z / PHASE_RATIO
-    times = _grid(steps, step)
+    times = time_grid(steps, step)
     nodes = node_times(times)
-    inputs = basis.features(phase_at(nodes.ravel(), alpha_x)).reshape(steps, 3, -1)
+    inputs = basis.features(phase_at(nodes.ravel(), alpha_x)).reshape(steps, len(NODES), -1)
     response = forced_response(inputs, step, alpha_z)
     features = basis.features(phase_at(times, alpha_x))
     return np.concatenate((response, _curvature(response, features, alpha_z)[None]))
 
 
-def _grid(steps: int, step: float) -> Array:
+def time_grid(steps: int, step: float) -> Array:
+    """Returns (steps + 1,) multiples of a step."""
     return np.arange(steps + 1.0) * step
 
 
@@ -118,21 +117,21 @@ def undisturbed_motion(
     step = time_step / tau
     model = attractor.model
     matrix = attractor.matrix(start, goal)
-    phases = phase_at(_grid(steps, step), attractor.alpha_x)
+    phases = phase_at(time_grid(steps, step), attractor.alpha_x)
     initial = np.stack((start - goal, start_velocity * tau))
     if isinstance(model, LinearForcingModel):
         weights = scaled(model.weights, matrix)
         columns = response_matrix(model, steps, step, attractor.alpha_z)
         motion = (columns @ np.concatenate((weights, initial))).reshape(3, steps + 1, -1)
     else:
-        nodes = phase_at(node_times(_grid(steps, step)), attractor.alpha_x)
-        inputs = scaled(model(nodes.ravel()), matrix).reshape(steps, 3, -1)
+        nodes = phase_at(node_times(time_grid(steps, step)), attractor.alpha_x)
+        inputs = scaled(model(nodes.ravel()), matrix).reshape(steps, len(NODES), -1)
         response = forced_response(inputs, step, attractor.alpha_z)
         curvature = _curvature(response, scaled(model(phases), matrix), attractor.alpha_z)
         motion = np.concatenate((response, curvature[None]))
         motion += unforced_columns(steps, step, attractor.alpha_z) @ initial
     return Motion(
-        _grid(steps, time_step),
+        time_grid(steps, time_step),
         motion[0] + goal,
         motion[1] / tau,
         motion[2] / (tau * tau),
@@ -160,101 +159,21 @@ def undisturbed_motions(
     columns = response_matrix(model, steps, step, attractor.alpha_z)
     initial = np.stack((start - goal, start_velocity * tau))
     stacked = np.concatenate((weights, np.broadcast_to(initial, (number, 2, dimensions))), axis=1)
-    stacked = np.moveaxis(stacked, 0, 1).reshape(size + 2, number * dimensions)
-    motion = (columns @ stacked).reshape(3, steps + 1, number, dimensions)
-    positions, rates, curvatures = np.ascontiguousarray(np.moveaxis(motion, 2, 1))
-    phases = phase_at(_grid(steps, step), attractor.alpha_x)
+    # Rows of coordinates, not of samples: the result is then a view of the product, not a copy.
+    rows = np.moveaxis(stacked, 1, 2).reshape(number * dimensions, size + 2)
+    motion = (rows @ columns.T).reshape(number, dimensions, 3, steps + 1)
+    motion[:, :, 0] += goal[:, None]
+    motion[:, :, 1] /= tau
+    motion[:, :, 2] /= tau * tau
+    positions, velocities, accelerations = np.moveaxis(motion, (2, 3), (0, 2))
+    phases = phase_at(time_grid(steps, step), attractor.alpha_x)
     return Motion(
-        _grid(steps, time_step),
-        positions + goal,
-        rates / tau,
-        curvatures / (tau * tau),
+        time_grid(steps, time_step),
+        positions,
+        velocities,
+        accelerations,
         np.broadcast_to(phases, (number, steps + 1)),
         np.full(steps + 1, tau),
-    )
-
-
-def stepped_motion(
-    attractor: Attractor,
-    state: Array,
-    goal_at: Callable[[float], tuple[Array, Array]],
-    tau: float,
-    time_step: float,
-    settle: float,
-    coupling: Coupling | None,
-    field: ObstacleField | None,
-    extension: float,
-    weights: Array | None = None,
-) -> Motion:
-    """Performs a motion step by step, as the LeafSystems do: with coupling and a moving goal.
-
-    Args:
-        attractor: What was learned.
-        state: (..., 2, D) position and velocity at the start.
-        goal_at: Position and velocity (D,) of the goal at a time [s].
-        tau: Nominal duration [s].
-        time_step: [s].
-        settle: How long to go on after the motion's end, in tau.
-        coupling: What to do about obstacles.
-        field: The obstacles; None where there are none.
-        extension: By how much the goal's displacement extends tau [s/m].
-        weights: (S, K, D) for S motions at once; the state is then (S, 2, D).
-    """
-    shape = state.shape[:-2]
-    start = state[..., 0, :].reshape(-1, state.shape[-1])[0]
-    end = phase_at(1.0 + settle, attractor.alpha_x) * np.exp(1e-6)
-    longest = number_of_steps(LONGEST * tau * (1.0 + settle), time_step)
-    phase = np.ones(shape)
-    position, velocity = goal_at(0.0)
-    goal = GoalState(position, velocity, position)
-    known = position
-    bound = np.zeros(shape)
-    log: list[tuple[Array, Array, Array, float, Array]] = []
-    clearance = 0.0
-    forcing = attractor.forcing(start, position, weights)
-    previous: Array | None = None
-    push: Array | None
-    for k in range(longest + 1):
-        position, velocity = goal_at(k * time_step)
-        goal = goal.seen(position, velocity)
-        if previous is None or np.any(goal.delayed != previous):
-            previous = goal.delayed
-            forcing = attractor.forcing(start, goal.delayed, weights)
-            if coupling is not None and field is not None:
-                clearance = coupling.clearance(field, goal.position)
-        nominal = attractor.acceleration(state, goal, forcing, phase, tau)
-        slowdown = np.zeros(())
-        push = None
-        if coupling is not None and field is not None:
-            audible = bound <= coupling.silent_beyond(state, nominal)
-            if np.any(audible):
-                push, slowdown, bound = coupling.push(
-                    field, state, nominal, goal.position, clearance, tau
-                )
-        total = nominal if push is None else nominal + push / (tau * tau)
-        log.append((state, total, phase, tau, np.zeros(()) if push is None else push))
-        if np.all(phase <= end):
-            break
-        decay = attractor.alpha_x / (tau * (1.0 + slowdown))
-        moved = attractor.advance(state, goal, forcing, phase, decay, tau, time_step, push)
-        bound = bound - np.sqrt(((moved - state)[..., 0, :] ** 2).sum(axis=-1))
-        phase = phase * np.exp(-decay * time_step)
-        goal = goal.later(time_step, attractor.goal_rate(tau))
-        tau, known = extended_tau(tau, known, position, extension)
-        state = moved
-    states, totals, phases, taus, pushes = zip(*log, strict=True)
-    axis = len(shape)
-    path = np.stack(states, axis=axis)
-    pushed = [np.broadcast_to(p, state[..., 0, :].shape) for p in pushes]
-    return Motion(
-        _grid(len(log) - 1, time_step),
-        path[..., 0, :],
-        path[..., 1, :],
-        np.stack(totals, axis=axis),
-        np.stack(phases, axis=axis),
-        np.array(taus),
-        np.stack(pushed, axis=axis),
-        None if field is None else field.distance(path[..., 0, :]),
     )
 
 

@@ -10,9 +10,10 @@ critically damped: both eigenvalues are -w. v and not z is the state, so that ta
 the motion runs without a jump of the velocity.
 
 Over a step of time the homogeneous part is multiplied by its matrix exponential. The input u
-enters through its convolution with the impulse response t exp(-w t), by Gauss-Legendre quadrature
-with three nodes: exact where the linear part is concerned, of sixth order in the input's changes.
-A step of 20 ms and one of 1 ms therefore give the same motion.
+enters through its convolution with the impulse response t exp(-w t), by Gauss-Lobatto quadrature
+with four nodes: exact where the linear part is concerned, of sixth order in the input's changes.
+A step of 20 ms and one of 1 ms therefore give the same motion. The first node is the step's start
+and the last its end, so that a forcing term is evaluated three times a step.
 """
 
 from functools import lru_cache
@@ -25,10 +26,10 @@ from scipy.signal import lfilter
 Array = npt.NDArray[np.float64]
 Scalar = Any  # A float, or an AutoDiffXd where gradients are asked for.
 
-NODES: Array = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
-"""Gauss-Legendre nodes in a step of length one; inputs are evaluated there."""
+NODES: Array = np.array([0.0, 0.5 - np.sqrt(0.05), 0.5 + np.sqrt(0.05), 1.0])
+"""Gauss-Lobatto nodes in a step of length one; inputs are evaluated there."""
 
-_NODE_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+_NODE_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 
 
 class Step(NamedTuple):
@@ -36,7 +37,7 @@ class Step(NamedTuple):
 
     Attributes:
         transition: (2, 2) of the state relative to the goal.
-        gain: (2, 3) of the input u / tau² at the three nodes.
+        gain: (2, 4) of the input u / tau² at the nodes.
     """
 
     transition: Array
@@ -74,7 +75,7 @@ def advance(state: Array, goal: Array, inputs: Array, step: Step, time_step: flo
     Args:
         state: (..., 2, D) position and velocity.
         goal: (2, D) position and velocity of the goal at the step's start; it moves in a line.
-        inputs: (..., 3, D) u / tau² at the step's nodes.
+        inputs: (..., 4, D) u / tau² at the step's nodes.
         step: Of `make_step`.
         time_step: The step's length [s].
     """
@@ -110,7 +111,7 @@ def forced_response(inputs: Array, step: float, alpha_z: float) -> Array:
     and columns at once.
 
     Args:
-        inputs: (M, 3, K) u at the nodes of M equal steps.
+        inputs: (M, 4, K) u at the nodes of M equal steps.
         step: Length of a step in relative time.
         alpha_z: The spring's constant.
 
@@ -129,7 +130,7 @@ def forced_response(inputs: Array, step: float, alpha_z: float) -> Array:
 
 
 def node_times(relative_times: Array) -> Array:
-    """Returns (M, 3): the nodes inside the M intervals between relative times (M + 1,)."""
+    """Returns (M, 4): the nodes of the M intervals between relative times (M + 1,)."""
     return relative_times[:-1, None] + np.diff(relative_times)[:, None] * NODES
 
 
@@ -137,7 +138,7 @@ def forced_response_at(inputs: Array, relative_times: Array, alpha_z: float) -> 
     """Does what `forced_response` does, for steps of different lengths.
 
     Args:
-        inputs: (M, 3, K) u at `node_times(relative_times)`.
+        inputs: (M, 4, K) u at `node_times(relative_times)`.
         relative_times: (M + 1,) increasing.
         alpha_z: The spring's constant.
 
