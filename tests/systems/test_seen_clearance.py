@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+from pydrake.perception import PointCloud
+from pydrake.systems.analysis import Simulator
+
+from pepper_drake.planning.arm_geometry import ArmGeometry
+from pepper_drake.planning.control_model import shared_control_model
+from pepper_drake.systems.seen_clearance import SeenClearance
+
+JOINTS = np.array([1.0, -0.4, 1.2, 0.9, 0.1])
+
+
+@pytest.fixture(scope="module")
+def geometry():
+    return ArmGeometry(shared_control_model(), "right")
+
+
+def cloud_of(points):
+    cloud = PointCloud(len(points))
+    cloud.mutable_xyzs()[:] = np.asarray(points, dtype=float).reshape(-1, 3).T
+    return cloud
+
+
+def make_rig(geometry, points, **options):
+    system = SeenClearance(geometry, **options)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    system.cloud_input.FixValue(context, cloud_of(points))
+    system.joint_position_input.FixValue(context, JOINTS)
+    return system, simulator, context
+
+
+def clearance(system, context):
+    return system.get_output_port().Eval(context)[0]
+
+
+def brute_force(geometry, joints, points):
+    centers = geometry.sphere_centers(joints[None])[0]
+    gaps = np.linalg.norm(centers[:, None] - np.asarray(points), axis=-1)
+    return (gaps - geometry.spheres.radii[:, None]).min()
+
+
+def test_the_clearance_is_the_least_of_all_spheres_and_points(geometry):
+    points = np.random.default_rng(1).uniform([0.2, -0.6, -0.3], [0.6, 0.1, 0.3], (40, 3))
+    system, simulator, context = make_rig(geometry, points)
+    assert clearance(system, context) == np.inf, "nothing is known before the first tick"
+    simulator.AdvanceTo(0.01)
+    # Points come as 32-bit floats.
+    assert clearance(system, context) == pytest.approx(
+        brute_force(geometry, JOINTS, points), abs=1e-6
+    )
+    system.joint_position_input.FixValue(context, JOINTS + 0.2)
+    simulator.AdvanceTo(0.06)
+    assert clearance(system, context) == pytest.approx(
+        brute_force(geometry, JOINTS + 0.2, points), abs=1e-6
+    )
+
+
+def test_a_new_cloud_takes_the_place_of_the_old(geometry):
+    near = geometry.sphere_centers(JOINTS[None])[0, 0]
+    system, simulator, context = make_rig(geometry, [near])
+    simulator.AdvanceTo(0.01)
+    assert clearance(system, context) == pytest.approx(-geometry.spheres.radii[0], abs=1e-6)
+    system.cloud_input.FixValue(context, cloud_of([near + [0, 0, 2.0]]))
+    simulator.AdvanceTo(0.06)
+    assert clearance(system, context) > 1.0
+
+
+def test_an_empty_cloud_is_infinitely_far(geometry):
+    system, simulator, context = make_rig(geometry, np.zeros((0, 3)))
+    simulator.AdvanceTo(0.1)
+    assert clearance(system, context) == np.inf
+
+
+def test_what_is_seen_reaches_down_when_asked_to(geometry):
+    centers = geometry.sphere_centers(JOINTS[None])[0]
+    lowest = centers[np.argmin(centers[:, 2])]
+    point = [lowest + [0, 0, 0.5]]  # Half a metre above the lowest part of the arm.
+    seen = make_rig(geometry, point)
+    solid = make_rig(geometry, point, extension=0.5)
+    for _, simulator, _ in (seen, solid):
+        simulator.AdvanceTo(0.01)
+    assert clearance(solid[0], solid[2]) < 0 < clearance(seen[0], seen[2])
+
+
+def test_nothing_is_fed_through(geometry):
+    assert not SeenClearance(geometry).HasAnyDirectFeedthrough()
