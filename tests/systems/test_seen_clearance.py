@@ -61,7 +61,7 @@ def test_a_new_cloud_takes_the_place_of_the_old(geometry):
     system, simulator, context = make_rig(geometry, [near])
     simulator.AdvanceTo(0.01)
     assert clearance(system, context) == pytest.approx(-geometry.spheres.radii[0], abs=1e-6)
-    system.cloud_input.FixValue(context, cloud_of([near + [0, 0, 2.0]]))
+    system.cloud_input.FixValue(context, cloud_of([near + np.array([0, 0, 2.0])]))
     simulator.AdvanceTo(0.06)
     assert clearance(system, context) > 1.0
 
@@ -75,7 +75,7 @@ def test_an_empty_cloud_is_infinitely_far(geometry):
 def test_what_is_seen_reaches_down_when_asked_to(geometry):
     centers = geometry.sphere_centers(JOINTS[None])[0]
     lowest = centers[np.argmin(centers[:, 2])]
-    point = [lowest + [0, 0, 0.5]]  # Half a metre above the lowest part of the arm.
+    point = [lowest + np.array([0, 0, 0.5])]  # Half a metre above the lowest part of the arm.
     seen = make_rig(geometry, point)
     solid = make_rig(geometry, point, extension=0.5)
     for _, simulator, _ in (seen, solid):

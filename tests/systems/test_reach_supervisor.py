@@ -1,0 +1,293 @@
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.perception import PointCloud
+from pydrake.systems.analysis import Simulator
+
+from pepper_drake.planning.command_check import StopReason
+from pepper_drake.planning.control_model import BODY_JOINTS
+from pepper_drake.planning.reach_planner import ReachPlan, ReachVerdict
+from pepper_drake.systems.reach_supervisor import (
+    ReachMode,
+    ReachSupervisor,
+    ReachTiming,
+    search_gaze,
+)
+
+STAND = np.array([0.55, -0.05, 0.1])
+X_WO = RigidTransform([0.98, -0.11, 0.74])
+P_TG = np.array([0.26, -0.2, 0.05])
+CLOUD = np.array([[0.9, 0.0, 0.7], [1.0, 0.1, 0.7]])
+
+TIMING = ReachTiming(
+    looking=0.5,
+    goal_timeout=1.0,
+    driving_timeout=2.0,
+    settling=0.4,
+    goal_lost=3.0,
+    holding=0.5,
+    reaching_timeout=2.0,
+)
+
+
+def plan(verdict=ReachVerdict.CLEAR, sentence=""):
+    return ReachPlan(verdict, sentence, STAND)
+
+
+@dataclass
+class FakePlanner:
+    """Says what it is told to, and keeps what it was asked."""
+
+    stand: ReachPlan = field(default_factory=plan)
+    reach: ReachPlan = field(default_factory=plan)
+    asked: list = field(default_factory=list)
+
+    def plan_stand(self, **arguments):
+        self.asked.append(("plan_stand", arguments))
+        return self.stand
+
+    def check_reach(self, **arguments):
+        self.asked.append(("check_reach", arguments))
+        return self.reach
+
+
+class Rig:
+    """A supervisor whose inputs are set by hand; all is well until something is changed."""
+
+    def __init__(self, planner=None):
+        self.planner = planner or FakePlanner()
+        self.supervisor = ReachSupervisor(self.planner, TIMING)
+        self.simulator = Simulator(self.supervisor)
+        self.context = self.simulator.get_mutable_context()
+        cloud = PointCloud(len(CLOUD))
+        cloud.mutable_xyzs()[:] = CLOUD.T
+        self.set(
+            object_pose=X_WO,
+            cloud=cloud,
+            hand_pose=RigidTransform(),
+            goal_valid=[1.0],
+            goal_age=[0.1],
+            goal_position=P_TG,
+            cloud_time=[0.1],
+            joint_position=np.arange(len(BODY_JOINTS)) / 100,
+            base_pose=[0.1, 0.2, 0.3],
+            arrived=[1.0],
+            tau=[1.0],
+            stop_reason=[float(StopReason.NONE)],
+        )
+        self.was_active = False
+        self.modes = [ReachMode.LOOKING]
+        self.simulator.set_monitor(self._watch)
+
+    def _watch(self, root):
+        self.was_active |= self.value("active")[0] > 0.5
+        mode = ReachMode(int(self.value("mode")[0]))
+        if mode != self.modes[-1]:
+            self.modes.append(mode)
+
+    def set(self, **inputs):
+        for name, value in inputs.items():
+            self.supervisor.GetInputPort(name).FixValue(self.context, value)
+
+    def value(self, name):
+        return self.supervisor.GetOutputPort(name).Eval(self.context)
+
+    @property
+    def progress(self):
+        return self.supervisor.progress(self.context)
+
+    def advance(self, duration):
+        self.simulator.AdvanceTo(self.context.get_time() + duration)
+        return self
+
+    def until(self, mode, limit=10.0):
+        while self.progress.mode != mode and self.context.get_time() < limit:
+            self.advance(0.05)
+        assert self.progress.mode == mode, self.progress
+        return self
+
+    def failed(self, reason):
+        self.until(ReachMode.FAILED)
+        assert self.progress.reason == reason
+        assert self.progress.sentence
+        np.testing.assert_array_equal(self.value("active"), [0.0])
+        return self
+
+
+def test_the_whole_reach_when_all_goes_well():
+    rig = Rig()
+    np.testing.assert_array_equal(rig.value("base_goal"), np.full(3, np.nan))
+    rig.until(ReachMode.DRIVING)
+    np.testing.assert_array_equal(rig.value("base_goal"), STAND)
+    rig.until(ReachMode.REACHING)
+    np.testing.assert_array_equal(rig.value("active"), [1.0])
+    rig.advance(0.5)
+    rig.set(hand_pose=RigidTransform(P_TG + np.array([0.002, 0, 0])))
+    rig.until(ReachMode.DONE)
+    np.testing.assert_array_equal(rig.value("active"), [1.0])
+    assert rig.modes == list(ReachMode)[: ReachMode.DONE + 1]
+    assert rig.progress.reason == rig.progress.sentence == ""
+
+
+def test_each_mode_lasts_as_long_as_its_timing_says():
+    rig = Rig().until(ReachMode.DRIVING)
+    # Seen at the tick of 0, then looked at for 0.5 s.
+    assert rig.progress.since == pytest.approx(TIMING.looking)
+    driving = rig.progress.since
+    rig.until(ReachMode.SETTLING)
+    assert rig.progress.since - driving <= 0.1 + 1e-9
+    settling = rig.progress.since
+    rig.until(ReachMode.REACHING)
+    assert rig.progress.since - settling == pytest.approx(TIMING.settling)
+    rig.set(hand_pose=RigidTransform(P_TG))
+    reaching = rig.progress.since
+    rig.until(ReachMode.HOLDING)
+    # The whole duration of the primitive, and a hand that stays there for 0.2 s.
+    assert rig.progress.since - reaching == pytest.approx(1.0 + 0.2, abs=0.051)
+    holding = rig.progress.since
+    rig.until(ReachMode.DONE)
+    assert rig.progress.since - holding == pytest.approx(TIMING.holding)
+
+
+def test_the_planner_is_asked_with_what_was_measured_and_seen():
+    rig = Rig().until(ReachMode.REACHING)
+    assert [name for name, _ in rig.planner.asked] == ["plan_stand", "check_reach"]
+    for _, arguments in rig.planner.asked:
+        np.testing.assert_array_equal(arguments["base_pose"], [0.1, 0.2, 0.3])
+        np.testing.assert_array_equal(arguments["joint_position"], np.arange(15) / 100)
+        np.testing.assert_allclose(arguments["cloud_W"], CLOUD, atol=1e-6)
+        assert arguments["X_WO"].IsExactlyEqualTo(X_WO)
+
+
+def test_a_goal_that_is_never_seen():
+    rig = Rig()
+    rig.set(goal_valid=[0.0], goal_age=[np.inf])
+    rig.failed("goal_not_seen")
+    assert rig.progress.since == pytest.approx(TIMING.goal_timeout, abs=0.051)
+    assert not rig.was_active
+    assert rig.planner.asked == []
+
+
+@pytest.mark.parametrize("cloud_time", [np.nan, -np.inf, np.inf])
+def test_a_cloud_that_never_comes(cloud_time):
+    rig = Rig()
+    rig.set(cloud_time=[cloud_time])
+    rig.failed("cloud_missing")
+    assert not rig.was_active
+    assert rig.planner.asked == []
+
+
+def test_a_cloud_that_comes_late_is_waited_for():
+    rig = Rig()
+    rig.set(cloud_time=[-np.inf])
+    rig.advance(0.8)
+    assert rig.progress.mode == ReachMode.LOOKING
+    rig.set(cloud_time=[0.8])
+    rig.until(ReachMode.DRIVING)
+
+
+@pytest.mark.parametrize(
+    "verdict",
+    [ReachVerdict.OUT_OF_REACH, ReachVerdict.NO_CLEAR_PATH, ReachVerdict.NO_STANDING_ROOM],
+)
+@pytest.mark.parametrize("when", ["stand", "reach"])
+def test_a_reach_that_the_planner_refuses_never_starts(verdict, when):
+    rig = Rig(FakePlanner(**{when: plan(verdict, "the planner's own words")}))
+    rig.failed(verdict.value)
+    assert rig.progress.sentence == "the planner's own words"
+    assert not rig.was_active
+    assert (ReachMode.DRIVING in rig.modes) == (when == "reach")
+
+
+def test_a_base_that_does_not_arrive():
+    rig = Rig()
+    rig.set(arrived=[0.0])
+    rig.failed("drive_failed")
+    assert not rig.was_active
+
+
+@pytest.mark.parametrize("mode", [m for m in ReachMode if m < ReachMode.DONE])
+@pytest.mark.parametrize("reason", [r for r in StopReason if r != StopReason.NONE])
+def test_a_stop_ends_every_mode_and_switches_the_arm_off(mode, reason):
+    rig = Rig()
+    rig.set(hand_pose=RigidTransform(P_TG))
+    rig.until(mode)
+    rig.set(stop_reason=[float(reason)])
+    rig.failed(reason.name.lower())
+    rig.set(stop_reason=[float(StopReason.NONE)])
+    rig.advance(0.5).failed(reason.name.lower())
+
+
+@pytest.mark.parametrize("mode", [ReachMode.DRIVING, ReachMode.REACHING])
+def test_a_goal_that_was_not_seen_for_long_is_lost(mode):
+    rig = Rig()
+    rig.set(arrived=[float(mode != ReachMode.DRIVING)])
+    rig.until(mode)
+    rig.set(goal_age=[TIMING.goal_lost - 0.01])
+    rig.advance(0.1)
+    assert rig.progress.mode == mode
+    rig.set(goal_age=[TIMING.goal_lost + 0.01])
+    rig.failed("goal_lost")
+
+
+def test_a_hand_that_stays_away_from_its_goal():
+    rig = Rig().until(ReachMode.REACHING)
+    rig.set(hand_pose=RigidTransform(P_TG + np.array([0.0, 0.03, 0.04])))
+    rig.failed("not_reached")
+    assert "50 mm" in rig.progress.sentence
+
+
+def test_a_hand_just_outside_the_tolerance_is_accepted_when_the_time_is_over():
+    rig = Rig().until(ReachMode.REACHING)
+    between = (TIMING.position_tolerance + TIMING.accepted_position) / 2
+    rig.set(hand_pose=RigidTransform(P_TG + np.array([between, 0, 0])))
+    rig.advance(TIMING.reaching_timeout - 0.1)
+    assert rig.progress.mode == ReachMode.REACHING
+    rig.until(ReachMode.DONE)
+
+
+def test_a_hand_that_only_passes_the_goal_does_not_count_as_there():
+    rig = Rig().until(ReachMode.REACHING)
+    rig.advance(1.1)
+    rig.set(hand_pose=RigidTransform(P_TG))
+    rig.advance(0.1)
+    rig.set(hand_pose=RigidTransform(P_TG + np.array([0.05, 0, 0])))
+    rig.advance(0.3)
+    assert rig.progress.mode == ReachMode.REACHING
+    rig.failed("not_reached")
+
+
+def test_what_is_over_stays_over():
+    rig = Rig()
+    rig.set(hand_pose=RigidTransform(P_TG))
+    rig.until(ReachMode.DONE)
+    rig.set(stop_reason=[float(StopReason.REQUESTED)], goal_age=[100.0])
+    rig.advance(0.5)
+    assert rig.progress.mode == ReachMode.DONE
+
+
+def test_two_contexts_do_not_share_their_progress():
+    rig = Rig().until(ReachMode.SETTLING)
+    clone = rig.context.Clone()
+    before = rig.supervisor.progress(clone)
+    rig.until(ReachMode.REACHING)
+    assert rig.supervisor.progress(clone) == before
+    assert rig.supervisor.progress(rig.supervisor.CreateDefaultContext()).mode == ReachMode.LOOKING
+
+
+def test_nothing_is_fed_through():
+    assert not Rig().supervisor.HasAnyDirectFeedthrough()
+
+
+def test_the_search_begins_ahead_and_sweeps_to_both_sides_without_a_jump():
+    times = np.arange(0, 12, 0.05)
+    gaze = np.array([search_gaze(time) for time in times])
+    assert np.all(gaze[times <= 1.5, 0] == 0)
+    assert gaze[:, 0].max() > 0.9
+    assert gaze[:, 0].min() < -0.9
+    # The head turns with at most 1.2 rad/s, of its rated 7.3.
+    assert np.abs(np.diff(gaze[:, 0])).max() < 1.2 * 0.05
+    rig = Rig().advance(3.0)
+    np.testing.assert_array_equal(rig.value("resting_head"), search_gaze(3.0))
