@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import make_interp_spline
 
 from pepper_drake.learning.approximators import (
     Approximator,
@@ -19,6 +20,7 @@ from pepper_drake.learning.approximators import (
 )
 from pepper_drake.learning.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
 from pepper_drake.learning.local_lines import LineBasis, LocalLines, read_basis
+from pepper_drake.learning.shared_mixture import fit_shared_mixtures
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,10 @@ def from_mixture(mixture: GaussianMixture, alpha_x: float) -> GmrForcing:
 
 
 def fit_gmr(data: ForcingData, num_basis: int, seed: int) -> GmrForcing:
-    """Fits a mixture of time and forcing term; k-means starts evenly along the motion.
+    """Fits a mixture of time and forcing term, started evenly along the motion.
+
+    Of several demonstrations, the mixture is a `shared_mixture`: its covariance is what they
+    disagree on, moment by moment.
 
     Args:
         data: Samples of the forcing term.
@@ -87,11 +92,25 @@ def fit_gmr(data: ForcingData, num_basis: int, seed: int) -> GmrForcing:
         InputError: There are fewer samples than components.
     """
     samples = np.column_stack([data.times, data.targets])
-    samples = samples[np.argsort(data.times, kind="stable")]
+    if len(data.lengths) > 1:
+        return from_mixture(_fit_several(samples, data.lengths, num_basis), data.alpha_x)
     evenly = (np.arange(num_basis) + 0.5) / max(num_basis, 1) * len(samples)
     start = samples[evenly.astype(int)]
     mixture = fit_gaussian_mixture(samples, num_basis, initial_means=start, seed=seed)
     return from_mixture(mixture, data.alpha_x)
+
+
+def _fit_several(samples: Array, lengths: tuple[int, ...], num_basis: int) -> GaussianMixture:
+    """Fits a shared mixture after resampling all demonstrations at the same times."""
+    clock = np.linspace(0, 1, int(np.median(lengths)))
+    motions = np.split(samples, np.cumsum(lengths)[:-1])
+    resampled = [make_interp_spline(motion[:, 0], motion[:, 1:])(clock) for motion in motions]
+    stacked = np.column_stack([np.tile(clock, len(motions)), np.vstack(resampled)])
+    scale = np.where(stacked.std(axis=0) > 0, stacked.std(axis=0), 1.0)
+    (mixture,) = fit_shared_mixtures(
+        [stacked / scale], len(motions), num_basis, covariance_floor=1e-5
+    )
+    return mixture.transformed(np.diag(scale), np.zeros(len(scale)))
 
 
 register(Approximator("gmr", fit_gmr, GmrForcing.from_data))

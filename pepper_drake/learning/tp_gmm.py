@@ -5,7 +5,7 @@ Robotics 9 (2016), DOI 10.1007/s11370-015-0187-9.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,8 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.learning.alignment import align
 from pepper_drake.learning.demonstration import Demonstration
-from pepper_drake.learning.gaussian_mixture import GaussianMixture, maximisation, soft_maximum
+from pepper_drake.learning.gaussian_mixture import GaussianMixture
+from pepper_drake.learning.shared_mixture import fit_shared_mixtures
 
 Array = npt.NDArray[np.float64]
 
@@ -103,6 +104,9 @@ def fit_task_parameterized(
 ) -> TaskParameterizedMixture:
     """Fits all frames' mixtures at once by expectation maximisation.
 
+    The component is shared by all demonstrations at each moment (see `shared_mixture`): on frames
+    that were not shown the error is a quarter of that with a component for each sample.
+
     Args:
         demonstrations: At least one; their spread tells which frame matters when.
         frames: Per demonstration, where the frames were, always as many.
@@ -123,29 +127,17 @@ def fit_points(
     frames: Sequence[Sequence[TaskFrame]],
     *,
     num_components: int,
-    covariance_floor: float = 1e-4,
-    max_iterations: int = 100,
-    tolerance: float = 1e-5,
 ) -> TaskParameterizedMixture:
     """Does what `fit_task_parameterized` does, for points on one clock.
-
-    The latent component is one per moment and shared by all demonstrations, as they show one
-    motion: where each sample has its own, components tell demonstrations apart that differ, and
-    on new frames the error is fourfold.
 
     Args:
         relative_times: s, shape (N,).
         points: Shape (M, N, 3) [m].
         frames: M times the frames.
         num_components: K.
-        covariance_floor: Smallest variance, relative to that along a demonstration.
-        max_iterations: At most so many EM steps.
-        tolerance: Ends when the mean log-likelihood gains less than this in a step.
     """
     if len(frames) != len(points) or len({len(of_one) for of_one in frames}) != 1 or not frames[0]:
         raise InputError("frames: give each demonstration its frames, always the same number.")
-    if not 1 <= num_components <= len(relative_times):
-        raise InputError(f"num_components is {num_components}; choose 1 to {len(relative_times)}.")
     # One length for all frames: where they are must not change how the data are grouped.
     length = float(points.std(axis=1).mean()) or 1.0
     scale = np.array([relative_times.std(), length, length, length])
@@ -154,66 +146,7 @@ def fit_points(
     for frame_of_each in zip(*frames, strict=True):
         seen = [frame.to_frame(p) for frame, p in zip(frame_of_each, points, strict=True)]
         views.append(np.column_stack([clock, np.vstack(seen)]) / scale)
-    mixtures = _even_in_time(views, len(points), num_components, covariance_floor)
-    best = -np.inf
-    for _ in range(max_iterations):
-        log_joint = joint_density(mixtures, views, len(points))
-        log_likelihood = soft_maximum(log_joint)[0].mean()
-        if log_likelihood - best < tolerance:
-            break
-        best = log_likelihood
-        mixtures = em_step(mixtures, views, log_joint, covariance_floor)
-    back = np.diag(scale)
+    mixtures = fit_shared_mixtures(views, len(points), num_components)
     return TaskParameterizedMixture(
-        tuple(mixture.transformed(back, np.zeros(4)) for mixture in mixtures)
+        tuple(mixture.transformed(np.diag(scale), np.zeros(4)) for mixture in mixtures)
     )
-
-
-def joint_density(
-    mixtures: Sequence[GaussianMixture], views: Sequence[Array], num_demonstrations: int
-) -> Array:
-    """Returns log(pi_k prod_i N_k(s) prod_j N_k(y_i^(j) | s)), shape (N, K), i demonstrations.
-
-    Args:
-        mixtures: One per frame.
-        views: Samples seen from each frame, (M N, 4), demonstration by demonstration.
-        num_demonstrations: M.
-    """
-    total = np.zeros((len(views[0]), mixtures[0].num_components))
-    for index, (mixture, view) in enumerate(zip(mixtures, views, strict=True)):
-        even = replace(mixture, priors=np.ones(mixture.num_components))
-        total += even.log_joint(view)
-        if index > 0:
-            total -= even.marginal(1).log_joint(view[:, :1])
-    with np.errstate(divide="ignore"):  # A component that lost all its data has log(0).
-        log_priors = np.log(mixtures[0].priors)
-    shape = (num_demonstrations, -1, mixtures[0].num_components)
-    return np.asarray(log_priors + total.reshape(shape).sum(axis=0))
-
-
-def em_step(
-    mixtures: Sequence[GaussianMixture],
-    views: Sequence[Array],
-    log_joint: Array,
-    covariance_floor: float,
-) -> tuple[GaussianMixture, ...]:
-    """One step of expectation maximisation from the `joint_density` of the mixtures."""
-    _, shared = soft_maximum(log_joint)
-    responsibilities = np.tile(shared, (len(views[0]) // len(shared), 1))
-    return tuple(
-        maximisation(view, responsibilities, covariance_floor, mixture)
-        for view, mixture in zip(views, mixtures, strict=True)
-    )
-
-
-def _even_in_time(
-    views: Sequence[Array], num_demonstrations: int, num_components: int, covariance_floor: float
-) -> tuple[GaussianMixture, ...]:
-    """Returns mixtures whose components each hold an equal part of the motion."""
-    num_samples = len(views[0]) // num_demonstrations
-    part = np.arange(num_samples) * num_components // num_samples
-    members = np.tile(np.eye(num_components)[part], (num_demonstrations, 1))
-    empty = GaussianMixture(
-        np.zeros(num_components), np.zeros((num_components, 4)), np.zeros((num_components, 4, 4))
-    )
-    return tuple(maximisation(view, members, covariance_floor, empty) for view in views)
