@@ -31,7 +31,7 @@ _AMBIGUITY_RATIO = 2.5
 _EDGE_AMBIGUITY_RATIO = 1.2
 """... and by the errors of all edges of the pattern when these differ by this one."""
 
-_LEAST_SUPPORT = 0.6
+_LEAST_SUPPORT = 0.8
 """A pattern of whose edges fewer are seen than this share is hidden, or another one."""
 
 

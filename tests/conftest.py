@@ -1,0 +1,66 @@
+"""Fixtures that several rooms' tests share."""
+
+import cv2
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RotationMatrix
+
+_FINENESS = 4
+
+
+def _draw_marker(
+    X_CM,
+    intrinsics,
+    *,
+    marker_id=7,
+    size=0.06,
+    background=120,
+    image=None,
+    dictionary=cv2.aruco.DICT_4X4_50,
+):
+    """A marker drawn by OpenCV and warped by a homography: no part of the project's renderer."""
+    book = cv2.aruco.getPredefinedDictionary(dictionary)
+    pixels = 40
+    picture = cv2.aruco.generateImageMarker(book, marker_id, 6 * pixels)
+    picture = cv2.copyMakeBorder(picture, *[pixels] * 4, cv2.BORDER_CONSTANT, value=255)
+    edge = size * 8 / 6
+    # Picture coordinates (pixel centres are integers) to the marker plane, then to the image.
+    to_plane = np.array(
+        [
+            [edge / len(picture), 0, (0.5 / len(picture) - 0.5) * edge],
+            [0, -edge / len(picture), (0.5 - 0.5 / len(picture)) * edge],
+            [0, 0, 1],
+        ]
+    )
+    R, p = X_CM.rotation().matrix(), X_CM.translation()
+    plane_to_C = np.column_stack([R[:, 0], R[:, 1], p])
+    fine = np.array([[_FINENESS, 0, (_FINENESS - 1) / 2], [0, _FINENESS, (_FINENESS - 1) / 2]])
+    to_image = np.vstack([fine, [0, 0, 1]]) @ intrinsics.matrix @ plane_to_C @ to_plane
+    shape = (intrinsics.width * _FINENESS, intrinsics.height * _FINENESS)
+    if image is None:
+        image = np.full((intrinsics.height, intrinsics.width), background, np.uint8)
+    fine_image = cv2.resize(image, shape, interpolation=cv2.INTER_NEAREST)
+    warped = cv2.warpPerspective(picture, to_image, shape, flags=cv2.INTER_LINEAR)
+    covers = cv2.warpPerspective(np.full_like(picture, 255), to_image, shape) > 127
+    fine_image[covers] = warped[covers]
+    size_out = (intrinsics.width, intrinsics.height)
+    return cv2.resize(fine_image, size_out, interpolation=cv2.INTER_AREA)
+
+
+@pytest.fixture
+def draw_marker():
+    """Returns a function that draws a marker at a pose X_CM into a grey image."""
+    return _draw_marker
+
+
+@pytest.fixture
+def facing():
+    """Returns a function that makes the pose of a marker that faces the camera, then tilted."""
+
+    def make(position, tilt=0.0, azimuth=0.0, roll=0.0):
+        axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        turn = cv2.Rodrigues(tilt * axis)[0]
+        front = np.diag([1.0, -1.0, -1.0]) @ cv2.Rodrigues(np.array([0.0, 0.0, roll]))[0]
+        return RigidTransform(RotationMatrix(turn @ front), position)
+
+    return make
