@@ -24,7 +24,9 @@ def make_coupling(name: str) -> Coupling | None:
     if name == "report":
         return ReportCoupling()
     if name == "barrier":
-        return BarrierCoupling(hand_radius=HAND_RADIUS)
+        # The sphere is larger than the hand is thin, so near the goal, where the hand's direction
+        # is known, obstacles may come closer than it says; the planner checks the true shapes.
+        return BarrierCoupling(hand_radius=HAND_RADIUS, goal_margin=0.015, goal_distance=0.08)
     raise InputError(f'coupling is "{name}"; it must be barrier, report or none')
 
 
@@ -74,7 +76,7 @@ def prepare_scene(scene: Scene, *, arm: str | None = None, motion: str | None = 
     if motion is not None:
         path = (
             goal_motion(motion, scene.arm, start=0.3)
-            if motion in MOTION_DIRECTIONS
+            if motion in MOTION_DIRECTIONS or not Path(motion).exists()
             else load_path(Path(motion))
         )
         scene = replace(scene, goal=replace(scene.goal, path=path))

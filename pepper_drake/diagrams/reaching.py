@@ -61,7 +61,7 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
-    minimum_clearance: float = 0.0
+    minimum_clearance: float = 0.002
     """Distance of the arm to the cloud at which the safety monitor stops it, m."""
     safety: bool = True
     """Whether a link that comes too close stops the arm."""
@@ -255,9 +255,13 @@ class Reaching(Diagram):
         """From the hand's next pose to the arm's next command."""
         builder, station, arm = self._builder, self.station, self.scene.arm
         model, params = station.control_model, self.config.ik
-        bus = builder.AddNamedSystem("hand_pose_bus", HandPoseBus(hand_key(arm)))
-        self._connect(self.translation.GetOutputPort("next_position"), bus, "position")
-        self._connect(self.rotation.GetOutputPort("next_orientation"), bus, "orientation")
+        bus = builder.AddNamedSystem(
+            "hand_pose_bus", HandPoseBus(hand_key(arm), params.tracking_gain)
+        )
+        for name in ("position", "next_position"):
+            self._connect(self.translation.GetOutputPort(name), bus, name)
+        for name in ("orientation", "next_orientation"):
+            self._connect(self.rotation.GetOutputPort(name), bus, name)
         posture = builder.AddNamedSystem("nominal_posture", NominalPosture(self.planner.posture))
         self._connect(self.canonical.GetOutputPort("phase"), posture, "phase")
 
@@ -318,6 +322,11 @@ class Reaching(Diagram):
         self.seen_clearance = builder.AddNamedSystem("seen_clearance", SeenClearance(self.geometry))
         self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud")
         self._connect(self.arm_position, self.seen_clearance, "joint_position")
+        self._connect(
+            self.arm_command.GetOutputPort("velocity_command"),
+            self.seen_clearance,
+            "joint_velocity",
+        )
 
         self.safety = builder.AddNamedSystem(
             "safety_monitor",

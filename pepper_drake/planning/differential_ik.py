@@ -3,12 +3,18 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RigidTransform
 from pydrake.multibody.inverse_kinematics import DifferentialInverseKinematicsSystem
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.planning import DofMask, JointLimits
 
+from pepper_drake.learning import rotations
 from pepper_drake.models.pepper import elbow_roll_limits, hand_frame
 from pepper_drake.planning.control_model import ControlModel, arm_joints
+
+Vector = npt.NDArray[np.float64]
 
 
 @dataclass
@@ -32,6 +38,10 @@ class DifferentialIkParams:
     orientation_weight: float = 10.0
     posture_gain: float = 5.0
     """Pull to the nominal posture, 1/s."""
+    tracking_gain: float = 0.15
+    """Share of the hand's pose error that is made up for in one tick. The hand's velocity is fed
+    forward besides, so that this costs no lag; near one, the acceleration limits of the joint
+    commands would turn the loop into an oscillator."""
     speed_fraction: float = 0.5
     """Share of the rated joint velocities that may be used."""
     limit_margin: float = 1e-3
@@ -47,6 +57,33 @@ class DifferentialIkParams:
 def hand_key(arm: str) -> str:
     """The hand's scoped frame name, the key of its pose on the bus `desired_cartesian_poses`."""
     return f"pepper::{hand_frame(arm)}"
+
+
+def leading_pose(
+    position: Vector, next_position: Vector, rotation: Vector, next_rotation: Vector, gain: float
+) -> RigidTransform:
+    """The pose to ask for so that the hand moves with its path and makes up for its error.
+
+    Drake's system asks for the velocity gain (X_asked - X) / dt. With
+
+        X_asked = X_next + (1 - gain) / gain (X_next - X_now)
+
+    that is the path's own velocity (X_next - X_now) / dt, and gain times the present error.
+
+    Args:
+        position: (3,) where the hand should be now, m, in T.
+        next_position: (3,) where it should be one tick later.
+        rotation: (4,) its orientation now, unit quaternion w, x, y, z.
+        next_rotation: (4,) the same one tick later.
+        gain: In (0, 1].
+    """
+    lead = (1.0 - gain) / gain
+    turn = rotations.log_map(rotations.multiply(next_rotation, rotations.conjugate(rotation)))
+    orientation = rotations.multiply(rotations.exp_map(lead * turn), next_rotation)
+    return RigidTransform(
+        Quaternion(orientation / np.linalg.norm(orientation)),
+        next_position + lead * (next_position - position),
+    )
 
 
 def strictest_elbow_roll(arm: str) -> tuple[float, float]:
@@ -131,7 +168,7 @@ def make_differential_ik(
         collision_checker=model.make_collision_checker(),
         active_dof=mask,
         time_step=params.time_step,
-        K_VX=1.0,
+        K_VX=params.tracking_gain,
         Vd_TG_limit=SpatialVelocity(
             w=[params.angular_velocity_limit] * 3, v=[params.linear_velocity_limit] * 3
         ),

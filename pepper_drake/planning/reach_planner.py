@@ -6,7 +6,6 @@ from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import BusValue
@@ -23,6 +22,7 @@ from pepper_drake.planning.control_model import ControlModel, arm_joints, body_i
 from pepper_drake.planning.differential_ik import (
     DifferentialIkParams,
     hand_key,
+    leading_pose,
     make_differential_ik,
 )
 from pepper_drake.planning.joint_command import step_arm_command
@@ -50,11 +50,13 @@ class ReachPlannerParams:
     """The same to the arm's side."""
     reach: float = 0.39
     """Farthest distance of the hand from the shoulder."""
-    body_clearance: float = 0.03
+    slack: float = 0.08
+    """How far the goal may move away and should still be within reach."""
+    body_clearance: float = 0.02
     """Between the body (all but the reaching arm) and the cloud."""
     wanted_clearance: float = 0.016
     """Between the arm and the cloud: with this a place to stand is taken at once."""
-    least_clearance: float = 0.008
+    least_clearance: float = 0.006
     """With less the arm does not start."""
     position_tolerance: float = 0.006
     """Of the hand at the end of the motion played through."""
@@ -251,7 +253,7 @@ class ReachPlanner:
         position_port = ik.get_input_port_position()
         nominal_port = ik.get_input_port_nominal_posture()
         poses_port = ik.get_input_port_desired_cartesian_poses()
-        key = hand_key(self._arm)
+        key, gain = hand_key(self._arm), self._ik_params.tracking_gain
         q = np.zeros(self._model.plant.num_positions())
         q_nominal = q.copy()
         joints, velocity = start.copy(), np.zeros(5)
@@ -261,8 +263,10 @@ class ReachPlanner:
             q[self._arm_in_plant] = joints
             q_nominal[self._arm_in_plant] = nominal[n - 1]
             bus = BusValue()
-            quaternion = rotations[n] / np.linalg.norm(rotations[n])
-            bus.Set(key, Value(RigidTransform(Quaternion(quaternion), positions[n])))
+            X_TG = leading_pose(
+                positions[n - 1], positions[n], rotations[n - 1], rotations[n], gain
+            )
+            bus.Set(key, Value(X_TG))
             position_port.FixValue(context, q)
             nominal_port.FixValue(context, q_nominal)
             poses_port.FixValue(context, Value(bus))
@@ -314,16 +318,18 @@ class ReachPlanner:
         heading = np.arctan2(fingers[1], fingers[0])
         z_T = X_WG.translation()[2] - X_BT.translation()[2]
         options = []
-        for x in np.arange(0.16, 0.32, 0.03):
+        for x in np.arange(0.16, 0.33, 0.02):
             for y in np.arange(0.08, 0.27, 0.04):
                 p_TG = np.array([x, side * y, z_T])
                 if np.linalg.norm(p_TG - p_TS) > params.reach:
                     continue
+                stretched = np.linalg.norm(p_TG + [params.slack, 0, 0] - p_TS) - params.reach
                 for turn in np.radians([0, -15, 15, -30, 30]):
                     discomfort = (
                         ((x - preferred[0]) / 0.05) ** 2
                         + ((y - side * preferred[1]) / 0.06) ** 2
                         + (turn / 0.35) ** 2
+                        + (max(stretched, 0.0) / 0.01) ** 2
                     )
                     options.append((discomfort, x, side * y, heading + turn))
         for _, x, y, yaw in sorted(options):

@@ -1,47 +1,55 @@
-"""The hand's next pose, in the form that Drake's differential inverse kinematics takes."""
+"""The hand's pose to ask for, in the form that Drake's differential inverse kinematics takes."""
 
-from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.value import Value
-from pydrake.math import RigidTransform
 from pydrake.systems.framework import BusValue, Context, InputPort, LeafSystem, OutputPort
+
+from pepper_drake.planning.differential_ik import leading_pose
 
 
 class HandPoseBus(LeafSystem):
-    """Puts the hand's position and orientation on a bus.
+    """Puts the pose that the hand should be asked for on a bus (see `leading_pose`).
 
     .. pydrake_system::
 
         name: HandPoseBus
         input_ports:
         - position
+        - next_position
         - orientation
+        - next_orientation
         output_ports:
         - desired_cartesian_poses
 
-    Inputs: `position` (3), m, and `orientation` (4), unit quaternion w, x, y, z, of the hand H in
-    the torso frame T. Output: a BusValue with X_TH under `key`.
+    Inputs: `position` and `next_position` (3), m, `orientation` and `next_orientation` (4), unit
+    quaternions w, x, y, z: of the hand H in the torso frame T, now and one tick later.
+    Output: a BusValue with the pose under `key`.
+
+    Args:
+        key: The hand's scoped frame name.
+        gain: Share of the hand's error that is made up for in one tick.
     """
 
-    def __init__(self, key: str) -> None:
+    def __init__(self, key: str, gain: float) -> None:
         super().__init__()
-        self._key = key
-        self.position_input: InputPort = self.DeclareVectorInputPort("position", 3)
-        self.orientation_input: InputPort = self.DeclareVectorInputPort("orientation", 4)
+        self._key, self._gain = key, gain
+        self._inputs: list[InputPort] = [
+            self.DeclareVectorInputPort(name, size)
+            for name, size in (
+                ("position", 3),
+                ("next_position", 3),
+                ("orientation", 4),
+                ("next_orientation", 4),
+            )
+        ]
         self.bus_output: OutputPort = self.DeclareAbstractOutputPort(
             "desired_cartesian_poses",
             lambda: Value(BusValue()),
             self._calc_bus,
-            prerequisites_of_calc={
-                self.position_input.ticket(),
-                self.orientation_input.ticket(),
-            },
+            prerequisites_of_calc={port.ticket() for port in self._inputs},
         )
 
     def _calc_bus(self, context: Context, output: Value) -> None:
-        quaternion = self.orientation_input.Eval(context)
         bus = BusValue()
-        bus.Set(
-            self._key,
-            Value(RigidTransform(Quaternion(quaternion), self.position_input.Eval(context))),
-        )
+        values = [port.Eval(context) for port in self._inputs]
+        bus.Set(self._key, Value(leading_pose(*values, self._gain)))
         output.set_value(bus)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +51,8 @@ class ReachTiming:
     """How long the robot stands and looks again before it reaches."""
     goal_lost: float = 12.0
     """Age of the last sight of the goal at which it counts as lost."""
+    places: int = 3
+    """How many places to stand are driven to at most, when from near the reach looks different."""
     holding: float = 1.0
     """How long the hand stays at the goal before the job is done."""
     reaching_timeout: float = 2.5
@@ -72,6 +75,7 @@ class ReachProgress:
         reason: Name of the outcome: "" while all is well, else what went wrong in one word.
         sentence: The same as a sentence.
         still_since: Since when the hand has been at the goal, s; NaN when it is not.
+        places: How many places to stand were chosen so far.
     """
 
     mode: ReachMode = ReachMode.LOOKING
@@ -81,6 +85,7 @@ class ReachProgress:
     reason: str = ""
     sentence: str = ""
     still_since: float = np.nan
+    places: int = 0
 
     def __deepcopy__(self, memo: dict) -> "ReachProgress":
         """Returns itself: Drake copies the state at each event, and this never changes."""
@@ -243,16 +248,26 @@ class ReachSupervisor(LeafSystem):
                     time, "cloud_missing", "the depth camera gave no image of the scene"
                 )
             return progress
-        plan = self._planner.plan_stand(
-            base_pose=self._ports["base_pose"].Eval(context),
-            joint_position=self._ports["joint_position"].Eval(context),
-            X_WO=self._ports["object_pose"].Eval(context),
-            cloud_W=cloud_points(self._ports["cloud"].Eval(context)),
-        )
+        return self._choose_place(context, progress, time)
+
+    def _seen(self, context: Context) -> dict[str, Any]:
+        """What the planner needs to know, as its arguments."""
+        return {
+            "base_pose": self._ports["base_pose"].Eval(context),
+            "joint_position": self._ports["joint_position"].Eval(context),
+            "X_WO": self._ports["object_pose"].Eval(context),
+            "cloud_W": cloud_points(self._ports["cloud"].Eval(context)),
+        }
+
+    def _choose_place(
+        self, context: Context, progress: ReachProgress, time: float
+    ) -> ReachProgress:
+        plan = self._planner.plan_stand(**self._seen(context))
         if plan.verdict != ReachVerdict.CLEAR:
             return progress.fail(time, plan.verdict.value, plan.sentence)
         x, y, yaw = plan.base_pose
-        return replace(progress.to(ReachMode.DRIVING, time), base_goal=(x, y, yaw))
+        driving = progress.to(ReachMode.DRIVING, time)
+        return replace(driving, base_goal=(x, y, yaw), places=progress.places + 1)
 
     def _drive(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
         if self._scalar(context, "arrived") > 0.5 and time - progress.since > self._time_step:
@@ -264,15 +279,12 @@ class ReachSupervisor(LeafSystem):
     def _settle(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
         if time - progress.since < self._timing.settling:
             return progress
-        plan = self._planner.check_reach(
-            base_pose=self._ports["base_pose"].Eval(context),
-            joint_position=self._ports["joint_position"].Eval(context),
-            X_WO=self._ports["object_pose"].Eval(context),
-            cloud_W=cloud_points(self._ports["cloud"].Eval(context)),
-        )
-        if plan.verdict != ReachVerdict.CLEAR:
-            return progress.fail(time, plan.verdict.value, plan.sentence)
-        return progress.to(ReachMode.REACHING, time)
+        plan = self._planner.check_reach(**self._seen(context))
+        if plan.verdict == ReachVerdict.CLEAR:
+            return progress.to(ReachMode.REACHING, time)
+        if progress.places < self._timing.places:
+            return self._choose_place(context, progress, time)
+        return progress.fail(time, plan.verdict.value, plan.sentence)
 
     def _error(self, context: Context) -> float:
         p_TH = self._ports["hand_pose"].Eval(context).translation()

@@ -19,27 +19,37 @@ class SeenClearance(LeafSystem):
         input_ports:
         - cloud
         - joint_position
+        - joint_velocity
         output_ports:
         - clearance
 
-    Inputs: `cloud`, a PointCloud in the torso frame T; `joint_position` (5), the arm's, rad.
-    Output: `clearance` (1), m, infinite before the first tick and for an empty cloud. State: the
-    same, every `time_step`.
+    Inputs: `cloud`, a PointCloud in the torso frame T; `joint_position` (5) and `joint_velocity`
+    (5), the arm's, rad and rad/s. Output: `clearance` (1), m: the lesser of now and of `lookahead`
+    later at this velocity; infinite before the first tick and for an empty cloud. State: the same,
+    every `time_step`.
 
     Args:
         geometry: Of the arm.
         extension: How far each point reaches down, m (see `ObstacleField`); zero takes the cloud
             as it was seen.
+        lookahead: How far ahead the arm's motion is thought on, s: at least a period and the time
+            that the arm needs to brake.
         time_step: s.
     """
 
     def __init__(
-        self, geometry: ArmGeometry, *, extension: float = 0.0, time_step: float = 0.05
+        self,
+        geometry: ArmGeometry,
+        *,
+        extension: float = 0.0,
+        lookahead: float = 0.1,
+        time_step: float = 0.04,
     ) -> None:
         super().__init__()
-        self._geometry, self._extension = geometry, extension
+        self._geometry, self._extension, self._lookahead = geometry, extension, lookahead
         self.cloud_input: InputPort = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
         self.joint_position_input: InputPort = self.DeclareVectorInputPort("joint_position", 5)
+        self.joint_velocity_input: InputPort = self.DeclareVectorInputPort("joint_velocity", 5)
         self._field = self.DeclareCacheEntry(
             "distance field of the cloud",
             ValueProducer(
@@ -57,6 +67,7 @@ class SeenClearance(LeafSystem):
         field.set_value(ObstacleField(points, extension=self._extension))
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        joints = self.joint_position_input.Eval(context)
-        field = self._field.Eval(context)
-        discrete_state.set_value(self._clearance, self._geometry.clearances(joints[None], field))
+        now = self.joint_position_input.Eval(context)
+        later = now + self._lookahead * self.joint_velocity_input.Eval(context)
+        clearances = self._geometry.clearances(np.stack((now, later)), self._field.Eval(context))
+        discrete_state.set_value(self._clearance, [clearances.min()])
