@@ -40,7 +40,9 @@ def make_parser() -> ArgumentParser:
         metavar="NAME|FILE",
         help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: %(default)s)",
     )
-    scenes.add_argument("--random-scene", type=int, metavar="SEED", help="a random scene instead")
+    scenes.add_argument(
+        "--random-scene", type=cli.seed, metavar="SEED", help="a random scene instead"
+    )
     parser.add_argument(
         "--demo",
         type=Path,

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 from pepper_drake.errors import InputError, PepperDrakeError
 
@@ -17,6 +18,25 @@ EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 
 
+class OneLineParser(argparse.ArgumentParser):
+    """A parser that says what is wrong with the command line in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exits with what every app exits with when its input is bad."""
+        self.exit(EXIT_BAD_INPUT, f"error: {message}; see {self.prog} --help\n")
+
+
+def seed(text: str) -> int:
+    """Reads a seed from the command line: a whole number of at least 0."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = -1
+    if number < 0:
+        raise argparse.ArgumentTypeError(f'"{text}" is no seed; give a whole number, 0 or above')
+    return number
+
+
 def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
     """Makes a parser with the options that every app takes.
 
@@ -24,7 +44,7 @@ def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
         name: The app's name; its default output folder is `out/<name>`.
         description: The help text, usually the module's docstring.
     """
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog=f"{name}.py",
         description=description,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -37,7 +57,7 @@ def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
         help="folder for the results (default: %(default)s)",
     )
     parser.add_argument(
-        "--seed", type=int, default=0, help="seed of all randomness (default: %(default)s)"
+        "--seed", type=seed, default=0, help="seed of all randomness (default: %(default)s)"
     )
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     return parser
