@@ -66,7 +66,7 @@ def draw_path(log: ReachLog) -> Figure:
             )
         axes.set_ylabel(f"{name} [m]")
         axes.grid(alpha=0.3)
-        if k == 0:
+        if k == 0 and len(hand):
             axes.legend(fontsize=8, ncol=3, loc="best")
         if k == 2:
             axes.set_xlabel("time since the arm started [s]")
