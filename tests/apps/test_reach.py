@@ -1,0 +1,254 @@
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pepper_drake import cli
+from pepper_drake.diagrams.reaching import ReachingConfig
+from pepper_drake.models.scene import load_scene, save_scene
+from pepper_drake.reporting.reach_log import ReachLog
+from pepper_drake.systems.reach_supervisor import ReachMode, ReachTiming
+
+APP = Path(__file__).parents[2] / "apps" / "reach.py"
+FREE = """\
+name: stand
+arm: right
+goal:
+  position: [0.95, -0.12, 0.78]
+obstacles:
+- name: tray
+  shape: box
+  size: [0.12, 0.12, 0.015]
+  position: [0.95, -0.12, 0.7725]
+"""
+
+
+@pytest.fixture
+def app(monkeypatch):
+    """The app as a module, which leaves the tests' standard output alone."""
+    spec = importlib.util.spec_from_file_location("reach_app", APP)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.setattr(cli, "quiet_libraries", lambda: None)
+    return module
+
+
+@pytest.fixture
+def run(app, monkeypatch, capsys):
+    """Runs the app in this process: exit code, standard output, standard error."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["reach.py", *map(str, arguments)])
+        with pytest.raises(SystemExit) as exit_info:
+            cli.run(app.main)
+        captured = capsys.readouterr()
+        return exit_info.value.code, captured.out, captured.err
+
+    return call
+
+
+def rows(count=30):
+    """A motion of ten columns along x."""
+    times = np.arange(count) / 100
+    table = np.zeros((count, 10))
+    table[:, 0], table[:, 1] = times, 0.1 * times
+    return [list(row) for row in table]
+
+
+def write_rows(path, table):
+    path.write_text("".join(" ".join(map(str, row)) + "\n" for row in table))
+    return path
+
+
+def changed(row, column, value):
+    table = rows()
+    table[row][column] = value
+    return table
+
+
+BAD_SCENES = {
+    "typo": (FREE.replace("arm:", "amr:"), ("line 2", '"amr"', "arm")),
+    "text for a number": (FREE.replace("0.95,", "far,", 1), ("line 4", '"far"', "number")),
+    "not a number": (FREE.replace("0.95,", ".nan,", 1), ("line 4", "finite")),
+    "inside the table": (FREE.replace("0.78]", "0.77]"), ("line 4", '"tray"', "move")),
+    "no yaml": (FREE.replace("0.78]", "0.78"), ("line", "not valid YAML")),
+    "arm": (FREE.replace("right", "middle"), ("line 2", '"middle"', "left")),
+    "posture": (FREE + "robot: {posture: sit}\n", ("line 10", '"sit"', "stand")),
+    "empty": ("", ("empty", "fields")),
+}
+
+
+@pytest.mark.parametrize("name", BAD_SCENES)
+def test_a_bad_scene_is_one_sentence_with_file_line_and_mend(name, run, tmp_path):
+    text, words = BAD_SCENES[name]
+    file = tmp_path / "scene.yaml"
+    file.write_text(text)
+    check_refused(run("--scene", file, "--output", tmp_path / "out"), "scene.yaml", *words)
+    assert not (tmp_path / "out").exists()
+
+
+BAD_DEMONSTRATIONS = {
+    "nine columns": ([row[:9] for row in rows()], ("line 1", "9 columns", "10")),
+    "time runs backwards": (changed(20, 0, 0.05), ("line 21", "0.05", "order")),
+    "not a number": (changed(7, 4, "nan"), ("line 8", "nan", "finite")),
+    "a text": (changed(7, 4, "here"), ("line 8", "'here'", "number")),
+    "nothing": ([], ("0 rows", "at least")),
+}
+
+
+@pytest.mark.parametrize("name", BAD_DEMONSTRATIONS)
+def test_a_bad_demonstration_is_one_sentence_with_file_line_and_mend(name, run, tmp_path):
+    table, words = BAD_DEMONSTRATIONS[name]
+    file = write_rows(tmp_path / "demo.txt", table)
+    check_refused(run("--demo", file, "--output", tmp_path / "out"), "demo.txt", *words)
+
+
+BAD_MOTIONS = {
+    "time runs backwards": ([[0, 0, 0, 0], [1, 0, 0, 0.1], [0.5, 0, 0, 0.1]], ("line 3", "time")),
+    "three columns": ([[0, 0, 0], [1, 0, 0.1]], ("line 1", "3 columns", "time x y z")),
+    "not a number": ([[0, 0, 0, 0], [1, 0, 0, "nan"]], ("line 2", "finite")),
+    "one row": ([[0, 0, 0, 0]], ("at least two",)),
+}
+
+
+@pytest.mark.parametrize("name", BAD_MOTIONS)
+def test_a_bad_goal_motion_is_one_sentence_with_file_line_and_mend(name, run, tmp_path):
+    table, words = BAD_MOTIONS[name]
+    file = write_rows(tmp_path / "motion.txt", table)
+    check_refused(run("--goal-motion", file, "--output", tmp_path / "out"), "motion.txt", *words)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--scene", "nowhere.yaml"), ("nowhere.yaml", "table, shelf, clutter, free")),
+        (("--demo", "nowhere.txt"), ("nowhere.txt", "no such file")),
+        (("--demo", "."), ("translation.txt", "no such file")),
+        (("--goal-motion", "sideways"), ('"sideways"', "up, aside, away")),
+        (("--arm", "middle"), ("'middle'", "left")),
+        (("--coupling", "magic"), ("'magic'", "barrier")),
+        (("--random-scene", "-3"), ('"-3"', "whole number")),
+        (("--seed", "many"), ('"many"', "whole number")),
+        (("--scene", "free", "--random-scene", "1"), ("--random-scene", "--scene")),
+    ],
+)
+def test_a_bad_option_is_one_sentence(arguments, words, run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    check_refused(run(*arguments), *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def check_refused(result, *words):
+    code, output, error = result
+    assert code == cli.EXIT_BAD_INPUT
+    assert output == ""
+    assert error.startswith("error: ")
+    assert error.count("\n") == 1
+    for word in words:
+        assert word in error, error
+
+
+@pytest.mark.parametrize(
+    ("option", "content", "words"),
+    [
+        ("--scene", FREE.replace("arm:", "amr:"), ("line 2", "amr")),
+        ("--demo", "0 1 2 3 4 5 6 7 8\n" * 5, ("line 1", "9 columns")),
+        ("--scene", None, ("neither a scene file", "table")),
+    ],
+)
+def test_as_a_user_runs_it_bad_input_is_one_line_on_standard_error(
+    option, content, words, tmp_path
+):
+    file = tmp_path / "input"
+    if content is not None:
+        file.write_text(content)
+    command = [sys.executable, str(APP), option, str(file), "--output", str(tmp_path / "out")]
+    result = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "TERM": ""})
+    check_refused((result.returncode, result.stdout, result.stderr), "input", *words)
+
+
+def check_arm_never_moved(log):
+    assert ReachMode.REACHING not in log.mode
+    # Head and base may move; the arms, 2..11, rest.
+    arms = log.joint_command_rad[:, 2:12]
+    np.testing.assert_array_equal(arms, np.broadcast_to(arms[0], arms.shape))
+    assert np.ptp(log.joint_position_rad[:, 2:12], axis=0).max() < 2e-3
+
+
+@pytest.mark.render
+def test_a_marker_that_nobody_can_see_is_a_failure_with_a_name(run, app, monkeypatch, tmp_path):
+    scene = load_scene("free")
+    marker = scene.goal.marker  # Turned to the far side of the object.
+    marker.position[0] *= -1
+    marker.rpy[2] += np.pi
+    save_scene(scene, tmp_path / "turned.yaml")
+    timing = ReachTiming(goal_timeout=2.0)
+    monkeypatch.setattr(app, "ReachingConfig", partial(ReachingConfig, timing=timing))
+    output = tmp_path / "out"
+    code, printed, error = run(
+        "--scene", tmp_path / "turned.yaml", "--output", output, "--no-recording"
+    )
+    assert (code, error) == (cli.EXIT_FAILED, "")
+    assert printed.startswith("failed: no marker of the goal object was seen")
+    report = json.loads((output / "report.json").read_text())
+    assert (report["outcome"], report["reason"]) == ("failed", "goal_not_seen")
+    assert report["goal_estimate_error"] is None
+    check_arm_never_moved(ReachLog.load(output / "log.npz"))
+    for name in ("path.png", "timeline.png", "scene.png"):
+        assert (output / name).stat().st_size > 1000
+
+
+@pytest.mark.render
+def test_a_goal_out_of_reach_is_refused_before_the_arm_moves(run, tmp_path):
+    scene = load_scene("free")
+    scene.obstacles = []
+    scene.goal.position[2] = 0.3
+    save_scene(scene, tmp_path / "low.yaml")
+    output = tmp_path / "out"
+    code, _, error = run(
+        "--scene", tmp_path / "low.yaml", "--output", output, "--no-recording", "--quiet"
+    )
+    assert (code, error) == (cli.EXIT_FAILED, "")
+    report = json.loads((output / "report.json").read_text())
+    assert (report["outcome"], report["reason"]) == ("failed", "out_of_reach")
+    log = ReachLog.load(output / "log.npz")
+    check_arm_never_moved(log)
+    assert np.ptp(log.base_pose_m_m_rad, axis=0).max() < 1e-3
+
+
+@pytest.mark.render
+def test_a_whole_reach_leaves_a_folder_of_results(run, tmp_path):
+    code, printed, error = run("--scene", "free", "--output", tmp_path)
+    assert (code, error) == (cli.EXIT_DONE, "")
+    assert printed.startswith("reached\n")
+    assert str(tmp_path) in printed
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert (report["outcome"], report["reason"]) == ("reached", "")
+    assert report["final_position_error"] <= 0.010
+    assert report["goal_estimate_error"] <= 0.010
+    assert report["contacts"] == 0
+    assert report["minimum_clearance"] > 0
+    assert report["cloud"]["points"] > 50
+    assert report["cloud"]["robot_points"] == report["cloud"]["goal_points"] == 0
+    expected = {
+        *("outcome", "reason", "final_position_error", "final_orientation_error"),
+        *("minimum_clearance", "contacts", "tracking_error_rms", "goal_estimate_error"),
+        *("cloud", "simulated_seconds", "wall_seconds", "realtime_factor", "seed"),
+    }
+    assert expected <= set(report)
+    log = ReachLog.load(tmp_path / "log.npz")
+    assert log.time_s[-1] == pytest.approx(report["simulated_seconds"], abs=0.011)
+    assert log.goal_distance_m[-1] == pytest.approx(report["final_position_error"], abs=1e-4)
+    modes = [m for k, m in enumerate(log.mode) if k == 0 or m != log.mode[k - 1]]
+    assert modes == list(ReachMode)[: ReachMode.DONE + 1]
+    page = (tmp_path / "recording.html").read_text()
+    assert "meshcat" in page.lower()
+    assert 'src="http' not in page, "the page opens without a network"
+    for name in ("path.png", "timeline.png", "scene.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")

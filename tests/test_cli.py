@@ -1,0 +1,54 @@
+import pytest
+
+from pepper_drake import cli
+from pepper_drake.errors import InputError, PepperDrakeError
+
+
+@pytest.mark.parametrize("argument", ["-1", "x", "1.5", ""])
+def test_what_is_no_seed_is_one_line_and_exit_code_2(argument, capsys):
+    with pytest.raises(SystemExit) as exit_info:
+        cli.make_parser("app", "What it does.").parse_args([f"--seed={argument}"])
+    assert exit_info.value.code == cli.EXIT_BAD_INPUT
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert error.startswith("error: argument --seed: ")
+    assert "whole number" in error
+
+
+def test_an_unknown_option_is_one_line_that_points_to_the_help(capsys):
+    with pytest.raises(SystemExit) as exit_info:
+        cli.make_parser("app", "What it does.").parse_args(["--sede", "1"])
+    assert exit_info.value.code == cli.EXIT_BAD_INPUT
+    assert capsys.readouterr().err == "error: unrecognized arguments: --sede 1; see app.py --help\n"
+
+
+def test_every_app_has_an_output_folder_a_seed_and_quiet():
+    options = cli.make_parser("app", "What it does.").parse_args([])
+    assert options.output.parts == ("out", "app")
+    assert (options.seed, options.quiet) == (0, False)
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (InputError("mend this"), cli.EXIT_BAD_INPUT, "error: mend this\n"),
+        (PepperDrakeError("it broke"), cli.EXIT_FAILED, "error: it broke\n"),
+        (KeyboardInterrupt(), 130, "interrupted\n"),
+    ],
+)
+def test_errors_become_a_line_and_a_code(error, code, line, capsys):
+    def main():
+        raise error
+
+    with pytest.raises(SystemExit) as exit_info:
+        cli.run(main)
+    assert exit_info.value.code == code
+    assert capsys.readouterr().err == line
+
+
+def test_a_fault_of_our_own_is_not_hidden():
+    def main():
+        raise RuntimeError("a bug")
+
+    with pytest.raises(RuntimeError, match="a bug"):
+        cli.run(main)
