@@ -147,7 +147,11 @@ class GaussianForcing:
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Self:
-        """Makes the model of what `to_data` returned."""
+        """Makes the model of what `to_data` returned.
+
+        Raises:
+            ValueError: Numbers are missing or not finite.
+        """
         basis = GaussianBasis(
             np.array(data["centres"], dtype=float),
             np.array(data["widths"], dtype=float),
@@ -155,4 +159,12 @@ class GaussianForcing:
             bool(data["slopes"]),
             float(data["alpha_x"]),
         )
-        return cls(basis, np.array(data["weights"], dtype=float))
+        weights = np.array(data["weights"], dtype=float)
+        if basis.centres.ndim != 1 or basis.widths.shape != basis.centres.shape:
+            raise ValueError("centres and widths must be two lists of the same length")
+        if weights.ndim != 2 or len(weights) != basis.num_features:
+            raise ValueError(f"weights must have {basis.num_features} rows of the same length")
+        finite = all(np.isfinite(a).all() for a in (basis.centres, basis.widths, weights))
+        if not finite or np.any(basis.widths == 0.0):
+            raise ValueError("centres, widths and weights must be finite, widths not zero")
+        return cls(basis, weights)

@@ -5,7 +5,7 @@ line. `version` counts changes of the layout.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +73,7 @@ def read_primitive(path: Path) -> MovementPrimitive:
     version = fields.value("version", int)
     if version != VERSION:
         raise InputError(f"{path}: version {version} is not known; this program reads {VERSION}")
-    approximator = fields.value("approximator", str)
+    approximator = fields.name_of("approximator", get_approximator)
     orientation = posture = None
     if "orientation" in fields.data:
         inner = fields.inner("orientation")
@@ -112,8 +112,7 @@ def _attractor_data(attractor: Attractor, prefix: str = "") -> dict[str, Any]:
 
 
 def _attractor(fields: "_Fields", approximator: str, prefix: str = "") -> Attractor:
-    scaling = fields.value("scaling", str)
-    check_scaling(scaling)
+    scaling = fields.name_of("scaling", check_scaling)
     return Attractor(
         model=fields.inner("forcing").build(get_approximator(approximator).load),
         scaling=scaling,
@@ -149,6 +148,14 @@ class _Fields:
                 f" {'finite number' if kind is float else kind.__name__}"
             )
         return value
+
+    def name_of(self, field: str, check: Callable[[str], object]) -> str:
+        name: str = self.value(field, str)
+        try:
+            check(name)
+        except InputError as error:
+            raise InputError(f"{self._path}: {error}") from None
+        return name
 
     def positive(self, field: str) -> float:
         value: float = self.value(field, float)

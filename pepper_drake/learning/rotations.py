@@ -5,6 +5,9 @@ expressed in the frame that the orientation is measured in (not in the body). Re
 Nemec, Petric, Morimoto 2014, doi:10.1109/ICRA.2014.6907291; Sola 2017, arXiv:1711.02508.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,16 +19,20 @@ _SMALL = 1e-4
 
 def multiply(p: npt.ArrayLike, q: npt.ArrayLike) -> Array:
     """Returns the quaternion product p q, (..., 4)."""
-    pw, px, py, pz = np.moveaxis(np.asarray(p, dtype=float), -1, 0)
-    qw, qx, qy, qz = np.moveaxis(np.asarray(q, dtype=float), -1, 0)
-    return np.stack(
-        (
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ),
-        axis=-1,
+    p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
+    if p.ndim == q.ndim == 1:  # Ten times as fast in plain numbers; this runs at every tick.
+        return np.array(_product(p.tolist(), q.tolist()))
+    return np.stack(_product(np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)), axis=-1)
+
+
+def _product(p: Sequence[Any], q: Sequence[Any]) -> tuple[Any, Any, Any, Any]:
+    pw, px, py, pz = p
+    qw, qx, qy, qz = q
+    return (
+        pw * qw - px * qx - py * qy - pz * qz,
+        pw * qx + px * qw + py * qz - pz * qy,
+        pw * qy - px * qz + py * qw + pz * qx,
+        pw * qz + px * qy - py * qx + pz * qw,
     )
 
 
@@ -100,7 +107,7 @@ def left_jacobian(rotation_vector: npt.ArrayLike) -> Array:
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     small = angle < _SMALL
     safe = np.where(small, 1.0, angle)
-    cosine = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    cosine = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
     sine = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
     hat = _hat(vector)
     return np.eye(3) + cosine * hat + sine * (hat @ hat)
@@ -122,10 +129,12 @@ def inverse_left_jacobian(rotation_vector: npt.ArrayLike) -> Array:
 
 
 def _hat(vector: Array) -> Array:
-    x, y, z = np.moveaxis(vector, -1, 0)
-    zero = np.zeros_like(x)
-    rows = ((zero, -z, y), (z, zero, -x), (-y, x, zero))
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    hat = np.zeros((*vector.shape, 3))
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    hat[..., 0, 1], hat[..., 0, 2] = -z, y
+    hat[..., 1, 0], hat[..., 1, 2] = z, -x
+    hat[..., 2, 0], hat[..., 2, 1] = -y, x
+    return hat
 
 
 def from_angles(angles: npt.ArrayLike) -> Array:

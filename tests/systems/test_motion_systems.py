@@ -1,0 +1,505 @@
+"""The canonical, transformation, orientation and coupling systems, alone and as one loop."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.common.value import Value
+from pydrake.perception import PointCloud
+from pydrake.symbolic import Expression, Variable
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource, LogVectorOutput
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning import Demonstration, MovementPrimitive, ObstacleField
+from pepper_drake.learning import rotations as so3
+from pepper_drake.systems.canonical_system import CanonicalSystem
+from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
+from pepper_drake.systems.orientation_transformation_system import OrientationTransformationSystem
+from pepper_drake.systems.transformation_system import TransformationSystem
+
+STEP = 0.01
+
+
+def learn(scaling):
+    """A curved reach of 1.5 s with a turn, starting and ending while moving."""
+    t = np.arange(151) * STEP
+    p = np.column_stack((0.2 * t, 0.1 * np.sin(2 * t), 0.05 * np.cos(3 * t)))
+    q = so3.exp_map(np.column_stack((np.sin(t), 0.3 * t, 0 * t)))
+    demonstration = Demonstration.from_positions(t, p, rotations=q)
+    return MovementPrimitive.fit(demonstration, num_basis=15, scaling=scaling)
+
+
+@pytest.fixture(scope="module")
+def primitive():
+    return learn("rotation_dilation")
+
+
+@pytest.fixture(scope="module")
+def unscaled():
+    return learn("none")
+
+
+class Function(LeafSystem):
+    """A vector that is a function of the time."""
+
+    def __init__(self, function):
+        super().__init__()
+        self.DeclareVectorOutputPort(
+            "y",
+            len(function(0.0)),
+            lambda context, out: out.SetFromVector(function(context.get_time())),
+            prerequisites_of_calc={self.time_ticket()},
+        )
+
+
+def make_cloud(points):
+    cloud = PointCloud(len(points))
+    cloud.mutable_xyzs()[:] = np.asarray(points, dtype=np.float32).T
+    return cloud
+
+
+class Loop:
+    """All four systems wired as in the reaching diagram, with what they are given."""
+
+    def __init__(
+        self,
+        primitive,
+        *,
+        goal=None,
+        active=lambda t: [1.0],
+        points=None,
+        goal_velocity=None,
+        start_moving=True,
+        time_step=STEP,
+    ):
+        goal = goal or (lambda t: primitive.goal)
+        builder = DiagramBuilder()
+        add, connect = builder.AddSystem, builder.Connect
+        self.canonical = add(CanonicalSystem(primitive, time_step=time_step))
+        self.translation = add(
+            TransformationSystem(primitive, time_step=time_step, start_moving=start_moving)
+        )
+        goal_port = add(Function(goal)).get_output_port()
+        active_port = add(Function(active)).get_output_port()
+        start_port = add(ConstantVectorSource(primitive.start)).get_output_port()
+        systems = [self.translation]
+        if time_step > 0:
+            self.rotation = add(
+                OrientationTransformationSystem(
+                    primitive, time_step=time_step, start_moving=start_moving
+                )
+            )
+            systems.append(self.rotation)
+            q0, qg = (
+                add(ConstantVectorSource(q)).get_output_port()
+                for q in (primitive.orientation.start, primitive.orientation.goal)
+            )
+            connect(q0, self.rotation.start_orientation_port)
+            connect(qg, self.rotation.goal_orientation_port)
+        connect(active_port, self.canonical.active_port)
+        connect(goal_port, self.canonical.goal_position_port)
+        connect(goal_port, self.translation.goal_position_port)
+        connect(start_port, self.translation.start_position_port)
+        for system in systems:
+            connect(active_port, system.active_port)
+            for name in ("phase_port", "phase_velocity_port", "tau_port"):
+                connect(getattr(self.canonical, name), getattr(system, name))
+        if goal_velocity is not None:
+            velocity = add(ConstantVectorSource(goal_velocity)).get_output_port()
+            connect(velocity, self.translation.goal_velocity_port)
+        if points is not None:
+            coupling = add(ObstacleCoupling())
+            source = add(ConstantValueSource(Value(make_cloud(points))))
+            connect(source.get_output_port(), coupling.cloud_port)
+            for name in ("position_port", "velocity_port", "nominal_acceleration_port"):
+                connect(getattr(self.translation, name), getattr(coupling, name))
+            connect(goal_port, coupling.goal_position_port)
+            connect(self.canonical.tau_port, coupling.tau_port)
+            connect(coupling.coupling_port, self.translation.coupling_port)
+            connect(coupling.slowdown_port, self.canonical.slowdown_port)
+        log = partial(LogVectorOutput, builder=builder, publish_period=STEP)
+        self.logs = {
+            port.get_name(): log(port)
+            for system in [self.canonical, *systems]
+            for port in map(system.get_output_port, range(system.num_output_ports()))
+        }
+        self.simulator = Simulator(builder.Build())
+
+    def run(self, time):
+        self.simulator.Initialize()
+        self.simulator.AdvanceTo(time)
+        context = self.simulator.get_context()
+        return {name: log.FindLog(context).data().T for name, log in self.logs.items()}
+
+
+def near_path(primitive):
+    return primitive.rollout().positions[75] + np.array([[0.0, 0.01, -0.02], [0.0, 0.03, -0.01]])
+
+
+CASES = {
+    "undisturbed": {},
+    "among obstacles": {"points": True},
+    "moving goal": {"goal": lambda g, t: g + np.array([0.0, 0.0, 0.08]) * min(1.0, t)},
+    "jumping goal": {"goal": lambda g, t: g + (np.array([0.1, 0.0, 0.05]) if t > 0.5 else 0)},
+    "known goal velocity": {
+        "goal": lambda g, t: g + np.array([0.0, 0.05, 0.0]) * t,
+        "goal_velocity": np.array([0.0, 0.05, 0.0]),
+    },
+    "all at once": {
+        "points": True,
+        "goal": lambda g, t: g + np.array([0.0, 0.05, 0.0]) * t,
+        "goal_velocity": np.array([0.0, 0.05, 0.0]),
+    },
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_diagram_gives_the_path_of_the_offline_rollout(primitive, case):
+    options = CASES[case]
+    move = options.get("goal", lambda g, t: g)
+    # Single precision is what a point cloud has.
+    points = near_path(primitive).astype(np.float32) if "points" in options else None
+    path = primitive.rollout(
+        goal=partial(move, primitive.goal),
+        goal_velocity=options.get("goal_velocity"),
+        obstacles=points,
+    )
+    found = Loop(
+        primitive,
+        goal=partial(move, primitive.goal),
+        goal_velocity=options.get("goal_velocity"),
+        points=points,
+    ).run(path.times[-1])
+    if points is not None:
+        assert np.any(path.coupling)
+    close = partial(np.testing.assert_allclose, rtol=0, atol=1e-9)
+    close(found["position"], path.positions)
+    close(found["velocity"], path.velocities)
+    close(found["phase"][:, 0], path.phases)
+    close(found["tau"][:, 0], path.taus)
+    close(found["angular_velocity"], path.angular_velocities)
+    close(np.abs(np.sum(found["orientation"] * path.rotations, axis=1)), 1.0)
+    # What follows the motion knows the next state one period ahead.
+    for name in ("position", "velocity", "angular_velocity", "orientation"):
+        np.testing.assert_array_equal(found[f"next_{name}"][:-1], found[name][1:])
+
+
+def test_continuous_time_gives_the_same_path(primitive):
+    path = primitive.rollout()
+    loop = Loop(primitive, time_step=0.0)
+    loop.simulator.get_mutable_integrator().set_target_accuracy(1e-7)
+    found = loop.run(primitive.duration)
+    np.testing.assert_allclose(found["position"], path.positions, atol=1e-6)
+    np.testing.assert_allclose(found["velocity"], path.velocities, atol=1e-5)
+
+
+def test_continuous_time_follows_a_jumping_goal(primitive):
+    def goal(t):
+        return primitive.goal + (np.array([0.0, 0.06, 0.0]) if t > 0.4 else 0)
+
+    path = primitive.rollout(goal=goal)
+    loop = Loop(primitive, goal=goal, time_step=0.0)
+    loop.simulator.get_mutable_integrator().set_maximum_step_size(0.005)
+    found = loop.run(1.4)
+    # The jump is seen after a step of the integrator, here up to a period later.
+    position = found["position"][:140]
+    np.testing.assert_allclose(position, path.positions[:140], atol=2e-3)
+    assert found["tau"][-1, 0] == pytest.approx(path.taus[140])
+
+
+@pytest.mark.parametrize("time_step", [STEP, 0.0])
+def test_waits_where_the_hand_is_and_starts_when_it_is_told_to(primitive, time_step):
+    loop = Loop(primitive, active=lambda t: [float(0.3 < t < 1.0)], time_step=time_step)
+    if time_step == 0.0:
+        loop.simulator.get_mutable_integrator().set_maximum_step_size(0.01)
+    found = loop.run(1.3)
+    waiting = slice(0, 30)
+    np.testing.assert_array_equal(found["phase"][waiting], 1.0)
+    np.testing.assert_array_equal(found["position"][waiting] - primitive.start, 0.0)
+    np.testing.assert_array_equal(found["tau"][waiting], primitive.duration)
+    assert np.all(np.diff(found["phase"][32:95, 0]) < 0)
+    # Told to stop, it is at the start again.
+    np.testing.assert_allclose(found["phase"][-10:], 1.0)
+    np.testing.assert_allclose(found["position"][-10:] - primitive.start, 0.0, atol=1e-12)
+
+
+def test_starts_from_rest_or_moving(primitive):
+    resting = Loop(primitive, start_moving=False).run(0.5)
+    moving = Loop(primitive, start_moving=True).run(0.5)
+    np.testing.assert_array_equal(resting["velocity"][0], 0.0)
+    np.testing.assert_allclose(moving["velocity"][0], primitive.rollout().velocities[0], atol=1e-12)
+    path = primitive.rollout(start_velocity=[0, 0, 0])
+    np.testing.assert_allclose(resting["position"], path.positions[:51], atol=1e-12)
+
+
+def test_coupling_and_next_state_have_no_loop_and_no_delay(primitive):
+    system = TransformationSystem(primitive)
+    fed = {
+        (system.get_input_port(i).get_name(), system.get_output_port(o).get_name())
+        for i in range(system.num_input_ports())
+        for o in range(system.num_output_ports())
+        if system.HasDirectFeedthrough(i, o)
+    }
+    assert ("coupling", "next_position") in fed
+    assert ("phase_velocity", "next_velocity") in fed
+    for port in ("position", "velocity", "delayed_goal_position"):
+        assert not any(output == port for _, output in fed)
+    for port in ("coupling", "phase_velocity"):
+        assert (port, "nominal_acceleration") not in fed
+    canonical = CanonicalSystem(primitive)
+    for port in (canonical.phase_port, canonical.tau_port):
+        assert not canonical.HasDirectFeedthrough(port.get_index())
+
+
+def test_next_state_follows_every_input_that_it_is_declared_to_follow(unscaled, ports):
+
+    def make(system, first, second, read=None):
+        changed = ports(system, read or {}).changes(first, second)
+        assert changed <= ports(system).feedthrough()
+        return changed
+
+    one, three = [0.9], np.ones(3)
+    first = {
+        "active": [1.0],
+        "phase": one,
+        "phase_velocity": [-2.0],
+        "tau": [1.5],
+        "goal_position": 0.3 * three,
+        "start_position": 0 * three,
+        "goal_velocity": 0 * three,
+        "coupling": 0 * three,
+    }
+    second = {
+        "active": [0.0],
+        "phase": [0.5],
+        "phase_velocity": [-3.0],
+        "tau": [2.0],
+        "goal_position": 0.5 * three,
+        "start_position": three,
+        "goal_velocity": 0.1 * three,
+        "coupling": three,
+    }
+    changed = make(TransformationSystem(unscaled), first, second)
+    for name in set(first) - {"start_position"}:
+        assert (name, "next_position") in changed
+    q = so3.exp_map([0.1, 0.2, 0.3])
+    rotation = {name: first[name] for name in ("active", "phase", "phase_velocity", "tau")}
+    turned = {name: second[name] for name in rotation}
+    changed = make(
+        OrientationTransformationSystem(unscaled),
+        rotation | {"goal_orientation": [1.0, 0, 0, 0], "start_orientation": [1.0, 0, 0, 0]},
+        turned | {"goal_orientation": q, "start_orientation": q},
+    )
+    assert ("phase", "next_orientation") in changed
+    canonical = {"active": [1.0], "goal_position": three, "slowdown": [0.0]}
+    changed = make(
+        CanonicalSystem(unscaled),
+        canonical,
+        {"active": [0.0], "goal_position": 0 * three, "slowdown": [1.0]},
+    )
+    assert changed == {("active", "phase_velocity"), ("slowdown", "phase_velocity")}
+
+
+def test_slowdown_divides_the_phases_velocity(primitive):
+    system = CanonicalSystem(primitive)
+    context = system.CreateDefaultContext()
+    system.active_port.FixValue(context, [1.0])
+    free = system.phase_velocity_port.Eval(context)[0]
+    system.slowdown_port.FixValue(context, [3.0])
+    assert free == pytest.approx(-primitive.translation.alpha_x / primitive.duration)
+    assert system.phase_velocity_port.Eval(context)[0] == pytest.approx(free / 4)
+
+
+def test_long_after_the_motion_nothing_is_undefined(primitive):
+    loop = Loop(primitive)
+    context = loop.canonical.GetMyMutableContextFromRoot(loop.simulator.get_mutable_context())
+    loop.simulator.Initialize()
+    values = context.get_discrete_state_vector().CopyToVector()
+    for phase in (1e-320, 0.0):
+        values[0] = phase
+        context.SetDiscreteState(values)
+        loop.simulator.AdvanceTo(loop.simulator.get_context().get_time() + 0.05)
+        found = loop.translation.GetMyContextFromRoot(loop.simulator.get_context())
+        assert np.isfinite(loop.translation.next_position_port.Eval(found)).all()
+
+
+# Gradients and symbolic form.
+
+
+def discrete_path_end(system, inputs, steps, alpha_x, tau, make):
+    """Steps a TransformationSystem of any scalar; returns its position."""
+    context = system.CreateDefaultContext()
+
+    def fix(name, values):
+        system.GetInputPort(name).FixValue(context, make(values))
+
+    for name in ("goal_position", "start_position"):
+        system.GetInputPort(name).FixValue(context, inputs[name])
+    if "weights" in inputs:
+        context.get_mutable_numeric_parameter(0).SetFromVector(inputs["weights"])
+    fix("tau", [tau])
+    for k in range(-1, steps):
+        phase = np.exp(-alpha_x * max(k, 0) * STEP / tau)
+        fix("active", [float(k >= 0)])
+        fix("phase", [phase])
+        fix("phase_velocity", [-alpha_x * phase / tau])
+        context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+    return system.GetOutputPort("position").Eval(context)
+
+
+def test_gradient_of_the_path_by_weights_and_goal(primitive):
+    steps, tau = 40, primitive.duration
+    weights = primitive.weights.ravel()
+    values = np.concatenate((weights, primitive.goal))
+    variables = InitializeAutoDiff(values).ravel()
+
+    def constants(numbers):
+        return [AutoDiffXd(float(x), np.zeros(len(values))) for x in numbers]
+
+    system = TransformationSystem(primitive, start_moving=True).ToAutoDiffXd()
+    position = discrete_path_end(
+        system,
+        {
+            "weights": variables[:-3],
+            "goal_position": variables[-3:],
+            "start_position": constants(primitive.start),
+        },
+        steps,
+        primitive.translation.alpha_x,
+        tau,
+        constants,
+    )
+
+    def rollout(x):
+        return primitive.with_weights(x[:-3].reshape(-1, 3)).rollout(goal=x[-3:]).positions[steps]
+
+    numeric = np.empty((3, len(values)))
+    for k in range(len(values)):
+        h = 1e-5 * max(1.0, abs(values[k]))
+        step = np.zeros(len(values))
+        step[k] = h
+        numeric[:, k] = (rollout(values + step) - rollout(values - step)) / (2 * h)
+    np.testing.assert_allclose(ExtractValue(position).ravel(), rollout(values), atol=1e-12)
+    np.testing.assert_allclose(ExtractGradient(position), numeric, atol=1e-8)
+    assert np.abs(numeric).max() > 0.1
+
+
+def test_continuous_systems_have_a_symbolic_form(unscaled):
+    system = CanonicalSystem(unscaled, time_step=0.0).ToSymbolic()
+    context = system.CreateDefaultContext()
+    active, x = Expression(Variable("active")), Expression(Variable("x"))
+    system.GetInputPort("active").FixValue(context, [active])
+    context.SetContinuousState([x])
+    rate = system.EvalTimeDerivatives(context).CopyToVector()[0]
+    value = rate.Evaluate({v: {"active": 1.0, "x": 0.5}[v.get_name()] for v in rate.GetVariables()})
+    assert value == pytest.approx(-0.5 * unscaled.translation.alpha_x / unscaled.duration)
+
+    plain = TransformationSystem(unscaled, time_step=0.0)
+    symbolic = plain.ToSymbolic()
+    numbers = {
+        "active": [1.0],
+        "phase": [0.3],
+        "phase_velocity": [-1.0],
+        "tau": [1.4],
+        "goal_position": [0.3, 0.2, 0.1],
+        "start_position": [0.0, 0.1, 0.0],
+    }
+    state = np.arange(9.0) / 10
+    memory = np.arange(6.0) / 7
+    contexts = [system.CreateDefaultContext() for system in (plain, symbolic)]
+    for context, one in zip(contexts, (plain, symbolic), strict=True):
+        convert = (lambda v: v) if one is plain else (lambda v: [Expression(x) for x in v])
+        for name, values in numbers.items():
+            one.GetInputPort(name).FixValue(context, convert(values))
+        context.SetContinuousState(convert(state))
+        context.SetDiscreteState(convert(memory))
+    found = [
+        one.EvalTimeDerivatives(c).CopyToVector()
+        for one, c in zip((plain, symbolic), contexts, strict=True)
+    ]
+    np.testing.assert_allclose([e.Evaluate() for e in found[1]], found[0], rtol=1e-12)
+
+
+def test_clones_behave_alike(primitive):
+    for system in (CanonicalSystem(primitive), TransformationSystem(primitive)):
+        clone = system.ToAutoDiffXd().ToScalarType[float]()
+        assert clone.num_output_ports() == system.num_output_ports()
+
+
+# Obstacles.
+
+
+def fixed_coupling(points, name="barrier"):
+    system = ObstacleCoupling(name)
+    context = system.CreateDefaultContext()
+    if points is not None:
+        system.cloud_port.FixValue(context, Value(make_cloud(points)))
+    for port, value in (
+        (system.position_port, [0.0, 0.0, 0.06]),
+        (system.velocity_port, [0.1, 0.0, -0.2]),
+        (system.nominal_acceleration_port, [0.0, 0.0, -1.0]),
+        (system.goal_position_port, [0.3, 0.0, 0.1]),
+        (system.tau_port, [2.0]),
+    ):
+        port.FixValue(context, value)
+    return system, context
+
+
+@pytest.mark.parametrize("name", ["barrier", "report"])
+def test_coupling_ports_are_the_functions_values(name):
+    points = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [np.nan, 0.0, 0.0]])
+    system, context = fixed_coupling(points, name)
+    field = ObstacleField(points.astype(np.float32))
+    goal = np.array([0.3, 0.0, 0.1])
+    law = system._coupling
+    expected = law.push(
+        field,
+        np.array([[0.0, 0.0, 0.06], [0.1, 0.0, -0.2]]),
+        np.array([0.0, 0.0, -1.0]),
+        goal,
+        law.clearance(field, goal),
+        2.0,
+    )
+    assert np.any(expected.coupling)
+    np.testing.assert_array_equal(system.coupling_port.Eval(context), expected.coupling)
+    assert system.slowdown_port.Eval(context)[0] == expected.slowdown
+    assert system.distance_port.Eval(context)[0] == expected.distance
+
+
+@pytest.mark.parametrize("points", [None, np.zeros((0, 3)), np.full((3, 3), np.nan)])
+def test_without_obstacles_nothing_is_pushed(points):
+    system, context = fixed_coupling(points)
+    np.testing.assert_array_equal(system.coupling_port.Eval(context), np.zeros(3))
+    np.testing.assert_array_equal(system.slowdown_port.Eval(context), [0.0])
+    assert np.isinf(system.distance_port.Eval(context)[0])
+
+
+def test_the_tree_is_built_once_for_each_cloud(monkeypatch):
+    built = []
+
+    def count(points):
+        built.append(len(points))
+        return ObstacleField(points)
+
+    monkeypatch.setattr("pepper_drake.systems.obstacle_coupling.ObstacleField", count)
+    system, context = fixed_coupling(np.zeros((4, 3)))
+    for x in (0.0, 0.01, 0.02):
+        system.position_port.FixValue(context, [x, 0.0, 0.06])
+        system.coupling_port.Eval(context)
+    assert built == [4]
+    system.cloud_port.FixValue(context, Value(make_cloud(np.zeros((4, 3)))))
+    system.coupling_port.Eval(context)
+    assert built == [4]
+    system.cloud_port.FixValue(context, Value(make_cloud(np.ones((5, 3)))))
+    system.coupling_port.Eval(context)
+    assert built == [4, 5]
+
+
+def test_an_orientation_is_needed_for_the_orientation_system():
+    t = np.arange(20) * 0.1
+    bare = MovementPrimitive.fit(Demonstration.from_positions(t, np.outer(t, [1, 1, 1])))
+    with pytest.raises(InputError, match="no orientation"):
+        OrientationTransformationSystem(bare)
