@@ -139,7 +139,9 @@ def inverse_depth_gradient(depth: Array, intrinsics: CameraIntrinsics) -> tuple[
     gradient_x = cv2.sepFilter2D(inverse, cv2.CV_32F, ramp * (intrinsics.focal_x / 50), flat)
     gradient_y = cv2.sepFilter2D(inverse, cv2.CV_32F, flat, ramp * (intrinsics.focal_y / 50))
     kernel = np.ones((5, 5), np.uint8)
-    lowest, highest = cv2.erode(inverse, kernel), cv2.dilate(inverse, kernel)
+    # Beyond the border nothing is known.
+    lowest = cv2.erode(inverse, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    highest = cv2.dilate(inverse, kernel)
     jump = (lowest <= 0) | (highest > (1 + _SMOOTH_SPREAD) * lowest)
     gradient_x[jump] = np.nan
     gradient_y[jump] = np.nan

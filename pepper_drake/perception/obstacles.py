@@ -83,7 +83,10 @@ def update_obstacles(
     for each in ignored:
         surface = remove_solids(surface, each.solids, each.poses, each.margin)
     voxels = add_points(voxels, surface, time, parameters.memory)
-    voxels = carve(voxels, depth, intrinsics, X_WC, time, parameters.memory)
+    spared = np.zeros(len(voxels), dtype=bool)
+    for each in ignored:
+        spared |= near_solids(voxels.positions, each.solids, each.poses, each.margin)
+    voxels = carve(voxels, depth, intrinsics, X_WC, time, parameters.memory, spared)
     for each in ignored:
         margin = -parameters.memory.voxel_size / 2 if each.keep_memory_within else each.margin
         voxels = voxels.select(~near_solids(voxels.positions, each.solids, each.poses, margin))

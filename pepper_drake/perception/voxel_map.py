@@ -23,6 +23,9 @@ _KEY_OFFSET = 1 << (_KEY_BITS - 1)
 _MAX_WEIGHT = 40.0
 """Points that a voxel's mean remembers: it follows what changes slowly."""
 
+_LEAST_PIXELS = 4
+"""Pixels, of nine, that have to have measured something for a voxel to be looked through."""
+
 
 @dataclass(frozen=True)
 class VoxelMapParameters:
@@ -32,6 +35,8 @@ class VoxelMapParameters:
         voxel_size: Edge of a voxel, m.
         hit: What a frame with a point in the voxel adds to its score.
         miss: What a frame that looks through the voxel takes from its score.
+        doubt: What a frame takes that sees the voxel's surface, but no point in the voxel: so go
+            the voxels beside a surface that only the noise of a few frames has filled.
         max_score: Highest score: it decides how long a voxel outlives its object.
         carve_margin: A voxel is looked through when what is seen there is this much farther away,
             m; beside it, three standard deviations of the depth noise.
@@ -43,8 +48,9 @@ class VoxelMapParameters:
     voxel_size: float = 0.0125
     hit: int = 1
     miss: int = 2
+    doubt: int = 1
     max_score: int = 3
-    carve_margin: float = 0.02
+    carve_margin: float = 0.012
     depth_noise: float = 0.002
     max_age: float = np.inf
     max_distance: float = 3.0
@@ -183,11 +189,12 @@ def carve(
     X_WC: RigidTransform,
     time: float,
     parameters: VoxelMapParameters,
+    spared: npt.NDArray[np.bool_] | None = None,
 ) -> VoxelMap:
-    """Takes from the score of every voxel that the camera looks through.
+    """Takes from the score of every voxel that the camera looks through, or sees no longer filled.
 
-    A voxel is looked through when all nine pixels around its projection measured something clearly
-    farther away. Voxels hit at `time` are left alone.
+    A voxel is looked through when all that was measured by the nine pixels around its projection,
+    at least four of them, is clearly farther away. Voxels hit at `time` are left alone.
 
     Args:
         voxels: The map.
@@ -196,6 +203,7 @@ def carve(
         X_WC: Its pose when the image was taken.
         time: When the image was taken, s.
         parameters: Scores and margins.
+        spared: Voxels (N,) in which no points were looked for, so that having none means nothing.
 
     Returns:
         The map of voxels whose score is still positive.
@@ -209,11 +217,18 @@ def carve(
     uv = np.rint(intrinsics.project(p_C[ahead])).astype(np.int64)
     inside = np.all((uv >= 0) & (uv < [intrinsics.width, intrinsics.height]), axis=1)
     ahead, uv = ahead[inside], uv[inside]
-    free = cv2.erode(depth, np.ones((3, 3), np.uint8))[uv[:, 1], uv[:, 0]]
-    margin = parameters.carve_margin + 3 * parameters.depth_noise * np.square(free)
-    missed = ahead[free - margin > z[ahead]]
+    rows, columns = uv[:, 1], uv[:, 0]
+    measured = depth > 0
+    count = cv2.boxFilter(measured.astype(np.uint8), -1, (3, 3), normalize=False)[rows, columns]
+    distant = np.where(measured, depth, np.float32(2 * intrinsics.far))
+    nearest = cv2.erode(distant, np.ones((3, 3), np.uint8))[rows, columns]
+    margin = parameters.carve_margin + 3 * parameters.depth_noise * np.square(z[ahead])
     scores = voxels.scores.copy()
-    scores[missed] -= parameters.miss
+    scores[ahead[(count >= _LEAST_PIXELS) & (nearest - margin > z[ahead])]] -= parameters.miss
+    unfilled = np.abs(depth[rows, columns] - z[ahead]) <= margin
+    if spared is not None:
+        unfilled &= ~spared[ahead]
+    scores[ahead[unfilled]] -= parameters.doubt
     return replace(voxels, scores=scores).select(scores > 0)
 
 

@@ -96,7 +96,14 @@ def test_more_pixels_see_the_same():
     ],
 )
 def test_bad_intrinsics_are_named(change, message):
-    values = dict(width=4, height=4, focal_x=1.0, focal_y=1.0, center_x=1.5, center_y=1.5) | change
+    values = {
+        "width": 4,
+        "height": 4,
+        "focal_x": 1.0,
+        "focal_y": 1.0,
+        "center_x": 1.5,
+        "center_y": 1.5,
+    } | change
     with pytest.raises(InputError, match=message):
         CameraIntrinsics(**values)
 

@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import numpy as np
@@ -96,7 +97,7 @@ def test_choice_does_not_flicker():
 
     closer = walk(line, CAMERA_TOP)
     away = walk(line[::-1], CAMERA_BOTTOM)
-    changes = [sum(a != b for a, b in zip(c[:-1], c[1:], strict=True)) for c in (closer, away)]
+    changes = [sum(a != b for a, b in itertools.pairwise(c)) for c in (closer, away)]
     assert changes == [1, 1]
     # The way back changes at another place than the way there.
     assert closer.index("CameraBottom") > len(line) - 1 - away.index("CameraTop")
