@@ -45,11 +45,11 @@ def make_cloud(demonstration) -> Callable[[int], np.ndarray]:
         path = demonstration.positions
         low, high = path.min(axis=0), path.max(axis=0)
         table = rng.uniform(low - 0.1, high + 0.1, (count // 2, 3))
-        table[:, 2] = low[2] - 0.06
+        table[:, 2] = low[2] - 0.1
         angle, height = rng.uniform(0, 1, (2, count - count // 2))
         bottle = 0.03 * np.column_stack((np.cos(2 * np.pi * angle), np.sin(2 * np.pi * angle)))
-        middle = path[len(path) // 2] + [0.06, 0.0, 0.0]
-        top = low[2] - 0.06 + height * (high[2] - low[2])
+        middle = path[len(path) // 2] + [0.08, 0.0, 0.0]
+        top = low[2] - 0.1 + height * (high[2] - low[2])
         return np.vstack((table, np.column_stack((bottle + middle[:2], top))))
 
     return make
