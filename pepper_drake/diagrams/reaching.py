@@ -321,6 +321,7 @@ class Reaching(Diagram):
 
         self.seen_clearance = builder.AddNamedSystem("seen_clearance", SeenClearance(self.geometry))
         self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud")
+        self._connect(self.active, self.seen_clearance, "active")
         self._connect(self.arm_position, self.seen_clearance, "joint_position")
         self._connect(
             self.arm_command.GetOutputPort("velocity_command"),

@@ -45,7 +45,7 @@ NO_DEPTH_NOISE = DepthNoise(floor=0.0, growth=0.0, edge_loss=0.0, edge_mix=0.0, 
 class StationConfig:
     """How the simulated robot is built."""
 
-    time_step: float = 0.002
+    time_step: float = 0.005
     """Step of the physics, s."""
     command_period: float = 0.01
     """Period at which joint commands arrive, s."""

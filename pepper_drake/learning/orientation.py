@@ -32,6 +32,9 @@ Array = npt.NDArray[np.float64]
 
 ORIENTATIONS = ("log_map", "angles")
 
+TURN_THRESHOLD = 1e-3
+"""A goal counts as turned when it is further than this from what the spring sees [rad]."""
+
 
 class OrientationState(NamedTuple):
     """The state of an orientation.
@@ -135,7 +138,8 @@ class OrientationAttractor:
     ) -> OrientationState:
         """Returns the state one step later; see `Attractor.advance`.
 
-        The goal that the spring sees turns towards `goal` (4,) at the attractor's `goal_rate`.
+        The goal that the spring sees turns towards `goal` (4,) at the attractor's `goal_rate`,
+        until it is within `TURN_THRESHOLD` of it.
         """
         goal = so3.normalize(goal)
         target = self.goal_coordinates(state.goal)
@@ -148,7 +152,7 @@ class OrientationAttractor:
             time_step,
         )
         turn = so3.log_map(so3.multiply(goal, so3.conjugate(state.goal)))
-        if not np.any(turn):
+        if turn @ turn <= TURN_THRESHOLD**2:
             return OrientationState(moved, state.goal)
         share = 1.0 - np.exp(-self.attractor.goal_rate(tau) * time_step)
         seen = so3.normalize(so3.multiply(so3.exp_map(share * turn), state.goal))

@@ -87,7 +87,7 @@ class DepthPointCloudSource(LeafSystem):
     passed over. Of the goal object the last pose that was valid is used; its `object_velocity`
     widens the margin around it while it moves.
 
-    `cloud` (PointCloud with normals, in W) and `cloud_torso` (the same in T) depend on the state
+    `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on the state
     alone, so whatever a consumer computes from them stays cached until the next image, or until the
     torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
@@ -100,6 +100,8 @@ class DepthPointCloudSource(LeafSystem):
         marked: The goal object, which is cut out by its shape.
         intrinsics: The depth camera.
         parameters: How obstacles are seen and remembered.
+        torso_range: `cloud_torso` has the points within this distance of the torso, m: twice an
+            arm's reach.
         period: Time between looks for a new image, s.
         offset: Time of the first look, s; after the camera's.
     """
@@ -111,11 +113,13 @@ class DepthPointCloudSource(LeafSystem):
         *,
         intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics,
         parameters: ObstacleParameters | None = None,
+        torso_range: float = 0.8,
         period: float = 0.02,
         offset: float = 0.01,
     ) -> None:
         super().__init__()
         self._robot = robot
+        self._torso_range = torso_range
         self._object_solids = () if marked is None else marked.solids
         self._intrinsics = intrinsics
         self._parameters = ObstacleParameters() if parameters is None else parameters
@@ -171,11 +175,17 @@ class DepthPointCloudSource(LeafSystem):
             memory = replace(
                 memory,
                 X_WT=RigidTransform(X_WT),
-                cloud_torso=to_point_cloud(memory.surface, X_WT.inverse()),
+                cloud_torso=to_point_cloud(self._near(memory.surface, X_WT), X_WT.inverse()),
             )
             state.get_mutable_abstract_state(int(self._memory)).set_value(memory)
             return EventStatus.Succeeded()
         return EventStatus.DidNothing()
+
+    def _near(self, surface: SurfacePoints, X_WT: RigidTransform) -> SurfacePoints:
+        """The points that are within reach of whoever uses the cloud in the torso frame."""
+        offset = surface.positions - X_WT.translation().astype(surface.positions.dtype)
+        near = np.einsum("ij,ij->i", offset, offset) <= self._torso_range**2
+        return SurfacePoints(surface.positions[near], surface.normals[near])
 
     def _use_image(self, context: Context, memory: _Memory) -> _Memory:
         if not (self._image.HasValue(context) and self._time_stamp.HasValue(context)):

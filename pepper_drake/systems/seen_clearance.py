@@ -20,13 +20,14 @@ class SeenClearance(LeafSystem):
         - cloud
         - joint_position
         - joint_velocity
+        - active (optional)
         output_ports:
         - clearance
 
     Inputs: `cloud`, a PointCloud in the torso frame T; `joint_position` (5) and `joint_velocity`
     (5), the arm's, rad and rad/s. Output: `clearance` (1), m: the lesser of now and of `lookahead`
-    later at this velocity; infinite before the first tick and for an empty cloud. State: the same,
-    every `time_step`.
+    later at this velocity; infinite before the first tick, for an empty cloud, and while `active`
+    (1) is 0: an arm at rest has nothing to watch. State: the same, every `time_step`.
 
     Args:
         geometry: Of the arm.
@@ -50,6 +51,7 @@ class SeenClearance(LeafSystem):
         self.cloud_input: InputPort = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
         self.joint_position_input: InputPort = self.DeclareVectorInputPort("joint_position", 5)
         self.joint_velocity_input: InputPort = self.DeclareVectorInputPort("joint_velocity", 5)
+        self.active_input: InputPort = self.DeclareVectorInputPort("active", 1)
         self._field = self.DeclareCacheEntry(
             "distance field of the cloud",
             ValueProducer(
@@ -67,6 +69,9 @@ class SeenClearance(LeafSystem):
         field.set_value(ObstacleField(points, extension=self._extension))
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        if self.active_input.HasValue(context) and not self.active_input.Eval(context)[0]:
+            discrete_state.set_value(self._clearance, [np.inf])
+            return
         now = self.joint_position_input.Eval(context)
         later = now + self._lookahead * self.joint_velocity_input.Eval(context)
         clearances = self._geometry.clearances(np.stack((now, later)), self._field.Eval(context))
