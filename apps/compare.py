@@ -22,6 +22,7 @@ from pepper_drake.learning.comparison import (
 )
 from pepper_drake.learning.demonstration_folder import load_all
 from pepper_drake.learning.example_motions import example_demonstrations
+from pepper_drake.learning.text_files import write_atomically
 from pepper_drake.reporting.comparison_figure import draw_comparison
 
 
@@ -55,6 +56,10 @@ def main() -> int:
         get_approximator(name)
     if min(nums_basis) < 1:
         raise InputError(f"--num-basis: {min(nums_basis)} basis functions; use at least 1")
+    try:  # Before the work, not after it.
+        arguments.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--output {arguments.output}: {error.strerror}") from None
     demonstrations = load_all(arguments.demonstrations)
     if not demonstrations:
         demonstrations = example_demonstrations(seed=arguments.seed)
@@ -66,13 +71,12 @@ def main() -> int:
     shown = demonstrations[0]
     middle = sorted(nums_basis)[len(nums_basis) // 2]
     paths = {name: give_back(shown, name, middle)[0] for name in names}
-    arguments.output.mkdir(parents=True, exist_ok=True)
     table = {
         "demonstrations": [demonstration.name for demonstration in demonstrations],
         "rows": [asdict(row) for row in rows],
     }
-    (arguments.output / "table.json").write_text(json.dumps(table, indent=2) + "\n")
-    (arguments.output / "table.md").write_text(markdown_table(rows))
+    write_atomically(arguments.output / "table.json", json.dumps(table, indent=2) + "\n")
+    write_atomically(arguments.output / "table.md", markdown_table(rows))
     draw_comparison(shown, paths, rows).savefig(arguments.output / "comparison.png", dpi=120)
     if not arguments.quiet:
         print(markdown_table(rows))

@@ -73,3 +73,10 @@ def test_bad_input_is_one_sentence_and_exit_code_2(
     assert error.startswith("error: ")
     assert error.count("\n") == 1
     assert complaint in error
+
+
+def test_an_output_that_cannot_be_written_is_said_before_the_work(monkeypatch, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    code = run_app(monkeypatch, "--output", tmp_path / "file")
+    assert code == 2
+    assert "--output" in capsys.readouterr().err
