@@ -1,0 +1,106 @@
+"""Draw a Drake diagram: its systems, what they send, and to whom.
+
+  diagram.py                     the whole reach
+  diagram.py station             the simulated robot
+  diagram.py reaching --depth 2  the reach with the station opened
+
+Results: NAME.svg, a picture that needs nothing else; NAME.dot, every port for Graphviz; and
+NAME_ports.svg, the same drawn, where Graphviz's program dot is installed.
+"""
+
+import logging
+import shutil
+import subprocess
+from argparse import ArgumentParser, ArgumentTypeError
+
+from pydrake.systems.framework import Diagram
+
+from pepper_drake import cli
+from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.teaching import Teaching
+from pepper_drake.models.scene import SCENES, Scene, load_scene
+from pepper_drake.planning.control_model import shared_control_model
+from pepper_drake.reporting.diagram_graph import make_diagram_graph
+from pepper_drake.reporting.diagram_picture import save_diagram_picture
+
+DIAGRAMS = ("reaching", "station", "teaching")
+
+
+def make_parser() -> ArgumentParser:
+    """Makes the parser of this app's options."""
+    parser = cli.make_parser("diagram", __doc__)
+    parser.add_argument(
+        "name",
+        nargs="?",
+        default="reaching",
+        choices=DIAGRAMS,
+        help="which diagram (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--depth",
+        type=_depth,
+        default=1,
+        metavar="N",
+        help="how many levels of nested diagrams are shown (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--scene",
+        default="table",
+        metavar="NAME|FILE",
+        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: %(default)s)",
+    )
+    return parser
+
+
+def _depth(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise ArgumentTypeError(f'"{text}" is no depth; give a whole number, 1 or above')
+    return int(text)
+
+
+def build(name: str, scene: Scene) -> Diagram:
+    """Builds one of the `DIAGRAMS`, named as such."""
+    diagram: Diagram
+    if name == "station":
+        diagram = PepperStation(scene, StationConfig(), shared_control_model())
+    elif name == "teaching":
+        diagram = Teaching(scene.arm, scene.robot.positions())
+    else:
+        primitive = make_primitive(None, scene.arm)
+        diagram = Reaching(scene, primitive, make_coupling(scene.coupling), ReachingConfig())
+    diagram.set_name(name)
+    return diagram
+
+
+def main() -> int:
+    """Runs the app."""
+    options = make_parser().parse_args()
+    logging.getLogger("drake").setLevel(logging.WARNING)
+    diagram = build(options.name, load_scene(options.scene))
+    options.output.mkdir(parents=True, exist_ok=True)
+
+    dot = options.output / f"{options.name}.dot"
+    dot.write_text(diagram.GetGraphvizString(options.depth), encoding="utf-8")
+    picture = options.output / f"{options.name}.svg"
+    graph = make_diagram_graph(diagram, options.depth)
+    save_diagram_picture(graph, type(diagram).__name__, picture)
+    lines = [f"{picture} shows {len(graph.nodes)} systems; {dot} has every port"]
+
+    program = shutil.which("dot")
+    if program is None:
+        lines.append(
+            "Every port is not drawn: that takes the program dot (Debian/Ubuntu package graphviz)"
+        )
+    else:
+        ports = options.output / f"{options.name}_ports.svg"
+        subprocess.run([program, "-Tsvg", str(dot), "-o", str(ports)], check=True)
+        lines.append(f"{ports} draws every port")
+    if not options.quiet:
+        print("\n".join(lines))
+    return cli.EXIT_DONE
+
+
+if __name__ == "__main__":
+    cli.run(main)
