@@ -1,0 +1,114 @@
+import importlib.util
+import itertools
+import os
+import stat
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from pepper_drake import cli
+from pepper_drake.models.scene import load_scene
+from pepper_drake.reporting.diagram_graph import make_diagram_graph
+
+APP = Path(__file__).parents[2] / "apps" / "diagram.py"
+
+
+@pytest.fixture
+def app():
+    spec = importlib.util.spec_from_file_location("diagram_app", APP)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def run(app, monkeypatch, capsys):
+    """Runs the app without Graphviz: exit code, standard output, standard error."""
+    monkeypatch.setattr(app.shutil, "which", lambda program: None)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["diagram.py", *map(str, arguments)])
+        with pytest.raises(SystemExit) as exit_info:
+            cli.run(app.main)
+        captured = capsys.readouterr()
+        return exit_info.value.code, captured.out, captured.err
+
+    return call
+
+
+@pytest.mark.parametrize("name", ["reaching", "station", "teaching"])
+def test_a_picture_comes_out_on_a_machine_without_graphviz(name, run, tmp_path):
+    code, printed, error = run(name, "--output", tmp_path)
+    assert (code, error) == (cli.EXIT_DONE, "")
+    assert "graphviz" in printed
+    assert sorted(p.name for p in tmp_path.iterdir()) == [f"{name}.dot", f"{name}.svg"]
+    assert (tmp_path / f"{name}.dot").read_text().startswith("digraph")
+    root = ET.parse(tmp_path / f"{name}.svg").getroot()
+    assert root.tag.endswith("svg")
+    assert float(root.get("width").removesuffix("pt")) > 300
+
+
+def test_the_same_diagram_gives_the_same_picture(run, tmp_path):
+    pictures = []
+    for folder in ("one", "two"):
+        run("teaching", "--output", tmp_path / folder)
+        pictures.append((tmp_path / folder / "teaching.svg").read_text())
+    assert pictures[0] == pictures[1]
+
+
+def test_the_reach_shows_the_loop_from_cameras_to_joints(app):
+    graph = make_diagram_graph(app.build("reaching", load_scene("free")))
+    chain = (
+        *("station", "goal_estimator", "hand_goal", "transformation_system", "hand_pose_bus"),
+        *("differential_ik", "arm_command", "joint_commands", "safety_monitor", "station"),
+    )
+    for sender, receiver in itertools.pairwise(chain):
+        assert (sender, receiver) in graph.edges
+    # What measures the truth tells nobody.
+    assert not any(sender == "clearance_monitor" for sender, _ in graph.edges)
+
+
+def test_depth_opens_the_station(app):
+    diagram = app.build("reaching", load_scene("free"))
+    names = make_diagram_graph(diagram, 2).nodes
+    assert "station" not in names
+    assert {"station/plant", "station/camera_depth", "supervisor"} <= set(names)
+
+
+def test_where_dot_is_installed_every_port_is_drawn_too(tmp_path):
+    dot = tmp_path / "bin" / "dot"
+    dot.parent.mkdir()
+    dot.write_text('#!/bin/sh\n# Stands in for Graphviz: dot -Tsvg FILE -o OUT.\ncp "$2" "$4"\n')
+    dot.chmod(dot.stat().st_mode | stat.S_IXUSR)
+    result = subprocess.run(
+        [sys.executable, str(APP), "teaching", "--output", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PATH": f"{dot.parent}:{os.environ['PATH']}"},
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "graphviz" not in result.stdout
+    drawn = (tmp_path / "out" / "teaching_ports.svg").read_text()
+    assert drawn == (tmp_path / "out" / "teaching.dot").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("flying",), ("'flying'", "reaching", "station", "teaching")),
+        (("--depth", "0"), ('"0"', "1 or above")),
+        (("--depth", "all"), ('"all"', "1 or above")),
+        (("--scene", "nowhere.yaml"), ("nowhere.yaml", "table")),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments, words, run, tmp_path):
+    code, printed, error = run(*arguments, "--output", tmp_path / "out")
+    assert (code, printed) == (cli.EXIT_BAD_INPUT, "")
+    assert error.startswith("error: ")
+    assert error.count("\n") == 1
+    for word in words:
+        assert word in error
+    assert not (tmp_path / "out").exists()
