@@ -87,9 +87,9 @@ class DepthPointCloudSource(LeafSystem):
     passed over. Of the goal object the last pose that was valid is used; its `object_velocity`
     widens the margin around it while it moves.
 
-    `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on the state
-    alone, so whatever a consumer computes from them stays cached until the next image, or until the
-    torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
+    `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on
+    the state alone, so whatever a consumer computes from them stays cached until the next image, or
+    until the torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
     the time since then.
 

@@ -1,0 +1,121 @@
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+
+from pepper_drake.models.pepper import head_pitch_limits
+from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_TOP
+from pepper_drake.perception.gaze import camera_pose
+from pepper_drake.systems.look_at import LookAt
+
+X_WT = RigidTransform([0.3, 0.1, 0.82])
+FAR = RigidTransform([1.3, -0.3, 0.8])
+NEAR = RigidTransform([0.62, -0.1, 0.72])
+BEHIND = RigidTransform([-1.0, 0.0, 0.8])
+
+
+class Bench:
+    def __init__(self, object_pose, **inputs):
+        self.system = LookAt()
+        self.simulator = Simulator(self.system)
+        self.context = self.simulator.get_mutable_context()
+        self.fix("object_pose", object_pose)
+        self.fix("X_WT", X_WT)
+        for name, value in inputs.items():
+            self.fix(name, value)
+
+    def fix(self, name, value):
+        self.system.GetInputPort(name).FixValue(self.context, value)
+
+    def output(self, name):
+        return np.array(self.system.GetOutputPort(name).Eval(self.context))
+
+    def run(self, until):
+        self.simulator.AdvanceTo(until)
+        return self
+
+
+def test_goal_ends_in_the_middle_of_the_image():
+    bench = Bench(FAR).run(3.0)
+    head = bench.output("head_position_command")
+    p_CO = (X_WT @ camera_pose(CAMERA_TOP, head)).inverse() @ FAR.translation()
+    np.testing.assert_allclose(p_CO[:2], 0, atol=1e-4)
+    assert bench.output("in_view") == [1]
+    assert bench.output("reachable") == [1]
+    np.testing.assert_allclose(bench.output("head_velocity_command"), 0, atol=1e-6)
+
+
+def test_camera_that_sees_best_is_the_one_that_is_on():
+    bench = Bench(FAR).run(0.1)
+    assert bench.output("best_camera") == [0]
+    assert (bench.output("top_enabled"), bench.output("bottom_enabled")) == ([1], [0])
+    bench.fix("object_pose", NEAR)
+    bench.run(3.0)
+    assert bench.output("best_camera") == [1]
+    assert (bench.output("top_enabled"), bench.output("bottom_enabled")) == ([0], [1])
+    head = bench.output("head_position_command")
+    p_CO = (X_WT @ camera_pose(CAMERA_BOTTOM, head)).inverse() @ NEAR.translation()
+    assert CAMERA_BOTTOM.intrinsics.sees(p_CO)
+
+
+def test_head_moves_smoothly_and_within_its_limits():
+    bench = Bench(RigidTransform([0.3, -2.0, 0.2]))
+    last = np.zeros(2)
+    last_velocity = np.zeros(2)
+    for k in range(1, 120):
+        bench.run(0.02 * (k - 1) + 0.001)
+        head, velocity = (
+            bench.output("head_position_command"),
+            bench.output("head_velocity_command"),
+        )
+        np.testing.assert_allclose((head - last) / 0.02, velocity, atol=1e-9)
+        assert np.all(np.abs(velocity) <= 1.0 + 1e-9)
+        assert abs(velocity[0] - last_velocity[0]) <= 4.0 * 0.02 + 1e-9
+        lower, upper = head_pitch_limits(head[0])
+        assert lower - 1e-12 <= head[1] <= upper + 1e-12
+        last, last_velocity = head, velocity
+
+
+def test_it_says_when_the_goal_is_out_of_reach():
+    bench = Bench(BEHIND).run(4.0)
+    assert bench.output("reachable") == [0]
+    assert bench.output("in_view") == [0]
+
+
+def test_goal_comes_into_view_while_the_head_turns():
+    bench = Bench(RigidTransform([0.9, -1.0, 0.9])).run(0.01)
+    assert (bench.output("in_view"), bench.output("reachable")) == ([0], [1])
+    assert bench.run(2.0).output("in_view") == [1]
+
+
+def test_head_starts_where_it_is_and_stays_without_a_goal():
+    bench = Bench(FAR, head_position=[0.4, -0.2], valid=[0.0]).run(1.0)
+    np.testing.assert_allclose(bench.output("head_position_command"), [0.4, -0.2])
+    assert (bench.output("top_enabled"), bench.output("bottom_enabled")) == ([1], [1])
+    assert bench.output("reachable") == [0]
+
+
+def test_head_rests_where_it_is_told_to():
+    bench = Bench(FAR, valid=[0.0], resting_head=[0.3, 2.0]).run(3.0)
+    np.testing.assert_allclose(
+        bench.output("head_position_command"), [0.3, head_pitch_limits(0.3)[1]], atol=1e-6
+    )
+
+
+def test_outputs_are_held():
+    system = LookAt()
+    assert not system.HasAnyDirectFeedthrough()
+    assert Simulator(system).get_context().num_discrete_state_groups() == 1
+
+
+@pytest.mark.parametrize("point", [[0, 0, 0.0], [0.0, 0.05, 0.2]])
+def test_it_looks_at_the_point_on_the_object(point):
+    system = LookAt(point)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    system.GetInputPort("object_pose").FixValue(context, FAR)
+    system.GetInputPort("X_WT").FixValue(context, X_WT)
+    simulator.AdvanceTo(3.0)
+    head = system.GetOutputPort("head_position_command").Eval(context)
+    p_CP = (X_WT @ camera_pose(CAMERA_TOP, head)).inverse() @ (FAR @ np.array(point))
+    np.testing.assert_allclose(p_CP[:2], 0, atol=1e-4)
