@@ -5,7 +5,7 @@ import pytest
 from pydrake.autodiffutils import AutoDiffXd, InitializeAutoDiff
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.approximators import ForcingData, LinearForcingModel
+from pepper_drake.learning.approximators import ForcingData, LinearForcingModel, fade_out
 from pepper_drake.learning.gaussian_mixture import GaussianMixture
 from pepper_drake.learning.gmr import GmrForcing, fit_gmr, from_mixture
 from pepper_drake.learning.local_lines import LineBasis, LocalLines
@@ -43,11 +43,12 @@ def test_is_linear_in_its_weights(model):
     np.testing.assert_array_equal(model.features(phases) @ model.weights, model(phases))
 
 
-def test_ends_with_the_phase(model):
+def test_fades_after_the_end(model):
     end = model(np.exp([-ALPHA_X]))
-    later = model(np.exp(-ALPHA_X * np.array([1.5, 2.0, 3.0])))
-    expected = end * np.exp(-ALPHA_X * np.array([[0.5], [1.0], [2.0]]))
-    np.testing.assert_allclose(later, expected, rtol=1e-9)
+    phases = np.exp(-ALPHA_X * np.array([1.5, 2.0, 3.0]))
+    later = model(phases)
+    np.testing.assert_allclose(later, end * fade_out(phases, ALPHA_X)[:, None], rtol=1e-9)
+    assert np.abs(later[0]).max() < 0.1 * np.abs(end).max()
 
 
 def test_plain_data_gives_it_back_bit_for_bit(model):
