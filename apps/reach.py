@@ -117,7 +117,7 @@ def main() -> int:
     result = run.run()
     save_result(result, options.output)
     save_reach_figures(result.log, options.output)
-    save_scene_picture(run, options.output / "scene.png")
+    save_scene_picture(reaching.scene, *run.final_positions(), options.output / "scene.png")
     if not options.quiet:
         print(result.report.summary())
         print(f"Results are in {options.output}")

@@ -101,6 +101,13 @@ class ReachRun:
             reaching.supervisor.GetMyContextFromRoot(self.simulator.get_context())
         ).mode
 
+    def final_positions(self) -> tuple[Vector, Vector]:
+        """The station plant's positions and the base's x, y, yaw as they are now."""
+        station, root = self.reaching.station, self.simulator.get_context()
+        positions = station.plant.GetPositions(station.plant.GetMyContextFromRoot(root))
+        base = station.GetOutputPort("base_pose").Eval(station.GetMyContextFromRoot(root))
+        return positions, base
+
     def run(self) -> ReachResult:
         """Runs until the reach is done or has failed."""
         options = self._options

@@ -17,6 +17,7 @@ from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.goal import MarkedObject
+from pepper_drake.perception.goal_filter import GoalFilterParameters
 from pepper_drake.perception.solids import RobotSolids
 from pepper_drake.planning.arm_geometry import ArmGeometry
 from pepper_drake.planning.control_model import (
@@ -115,7 +116,12 @@ class Reaching(Diagram):
         marked = MarkedObject.from_scene(self.scene.goal)
         self.goal_estimator = builder.AddNamedSystem(
             "goal_estimator",
-            GoalEstimator(marked, expects_noise=self.config.station.noise),
+            GoalEstimator(
+                marked,
+                # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
+                parameters=GoalFilterParameters(hand_on_angle=0.01),
+                expects_noise=self.config.station.noise,
+            ),
         )
         for camera in ("top", "bottom"):
             for port, name in (

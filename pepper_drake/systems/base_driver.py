@@ -21,12 +21,14 @@ def base_velocity(
     turning_speed: float,
     acceleration: float,
     turning_acceleration: float,
+    approach_rate: float,
     time_step: float,
 ) -> Vector:
     """Velocity that brings the omnidirectional base to its goal along a straight line.
 
     The speed is that from which the base can still brake at `acceleration`, sqrt(2 a d) at a
-    distance d (less one period's travel), up to `speed`; it changes by no more than
+    distance d (less one period's travel), up to `speed`; over the last centimetres it is
+    `approach_rate` d, so that the base settles and does not rock. It changes by no more than
     `acceleration`.
 
     Args:
@@ -37,6 +39,7 @@ def base_velocity(
         turning_speed: rad/s.
         acceleration: m/s^2.
         turning_acceleration: rad/s^2.
+        approach_rate: 1/s.
         time_step: s.
 
     Returns:
@@ -51,7 +54,9 @@ def base_velocity(
         return min(limit, np.sqrt(slowest**2 / 4 + 2 * rate * remaining) - slowest / 2)
 
     v_W = (
-        p_W / max(distance, 1e-9) * min(brake(distance, speed, acceleration), distance / time_step)
+        p_W
+        / max(distance, 1e-9)
+        * min(brake(distance, speed, acceleration), approach_rate * distance)
     )
     yaw = base_pose[2]
     wish = np.array(
@@ -59,7 +64,7 @@ def base_velocity(
             np.cos(yaw) * v_W[0] + np.sin(yaw) * v_W[1],
             -np.sin(yaw) * v_W[0] + np.cos(yaw) * v_W[1],
             np.sign(turn)
-            * min(brake(abs(turn), turning_speed, turning_acceleration), abs(turn) / time_step),
+            * min(brake(abs(turn), turning_speed, turning_acceleration), approach_rate * abs(turn)),
         ]
     )
     change = wish - previous
@@ -97,6 +102,7 @@ class BaseDriver(LeafSystem):
         turning_speed: float = 1.0,
         acceleration: float = 0.3,
         turning_acceleration: float = 0.75,
+        approach_rate: float = 5.0,
         position_tolerance: float = 0.003,
         yaw_tolerance: float = 0.005,
     ) -> None:
@@ -106,6 +112,7 @@ class BaseDriver(LeafSystem):
             "turning_speed": turning_speed,
             "acceleration": acceleration,
             "turning_acceleration": turning_acceleration,
+            "approach_rate": approach_rate,
             "time_step": time_step,
         }
         self._tolerances = np.array([position_tolerance, position_tolerance, yaw_tolerance])
