@@ -128,14 +128,15 @@ def measure_goal(
     pose = choices[min(range(len(choices)), key=distance) if len(choices) > 1 else 0]
     X_WM = X_WC @ pose.X_CM
     R_WC = X_WC.rotation().matrix()
-    systematic = _SYSTEMATIC_SHARE * pose.X_CM.translation()
-    covariance = pose.covariance[3:, 3:] + np.outer(systematic, systematic)
+    systematic = _SYSTEMATIC_SHARE * (R_WC @ pose.X_CM.translation())
+    systematic_covariance = np.outer(systematic, systematic)
     return GoalMeasurement(
         time,
         X_WM.translation(),
         (X_WM @ marked.X_OM.inverse()).rotation(),
-        R_WC @ covariance @ R_WC.T,
+        R_WC @ pose.covariance[3:, 3:] @ R_WC.T + systematic_covariance,
         float(np.trace(pose.covariance[:3, :3])) / 3,
+        systematic_covariance,
     )
 
 

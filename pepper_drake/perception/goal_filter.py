@@ -8,7 +8,7 @@ a random walk on the rotations with one variance, faster when the goal probably 
 
 A first goal needs several agreeing measurements; a measurement far from the track never moves it,
 but several that agree with each other replace it. What is handed on moves only when the estimate
-has moved by more than a threshold.
+has moved by more than a threshold, or when it has become much better.
 """
 
 from dataclasses import dataclass, field, replace
@@ -41,8 +41,10 @@ class GoalFilterParameters:
         confirmations: Measurements that must agree before a goal is believed.
         agreement: Measurements agree when they are closer than this, m, beyond their own noise.
         hold_seconds: For how long a goal that is not seen is still called valid, s.
-        hand_on_distance: A goal is handed on anew when it moved by more than this, m.
-        hand_on_angle: ... or turned by more than this, rad.
+        hand_on_distance: A goal is handed on anew when it moved by more than this, m, ...
+        hand_on_angle: ... or turned by more than this, rad, ...
+        hand_on_improvement: ... or when its standard deviation fell below this share of what it
+            was when the goal was last handed on.
     """
 
     rest_walk: float = 0.001
@@ -60,6 +62,7 @@ class GoalFilterParameters:
     hold_seconds: float = 1.0
     hand_on_distance: float = 0.003
     hand_on_angle: float = 0.035
+    hand_on_improvement: float = 0.7
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,8 @@ class GoalMeasurement:
         R_WO: The object's orientation.
         position_covariance: (3, 3), m^2, in W.
         rotation_variance: Variance of the orientation about any axis, rad^2.
+        systematic_covariance: (3, 3), m^2, in W: the part of position_covariance that is alike in
+            every image and that no averaging takes away.
     """
 
     time: float
@@ -79,6 +84,7 @@ class GoalMeasurement:
     R_WO: RotationMatrix
     position_covariance: Vector
     rotation_variance: float
+    systematic_covariance: Vector = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 @dataclass(frozen=True)
@@ -92,6 +98,7 @@ class GoalTrack:
         probabilities: Probabilities (2,) of the two modes.
         R_WO: Orientation.
         rotation_variance: Its variance about any axis, rad^2.
+        systematic_covariance: (3, 3), m^2: of the last measurement.
         rotation_misses: Measured orientations in a row that were outside the gate.
     """
 
@@ -101,6 +108,7 @@ class GoalTrack:
     probabilities: Vector
     R_WO: RotationMatrix
     rotation_variance: float
+    systematic_covariance: Vector
     rotation_misses: int = 0
 
     @property
@@ -118,7 +126,7 @@ class GoalTrack:
         """Covariance (3, 3) of the marker's position, m^2."""
         spread = self.modes[:, :3] - self.p_WM
         inner = self.covariances[:, :3, :3] + np.einsum("ki,kj->kij", spread, spread)
-        return np.einsum("k,kij->ij", self.probabilities, inner)
+        return np.einsum("k,kij->ij", self.probabilities, inner) + self.systematic_covariance
 
     def object_covariance(self, p_OM: Vector) -> Vector:
         """Covariance (3, 3) of the object's position: the marker's, and the lever arm's to it."""
@@ -139,11 +147,13 @@ class GoalState:
         track: The believed goal; None before the first.
         candidate: Measurements that agree with each other but not with the track.
         handed_on: Pose X_WO that was last handed on; None before the first.
+        handed_on_sigma: Standard deviation of its position then, m.
     """
 
     track: GoalTrack | None = None
-    candidate: tuple[GoalMeasurement, ...] = field(default=())
+    candidate: tuple[GoalMeasurement, ...] = ()
     handed_on: RigidTransform | None = None
+    handed_on_sigma: float = np.inf
 
     def __deepcopy__(self, memo: dict) -> "GoalState":
         """Returns itself: Drake copies the state at each event, and this never changes."""
@@ -193,7 +203,7 @@ def filter_goal(
             candidate = ()
     if updated is None:
         return replace(state, candidate=candidate)
-    return GoalState(updated, candidate, _hand_on(state.handed_on, updated.pose(p_OM), parameters))
+    return _hand_on(replace(state, track=updated, candidate=candidate), p_OM, parameters)
 
 
 def start_track(measurement: GoalMeasurement, parameters: GoalFilterParameters) -> GoalTrack:
@@ -210,6 +220,7 @@ def start_track(measurement: GoalMeasurement, parameters: GoalFilterParameters) 
         np.array([0.5, 0.5]),
         measurement.R_WO,
         measurement.rotation_variance,
+        measurement.systematic_covariance,
     )
 
 
@@ -240,7 +251,16 @@ def update_track(
     R_WO, variance, misses = _update_rotation(
         track, measurement, probabilities[_MOVING], dt, parameters
     )
-    return GoalTrack(measurement.time, means, covariances, probabilities, R_WO, variance, misses)
+    return GoalTrack(
+        measurement.time,
+        means,
+        covariances,
+        probabilities,
+        R_WO,
+        variance,
+        measurement.systematic_covariance,
+        misses,
+    )
 
 
 def _mix(
@@ -328,13 +348,19 @@ def _extend_candidate(
     return (*candidate, measurement) if is_close and is_recent else (measurement,)
 
 
-def _hand_on(
-    last: RigidTransform | None, estimate: RigidTransform, parameters: GoalFilterParameters
-) -> RigidTransform:
-    if last is None:
-        return estimate
-    moved = np.linalg.norm(estimate.translation() - last.translation())
-    turned = abs(last.rotation().InvertAndCompose(estimate.rotation()).ToAngleAxis().angle())
-    if moved > parameters.hand_on_distance or turned > parameters.hand_on_angle:
-        return estimate
-    return last
+def _hand_on(state: GoalState, p_OM: Vector, parameters: GoalFilterParameters) -> GoalState:
+    """Hands the track's pose on if it moved, turned or improved enough."""
+    if state.track is None:
+        return state
+    estimate, last = state.track.pose(p_OM), state.handed_on
+    sigma = float(np.sqrt(np.trace(state.track.object_covariance(p_OM))))
+    if last is not None:
+        moved = np.linalg.norm(estimate.translation() - last.translation())
+        turned = abs(last.rotation().InvertAndCompose(estimate.rotation()).ToAngleAxis().angle())
+        if (
+            moved <= parameters.hand_on_distance
+            and turned <= parameters.hand_on_angle
+            and sigma >= parameters.hand_on_improvement * state.handed_on_sigma
+        ):
+            return state
+    return replace(state, handed_on=estimate, handed_on_sigma=sigma)

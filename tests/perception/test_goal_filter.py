@@ -109,6 +109,27 @@ def test_goal_is_handed_on_anew_beyond_three_millimetres(shift, handed_on):
     assert (after.handed_on is not state.handed_on) == handed_on
 
 
+def test_goal_is_handed_on_anew_when_it_is_known_much_better():
+    far = [sight(0.2 * k, [1.0, 0, 0.8], sigma=0.008) for k in range(4)]
+    near = [sight(0.8 + 0.2 * k, [1.0015, 0, 0.8], sigma=0.0005) for k in range(4)]
+    state = GoalState()
+    for seen in (*far, *near):
+        state = filter_goal(state, seen, P_OM, PARAMETERS)
+    np.testing.assert_allclose(state.handed_on.translation(), [1.0015, 0, 0.8] - P_OM, atol=3e-4)
+
+
+def test_systematic_errors_are_not_averaged_away():
+    state = GoalState()
+    for k in range(30):
+        shared = np.diag([0.004**2, 0, 0])
+        cov = 0.001**2 * np.eye(3) + shared
+        seen = GoalMeasurement(0.2 * k, np.array([1, 0, 0.8]), UPRIGHT, cov, 1e-4, shared)
+        state = filter_goal(state, seen, P_OM, PARAMETERS)
+    sigma = np.sqrt(np.diag(state.track.position_covariance))
+    assert sigma[0] > 0.004
+    assert sigma[1] < 0.0012
+
+
 def test_flipped_orientation_is_ignored_unless_it_stays():
     flipped = RotationMatrix(RollPitchYaw(0.9, 0, 0))
     state = run([[1, 0, 0.8]] * 6)
