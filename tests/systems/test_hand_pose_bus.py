@@ -1,40 +1,73 @@
 import numpy as np
-import pytest
 from pydrake.math import RollPitchYaw
 
+from pepper_drake.planning.differential_ik import leading_pose
 from pepper_drake.systems.hand_pose_bus import HandPoseBus
 
-P, Q = [0.3, -0.2, 0.1], RollPitchYaw(0.2, 0.3, -0.4).ToQuaternion().wxyz()
+KEY = "pepper::r_hand_effector"
 
 
-def test_the_bus_carries_the_pose_under_its_key():
-    system = HandPoseBus("pepper::r_hand_effector")
+def quaternion(*rpy):
+    return RollPitchYaw(*rpy).ToQuaternion().wxyz()
+
+
+NOW = {
+    "position": np.array([0.30, -0.20, 0.10]),
+    "next_position": np.array([0.31, -0.20, 0.12]),
+    "orientation": quaternion(0.2, 0.3, -0.4),
+    "next_orientation": quaternion(0.2, 0.3, -0.3),
+}
+
+
+def asked(system, inputs):
     context = system.CreateDefaultContext()
-    system.position_input.FixValue(context, P)
-    system.orientation_input.FixValue(context, Q)
-    bus = system.bus_output.Eval(context)
-    X_TH = bus.Find("pepper::r_hand_effector")
-    np.testing.assert_array_equal(X_TH.translation(), P)
-    np.testing.assert_allclose(RollPitchYaw(X_TH.rotation()).vector(), [0.2, 0.3, -0.4])
+    for name, value in inputs.items():
+        system.GetInputPort(name).FixValue(context, value)
+    return system.bus_output.Eval(context).Find(KEY)
 
 
-@pytest.mark.parametrize("scale", [1 + 1e-9, 1 - 1e-9])
-def test_a_quaternion_as_it_comes_out_of_an_integrator_is_taken(scale):
-    system = HandPoseBus("hand")
-    context = system.CreateDefaultContext()
-    system.position_input.FixValue(context, P)
-    system.orientation_input.FixValue(context, scale * Q)
-    R_TH = system.bus_output.Eval(context).Find("hand").rotation()
-    np.testing.assert_allclose(R_TH.matrix() @ R_TH.matrix().T, np.eye(3), atol=1e-12)
+def test_with_a_gain_of_one_the_next_pose_is_asked_for():
+    X_TH = asked(HandPoseBus(KEY, 1.0), NOW)
+    np.testing.assert_allclose(X_TH.translation(), NOW["next_position"], atol=1e-12)
+    np.testing.assert_allclose(RollPitchYaw(X_TH.rotation()).vector(), [0.2, 0.3, -0.3])
 
 
-def test_the_bus_follows_both_inputs(ports):
+def test_with_half_the_gain_the_pose_asked_for_leads_by_one_more_step():
+    # X + (1 - 0.5) / 0.5 times the step, once more in position and, about z of T, in yaw.
+    X_TH = asked(HandPoseBus(KEY, 0.5), NOW)
+    np.testing.assert_allclose(X_TH.translation(), [0.32, -0.2, 0.14], atol=1e-12)
+    np.testing.assert_allclose(RollPitchYaw(X_TH.rotation()).vector(), [0.2, 0.3, -0.2])
+
+
+def test_a_hand_that_is_on_its_path_is_asked_to_move_with_it():
+    # Drake asks for gain (X_asked - X) / dt; the path moves by X_next - X_now in dt.
+    for gain in (0.2, 0.7, 1.0):
+        ahead = asked(HandPoseBus(KEY, gain), NOW).translation() - NOW["position"]
+        np.testing.assert_allclose(gain * ahead, NOW["next_position"] - NOW["position"])
+
+
+def test_quaternions_as_they_come_out_of_an_integrator_are_taken():
+    for scale in (1 + 1e-9, 1 - 1e-9):
+        inputs = {**NOW, "next_orientation": scale * NOW["next_orientation"]}
+        R_TH = asked(HandPoseBus(KEY, 0.5), inputs).rotation().matrix()
+        np.testing.assert_allclose(R_TH @ R_TH.T, np.eye(3), atol=1e-12)
+
+
+def test_the_bus_follows_all_inputs(ports):
     bus = "desired_cartesian_poses"
     rig = ports(
-        HandPoseBus("hand"),
-        {bus: lambda value: value.Find("hand").GetAsMatrix34().tolist()},
+        HandPoseBus(KEY, 0.5), {bus: lambda value: value.Find(KEY).GetAsMatrix34().tolist()}
     )
-    changed = rig.changes(
-        {"position": P, "orientation": Q}, {"position": [0.4, 0, 0], "orientation": [1, 0, 0, 0]}
-    )
-    assert changed == {("position", bus), ("orientation", bus)} == rig.feedthrough()
+    later = {
+        "position": NOW["position"] + 0.01,
+        "next_position": NOW["next_position"] + 0.01,
+        "orientation": quaternion(0.1, 0.3, -0.4),
+        "next_orientation": quaternion(0.1, 0.3, -0.3),
+    }
+    assert rig.changes(NOW, later) == {(name, bus) for name in NOW} == rig.feedthrough()
+
+
+def test_a_path_at_rest_is_asked_for_as_it_is():
+    X_TH = leading_pose(*[NOW["position"]] * 2, *[NOW["orientation"]] * 2, 0.3)
+    np.testing.assert_allclose(X_TH.translation(), NOW["position"])
+    np.testing.assert_allclose(RollPitchYaw(X_TH.rotation()).vector(), [0.2, 0.3, -0.4])

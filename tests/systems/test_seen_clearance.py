@@ -27,6 +27,7 @@ def make_rig(geometry, points, **options):
     context = simulator.get_mutable_context()
     system.cloud_input.FixValue(context, cloud_of(points))
     system.joint_position_input.FixValue(context, JOINTS)
+    system.joint_velocity_input.FixValue(context, np.zeros(5))
     return system, simulator, context
 
 
@@ -64,6 +65,30 @@ def test_a_new_cloud_takes_the_place_of_the_old(geometry):
     system.cloud_input.FixValue(context, cloud_of([near + np.array([0, 0, 2.0])]))
     simulator.AdvanceTo(0.06)
     assert clearance(system, context) > 1.0
+
+
+def test_where_the_arm_will_be_counts_as_much_as_where_it_is(geometry):
+    points = [geometry.sphere_centers(JOINTS[None] + 0.1)[0, -1] + np.array([0.1, 0, 0])]
+    system, simulator, context = make_rig(geometry, points, lookahead=0.2)
+    for velocity in (np.full(5, 0.5), np.full(5, -0.5)):
+        system.joint_velocity_input.FixValue(context, velocity)
+        simulator.AdvanceTo(context.get_time() + 0.05)
+        expected = min(
+            brute_force(geometry, JOINTS, points),
+            brute_force(geometry, JOINTS + 0.2 * velocity, points),
+        )
+        assert clearance(system, context) == pytest.approx(expected, abs=1e-6)
+
+
+def test_an_arm_at_rest_has_nothing_to_watch(geometry):
+    near = geometry.sphere_centers(JOINTS[None])[0, 0]
+    system, simulator, context = make_rig(geometry, [near])
+    system.active_input.FixValue(context, [0.0])
+    simulator.AdvanceTo(0.01)
+    assert clearance(system, context) == np.inf
+    system.active_input.FixValue(context, [1.0])
+    simulator.AdvanceTo(0.06)
+    assert clearance(system, context) < 0
 
 
 def test_an_empty_cloud_is_infinitely_far(geometry):
