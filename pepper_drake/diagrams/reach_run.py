@@ -23,6 +23,7 @@ from tqdm import tqdm
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.models.pepper import hand_frame
+from pepper_drake.models.scene import Scene
 from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.reporting.reach_log import ReachLog
 from pepper_drake.reporting.reach_report import CloudReport, ReachReport, pose_error
@@ -72,6 +73,7 @@ class ReachRun:
         system: Diagram = reaching
         self._visualizer: MeshcatVisualizer | None = None
         if options.meshcat is not None:
+            frame_view(options.meshcat, reaching.scene)
             builder = DiagramBuilder()
             builder.AddSystem(reaching)
             self._visualizer = MeshcatVisualizer(
@@ -136,6 +138,7 @@ class ReachRun:
             progress.update(_SLICE)
         wall = time.perf_counter() - started
         progress.close()
+        self._draw_paths()
         html = None
         if self._visualizer is not None and options.record:
             assert options.meshcat is not None
@@ -181,7 +184,7 @@ class ReachRun:
             hand_position_torso_m=self._rows("hand_position"),
             desired_position_torso_m=self._rows("desired_position"),
             goal_position_torso_m=self._rows("goal_position"),
-            goal_distance_m=self._true_goal_distance(),
+            goal_distance_m=np.linalg.norm(np.subtract(*self._true_paths()), axis=1),
             phase=self._rows("phase")[:, 0],
             tau_s=tau,
             coupling_m_per_s2=coupling,
@@ -200,15 +203,31 @@ class ReachRun:
         )
         return X_WH, X_WO @ scene.pre_grasp()
 
-    def _true_goal_distance(self) -> Vector:
+    def _true_paths(self) -> tuple[Vector, Vector]:
+        """The hand's and its goal's true positions in W, (N, 3) each."""
         plant = self.reaching.station.plant
         plant_context = plant.CreateDefaultContext()
-        distances = []
+        hands, goals = [], []
         for state in self._rows("state"):
             plant.SetPositionsAndVelocities(plant_context, state)
             X_WH, X_WG = self._true_poses(plant_context)
-            distances.append(np.linalg.norm(X_WH.translation() - X_WG.translation()))
-        return np.array(distances)
+            hands.append(X_WH.translation())
+            goals.append(X_WG.translation())
+        return np.array(hands), np.array(goals)
+
+    def _draw_paths(self) -> None:
+        """Draws what the hand did beside what it was shown."""
+        moving = np.isin(self._rows("mode")[:, 0], (ReachMode.REACHING, ReachMode.HOLDING))
+        if self._options.meshcat is None or not np.any(moving):
+            return
+        hand_W = self._true_paths()[0][moving]
+        station = self.reaching.station
+        X_WT = station.GetOutputPort("torso_pose").Eval(
+            station.GetMyContextFromRoot(self.simulator.get_context())
+        )
+        shown = self.reaching.planner.demonstrated_path()
+        shown_W = (shown - shown[0]) @ X_WT.rotation().matrix().T + hand_W[0]
+        draw_paths(self._options.meshcat, hand_W, shown_W)
 
     def _report(self, log: ReachLog, wall: float) -> ReachReport:
         reaching, root = self.reaching, self.simulator.get_context()
@@ -278,6 +297,21 @@ def measure_cloud(station: PepperStation, query: QueryObject, points_W: Vector) 
     if squares:
         report.rms_error = float(np.sqrt(np.mean(squares)))
     return report
+
+
+def frame_view(meshcat: Meshcat, scene: Scene) -> None:
+    """Looks at the goal from the reaching arm's side, without grid and axes."""
+    side = 1.0 if scene.arm == "left" else -1.0
+    goal = np.array(scene.goal.position)
+    meshcat.SetCameraPose(goal + [0.9, 1.9 * side, 0.7], goal + [-0.25, 0.0, 0.0])
+    for path in ("/Grid", "/Axes"):
+        meshcat.SetProperty(path, "visible", False)
+
+
+def draw_paths(meshcat: Meshcat, hand_W: Vector, demonstration_W: Vector) -> None:
+    """Shows the hand's path in white and the demonstration, from the same start, in black."""
+    meshcat.SetLine("demonstration", demonstration_W.T, 3.0, Rgba(0.0, 0.0, 0.0))
+    meshcat.SetLine("reproduction", hand_W.T, 4.0, Rgba(1.0, 1.0, 1.0))
 
 
 def draw_cloud(meshcat: Meshcat, points_W: Vector) -> None:

@@ -63,10 +63,10 @@ class StationConfig:
     stiffness: dict[str, float] = field(default_factory=lambda: dict.fromkeys(JOINT_GROUPS, 1.0))
     """Stiffness of each joint group, from 0 (limp) to 1, as NAOqi has it."""
     proportional_gain: float = 400.0
-    """Of a joint at stiffness 1, N m/rad; a hundred times as much for the base (N/m for its x and
-    y)."""
+    """Of a joint at stiffness 1, N m/rad; ten times as much for the trunk, which carries the rest,
+    and a hundred times for the base (N/m for its x and y)."""
     derivative_gain: float = 10.0
-    """Of a joint at any stiffness above zero, N m s/rad; for the base as above."""
+    """Of a joint at any stiffness above zero, N m s/rad; for trunk and base as above."""
 
 
 class PepperStation(Diagram):
@@ -193,7 +193,7 @@ class PepperStation(Diagram):
             actuator = self.plant.get_mutable_joint_actuator(index)
             group = group_of[actuator.joint().name()]
             stiffness = config.stiffness.get(group, 1.0)
-            strength = 100.0 if group == "base" else 1.0
+            strength = {"base": 100.0, "body": 10.0}.get(group, 1.0)
             actuator.set_controller_gains(
                 PdControllerGains(
                     p=max(strength * stiffness * config.proportional_gain, 1e-6),
