@@ -303,7 +303,7 @@ def frame_view(meshcat: Meshcat, scene: Scene) -> None:
     """Looks at the goal from the reaching arm's side, without grid and axes."""
     side = 1.0 if scene.arm == "left" else -1.0
     goal = np.array(scene.goal.position)
-    meshcat.SetCameraPose(goal + [0.9, 1.9 * side, 0.7], goal + [-0.25, 0.0, 0.0])
+    meshcat.SetCameraPose(goal + [0.55, 1.35 * side, 0.5], goal + [-0.2, 0.0, -0.05])
     for path in ("/Grid", "/Axes"):
         meshcat.SetProperty(path, "visible", False)
 
