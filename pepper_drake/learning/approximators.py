@@ -14,8 +14,8 @@ and import the module in `pepper_drake/learning/__init__.py`, which makes the na
 The contract of a model `f`, in words:
 
 - `f(phases)` takes (N,) phases x in (0, 1] (1 at the start, falling) and gives (N, D): the forcing
-  term *before* the formulation's scaling, *with* all gating. It must go to zero with the phase
-  (be at most proportional to x beyond the motion's end), or no goal would ever be reached;
+  term *before* the formulation's scaling, *with* all gating. Past the motion's end it must go to
+  zero with the phase, like x³, or goals would be reached late or never;
   multiply by `fade_out(phases, alpha_x)` where the method does not see to that by itself.
 - It is vectorised, changes nothing, and uses only arithmetic and numpy's `exp`, `log`, `sqrt` on
   the phases, so that arrays of `pydrake` AutoDiffXd pass through.
@@ -30,6 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
+from pepper_drake.learning.phase import fade_out as fade_out
 
 Array = npt.NDArray[np.float64]
 
@@ -150,8 +151,3 @@ def get_approximator(name: str) -> Approximator:
     if name not in _registry:
         raise InputError(f"approximator: '{name}' is unknown; use one of {', '.join(_registry)}")
     return _registry[name]
-
-
-def fade_out(phases: npt.ArrayLike, alpha_x: float) -> Array:
-    """Returns one during the motion and x / x_end after it, (N,): ends any forcing term."""
-    return np.minimum(1.0, np.asarray(phases) * np.exp(alpha_x))

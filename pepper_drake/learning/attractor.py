@@ -14,19 +14,22 @@ from pepper_drake.learning.approximators import (
     LinearForcingModel,
     get_approximator,
 )
-from pepper_drake.learning.phase import ALPHA_Z, GOAL_THRESHOLD, PHASE_RATIO, phase_at
+from pepper_drake.learning.phase import ALPHA_Z, GOAL_THRESHOLD, PHASE_RATIO, gate, phase_at
 from pepper_drake.learning.scaling import (
     MotionFrame,
     check_scaling,
     scaled,
     scaling_matrix,
+    scaling_offset,
     unscaled,
 )
 from pepper_drake.learning.spring import (
     NODES,
     acceleration,
     advance,
+    forced_response_at,
     make_step,
+    node_times,
     unforced_response,
 )
 
@@ -124,6 +127,10 @@ class Attractor:
         """Returns the scaling's matrix S for a start and a goal."""
         return scaling_matrix(self.scaling, self.frame, start, goal)
 
+    def offset(self, start: Array, goal: Array) -> Array | None:
+        """Returns the scaling's offset b for a start and a goal."""
+        return scaling_offset(self.scaling, self.frame, start, goal, self.alpha_z)
+
     def forcing(self, start: Array, goal: Array, weights: Array | None = None) -> Forcing:
         """Returns the forcing term between a start (D,) and a goal (D,).
 
@@ -133,17 +140,21 @@ class Attractor:
             weights: (K, D) in place of the model's; or (S, K, D) for S forcing terms with the
                 model's features, the function then takes phases (S, M).
         """
-        matrix = self.matrix(start, goal)
-        if weights is None:
-            return lambda phases: scaled(self.model(phases), matrix)
+        matrix, offset = self.matrix(start, goal), self.offset(start, goal)
         model = self.model
-        assert isinstance(model, LinearForcingModel)
 
-        def reweighted(phases: Array) -> Array:
-            features = model.features(phases.ravel()).reshape(*phases.shape, -1)
-            return scaled(features @ weights, matrix)
+        def forcing(phases: Array) -> Array:
+            if weights is None:
+                values = model(phases)
+            else:
+                assert isinstance(model, LinearForcingModel)
+                values = model.features(phases.ravel()).reshape(*phases.shape, -1) @ weights
+            values = scaled(values, matrix)
+            if offset is None:
+                return values
+            return values + gate(phases, self.alpha_x)[..., None] * offset
 
-        return reweighted
+        return forcing
 
     def start_velocity(self, start: Array, goal: Array, tau: Scalar) -> Array:
         """Returns the velocity (D,) of the demonstration's start, scaled like the forcing term."""
@@ -216,6 +227,15 @@ def node_phases(phase: Scalar, decay: Scalar, time_step: float) -> Array:
     return np.asarray(phase)[..., None] * np.exp(exponents)
 
 
+def forcing_target(sample: MotionSample, alpha_z: float) -> Array:
+    """Returns what the forcing term has to be along a motion, (N, D): equation 2.8.
+
+    f = y'' - alpha_z (beta_z (g - y) - y'), derivatives by relative time, g the last position.
+    """
+    offset = sample.positions[-1] - sample.positions
+    return sample.curvatures - alpha_z * (alpha_z / 4.0 * offset - sample.rates)
+
+
 def learn_attractor(
     samples: list[MotionSample],
     approximator: str,
@@ -226,9 +246,7 @@ def learn_attractor(
 ) -> Attractor:
     """Learns one attractor from one or several motions.
 
-    The targets are those of equation 2.8, f = y'' - alpha_z (beta_z (g - y) - y') with derivatives
-    by relative time and g the last position. Of several motions, start, goal, extent and start
-    velocity are the means.
+    Of several motions, start, goal, extent and start velocity are the means.
 
     Raises:
         InputError: An unknown name, a number of basis functions below 1, or a motion that the
@@ -243,20 +261,27 @@ def learn_attractor(
         goal=np.mean([s.positions[-1] for s in samples], axis=0),
         extent=np.mean([_extent(s.positions) for s in samples], axis=0),
     )
+    alpha_x = alpha_z / PHASE_RATIO
     targets, responses, scales = [], [], []
     for sample in samples:
         start, goal = sample.positions[0], sample.positions[-1]
         offset = goal - sample.positions
         matrix = scaling_matrix(scaling, frame, start, goal)
-        pull = alpha_z * (alpha_z / 4.0 * offset - sample.rates)
         unforced = unforced_response(sample.times, alpha_z)[0]
         response = -offset - unforced @ np.stack((-offset[0], sample.rates[0]))
-        targets.append(unscaled(sample.curvatures - pull, matrix, scaling))
+        target = forcing_target(sample, alpha_z)
+        shift = scaling_offset(scaling, frame, start, goal, alpha_z)
+        if shift is not None and len(samples) > 1:
+            nodes = node_times(sample.times)
+            gates = gate(phase_at(nodes, alpha_x), alpha_x)[..., None]
+            way = forced_response_at(gates, sample.times, alpha_z)[0]
+            response = response - way * shift
+            target = target - gate(phase_at(sample.times, alpha_x), alpha_x)[:, None] * shift
+        targets.append(unscaled(target, matrix, scaling))
         responses.append(unscaled(response, matrix, scaling))
         sizes = np.ones(len(start)) if matrix is None else np.linalg.norm(matrix, axis=1)
         scales.append(np.broadcast_to(sizes, offset.shape))
     times = np.concatenate([s.times for s in samples])
-    alpha_x = alpha_z / PHASE_RATIO
     data = ForcingData(
         phases=phase_at(times, alpha_x),
         times=times,

@@ -6,7 +6,8 @@ the division for a radial basis function network, B.2).
 
 Centres are spread evenly in time. Each width is a multiple, called overlap, of the distance to the
 next centre as it is at the centre itself: sigma_i = overlap alpha_x ds c_i, so that all basis
-functions look alike in time. Past the end of the motion only the gate x still falls.
+functions look alike in time. Past the end of the motion they stay as they are and the gate x falls
+like x³ instead: faster than the spring settles.
 """
 
 from collections.abc import Mapping
@@ -17,7 +18,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from pepper_drake.learning.phase import Array, hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,48 +46,41 @@ class GaussianBasis:
 
     def activations(self, phases: npt.ArrayLike) -> Array:
         """Returns the basis functions (N, B) at phases (N,), normalised if they are to be."""
-        return self._evaluate(np.asarray(phases))[0]
+        values = self._raw(np.asarray(phases))[0]
+        return values / values.sum(axis=1)[:, None] if self.normalized else values
 
     def features(self, phases: npt.ArrayLike) -> Array:
         """Returns (N, num_features): basis functions times x, then those times (x - c) / sigma."""
         x = np.asarray(phases)
-        values, offsets = self._evaluate(x)
-        values = values * x[:, None]
+        values, offsets, gate = self._raw(x)
+        if self.normalized:
+            gate = gate / values.sum(axis=1)
+        values = values * gate[:, None]
         return np.concatenate((values, values * offsets), axis=1) if self.slopes else values
 
     def combine(self, phases: Array, weights: Array) -> Array:
         """Returns features(phases) @ weights, (N, D), without making the features."""
-        values, offsets = self._raw(phases)
+        values, offsets, gate = self._raw(phases)
         size = len(self.centres)
-        gate = phases / values.sum(axis=1) if self.normalized else phases
+        if self.normalized:
+            gate = gate / values.sum(axis=1)
         total = values @ weights[:size]
         if self.slopes:
             total = total + (values * offsets) @ weights[size:]
         return total * gate[:, None]
 
-    def _evaluate(self, phases: Array) -> tuple[Array, Array]:
-        values, offsets = self._raw(phases)
-        if self.normalized:
-            values = values / values.sum(axis=1)[:, None]
-        return values, offsets
-
-    def _raw(self, phases: Array) -> tuple[Array, Array]:
-        """Returns the functions (N, B), not normalised, and (x - c) / sigma."""
+    def _raw(self, phases: Array) -> tuple[Array, Array, Array]:
+        """Returns the functions (N, B), not normalised, (x - c) / sigma (N, B), the gate (N,)."""
         slope, shift, end = self._affine
-        offsets = hold(phases, end)[:, None] * slope - shift
-        return np.exp(offsets * offsets * -0.5), offsets
+        held = hold(phases, end)
+        offsets = held[:, None] * slope - shift
+        late = phases / held
+        return np.exp(offsets * offsets * -0.5), offsets, phases * late * late
 
     @cached_property
     def _affine(self) -> tuple[Array, Array, float]:
         """1 / sigma, c / sigma, and the phase at the motion's end."""
         return 1.0 / self.widths, self.centres / self.widths, float(np.exp(-self.alpha_x))
-
-
-def hold(phases: Array, least: float) -> Array:
-    """Returns the phases, but not less than `least`; for AutoDiffXd and Expression as well."""
-    if phases.dtype == object:
-        return 0.5 * (phases + least + np.abs(phases - least))
-    return np.maximum(phases, least)
 
 
 @lru_cache(maxsize=64)

@@ -41,10 +41,12 @@ class OrientationState(NamedTuple):
 
     Attributes:
         coordinates: (2, 3) coordinates and their rates.
+        start: (3,) coordinates with which the motion started.
         goal: (4,) unit quaternion that the spring sees.
     """
 
     coordinates: Array
+    start: Array
     goal: Array
 
 
@@ -117,7 +119,7 @@ class OrientationAttractor:
         if tau is not None:
             target = self.goal_coordinates(goal)
             rates = self.attractor.start_velocity(coordinates, target, tau)
-        return OrientationState(np.stack((coordinates, rates)), goal)
+        return OrientationState(np.stack((coordinates, rates)), coordinates, goal)
 
     def pose(self, state: OrientationState) -> tuple[Array, Array]:
         """Returns the orientation (4,) and the angular velocity (3,) [rad/s] of a state."""
@@ -143,7 +145,7 @@ class OrientationAttractor:
         """
         goal = so3.normalize(goal)
         target = self.goal_coordinates(state.goal)
-        forcing = self.attractor.forcing(state.coordinates[0], target)
+        forcing = self.attractor.forcing(state.start, target)
         moved = self.attractor.advance(
             state.coordinates,
             GoalState.at(target),
@@ -153,19 +155,29 @@ class OrientationAttractor:
         )
         turn = so3.log_map(so3.multiply(goal, so3.conjugate(state.goal)))
         if turn @ turn <= TURN_THRESHOLD**2:
-            return OrientationState(moved, state.goal)
+            return OrientationState(moved, state.start, state.goal)
         share = 1.0 - np.exp(-self.attractor.goal_rate(tau) * time_step)
         seen = so3.normalize(so3.multiply(so3.exp_map(share * turn), state.goal))
-        return OrientationState(self._retargeted(moved, state.goal, seen), seen)
+        return OrientationState(
+            self._retargeted(moved, state.goal, seen),
+            self._coordinates_for(state.start, state.goal, seen),
+            seen,
+        )
 
     def _retargeted(self, coordinates: Array, old_goal: Array, new_goal: Array) -> Array:
         """Returns coordinates and rates (2, 3) of the same motion for another goal."""
         if self.mode == "angles":
             return coordinates
         position, rates = coordinates
-        orientation = self.orientation(position, old_goal)
-        moved = self.coordinates(orientation, new_goal, near=position)
+        moved = self._coordinates_for(position, old_goal, new_goal)
         return np.stack((moved, self.rates(moved, self.angular_velocity(position, rates))))
+
+    def _coordinates_for(self, coordinates: Array, old_goal: Array, new_goal: Array) -> Array:
+        """Returns the coordinates (3,) of the same orientation for another goal."""
+        if self.mode == "angles":
+            return coordinates
+        orientation = self.orientation(coordinates, old_goal)
+        return self.coordinates(orientation, new_goal, near=coordinates)
 
 
 def learn_orientation(
@@ -200,7 +212,7 @@ def learn_orientation(
             MotionSample(s, coordinates, spline.derivative(1)(s), spline.derivative(2)(s))
         )
     return OrientationAttractor(
-        learn_attractor(samples, approximator, num_basis, "none", alpha_z, seed),
+        learn_attractor(samples, approximator, num_basis, "gradual", alpha_z, seed),
         mode,
         _mean_orientation([q[0] for q in orientations]),
         _mean_orientation([q[-1] for q in orientations]),

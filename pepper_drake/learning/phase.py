@@ -30,6 +30,30 @@ def phase_at(relative_times: npt.ArrayLike, alpha_x: float) -> Array:
     return np.exp(-alpha_x * np.asarray(relative_times, dtype=float))
 
 
+def hold(phases: Array, least: float) -> Array:
+    """Returns the phases, but not less than `least`; for AutoDiffXd and Expression as well."""
+    if phases.dtype == object:
+        return 0.5 * (phases + least + np.abs(phases - least))
+    return np.maximum(phases, least)
+
+
+def fade_out(phases: npt.ArrayLike, alpha_x: float) -> Array:
+    """Returns one during the motion and (x / x_end)³ after it, (N,): ends any forcing term.
+
+    It then falls like exp(-alpha_z t / tau), faster than the spring settles, so that what the
+    forcing term was at the end does not keep the hand from its goal.
+    """
+    x = np.asarray(phases)
+    return (x / hold(x, np.exp(-alpha_x))) ** 3
+
+
+def gate(phases: npt.ArrayLike, alpha_x: float) -> Array:
+    """Returns x during the motion and x (x / x_end)² after it, (N,)."""
+    x = np.asarray(phases)
+    late = x / hold(x, np.exp(-alpha_x))
+    return x * late * late
+
+
 def relative_time_at(phases: npt.ArrayLike, alpha_x: float) -> Array:
     """Returns the relative time of phases: the inverse of `phase_at`."""
     return -np.log(np.asarray(phases, dtype=float)) / alpha_x

@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 GoalMotion = Callable[[float], npt.ArrayLike]
 
 DEFAULT_APPROXIMATOR = "trajectory_slopes"
-DEFAULT_SCALING = "none"
+DEFAULT_SCALING = "gradual"
 DEFAULT_NUM_BASIS = 40
 
 
@@ -120,7 +120,7 @@ class MovementPrimitive:
             raise InputError("demonstrations: none given; a primitive needs at least one")
         if not alpha_z > 0.0:
             raise InputError(f"alpha_z: {alpha_z} is not positive")
-        samples = [_sample(demo) for demo in demos]
+        samples = [motion_sample(demo) for demo in demos]
         times = [sample.times for sample in samples]
         turning = None
         rotations = [demo.rotations for demo in demos if demo.rotations is not None]
@@ -377,7 +377,8 @@ def _path(motion: Motion) -> Path3D:
     )
 
 
-def _sample(demo: Demonstration) -> MotionSample:
+def motion_sample(demo: Demonstration) -> MotionSample:
+    """Returns a demonstration's translation in relative time."""
     tau = demo.duration
     return MotionSample(
         (demo.times - demo.times[0]) / tau,

@@ -3,7 +3,7 @@
 See `stepping` for motions among obstacles and to goals that move.
 """
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Protocol
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from pepper_drake.learning.approximators import LinearForcingModel
 from pepper_drake.learning.attractor import Attractor
 from pepper_drake.learning.orientation import OrientationAttractor
-from pepper_drake.learning.phase import PHASE_RATIO, phase_at
+from pepper_drake.learning.phase import PHASE_RATIO, gate, phase_at
 from pepper_drake.learning.scaling import scaled
 from pepper_drake.learning.spring import NODES, forced_response, node_times, unforced_response
 
@@ -65,15 +65,17 @@ def unforced_columns(steps: int, step: float, alpha_z: float) -> Array:
     return np.concatenate((response, _curvature(response, 0.0, alpha_z)[None]))
 
 
-def forced_columns(basis: Features, steps: int, step: float, alpha_z: float) -> Array:
+def forced_columns(
+    features: Callable[[Array], Array], steps: int, step: float, alpha_z: float
+) -> Array:
     """Returns (3, N, K): y, y', y'' for tau = 1 that each feature of the forcing term causes."""
     alpha_x = alpha_z / PHASE_RATIO
     times = time_grid(steps, step)
     nodes = node_times(times)
-    inputs = basis.features(phase_at(nodes.ravel(), alpha_x)).reshape(steps, len(NODES), -1)
+    inputs = features(phase_at(nodes.ravel(), alpha_x)).reshape(steps, len(NODES), -1)
     response = forced_response(inputs, step, alpha_z)
-    features = basis.features(phase_at(times, alpha_x))
-    return np.concatenate((response, _curvature(response, features, alpha_z)[None]))
+    forcing = features(phase_at(times, alpha_x))
+    return np.concatenate((response, _curvature(response, forcing, alpha_z)[None]))
 
 
 def time_grid(steps: int, step: float) -> Array:
@@ -87,8 +89,13 @@ def _curvature(response: Array, inputs: Array | float, alpha_z: float) -> Array:
 
 @lru_cache(maxsize=32)
 def _response_matrix(basis: Features, steps: int, step: float, alpha_z: float) -> Array:
-    """Returns (3 N, K + 2): positions, rates, curvatures from weights, offset, start rate."""
-    forced = forced_columns(basis, steps, step, alpha_z)
+    """Returns (3 N, K + 3): positions, rates, curvatures; see `response_matrix`."""
+    alpha_x = alpha_z / PHASE_RATIO
+
+    def features(phases: Array) -> Array:
+        return np.column_stack((basis.features(phases), gate(phases, alpha_x)))
+
+    forced = forced_columns(features, steps, step, alpha_z)
     columns = np.concatenate((forced, unforced_columns(steps, step, alpha_z)), axis=2)
     matrix = np.asfortranarray(columns.reshape(-1, columns.shape[2]))
     matrix.setflags(write=False)
@@ -96,12 +103,19 @@ def _response_matrix(basis: Features, steps: int, step: float, alpha_z: float) -
 
 
 def response_matrix(model: LinearForcingModel, steps: int, step: float, alpha_z: float) -> Array:
-    """Returns (3 N, K + 2), cached by what the features depend on; see `forced_columns`.
+    """Returns (3 N, K + 3), cached by what the features depend on; see `forced_columns`.
 
-    The last two columns answer the start's offset from the goal and its rate.
+    The last three columns answer the scaling's offset b, the start's offset from the goal, and
+    the rate at the start.
     """
     basis: Any = getattr(model, "basis", model)
     return _response_matrix(basis, steps, step, alpha_z)
+
+
+def _other_causes(attractor: Attractor, start: Array, goal: Array, rate: Array) -> Array:
+    """Returns (3, D): what a motion has beside its weights, for the last columns."""
+    offset = attractor.offset(start, goal)
+    return np.stack((np.zeros(len(start)) if offset is None else offset, start - goal, rate))
 
 
 def undisturbed_motion(
@@ -116,19 +130,15 @@ def undisturbed_motion(
     """Performs a motion to a goal at rest without coupling: a linear filter of the forcing term."""
     step = time_step / tau
     model = attractor.model
-    matrix = attractor.matrix(start, goal)
     phases = phase_at(time_grid(steps, step), attractor.alpha_x)
-    initial = np.stack((start - goal, start_velocity * tau))
     if isinstance(model, LinearForcingModel):
-        weights = scaled(model.weights, matrix)
+        weights = scaled(model.weights, attractor.matrix(start, goal))
         columns = response_matrix(model, steps, step, attractor.alpha_z)
-        motion = (columns @ np.concatenate((weights, initial))).reshape(3, steps + 1, -1)
+        rest = _other_causes(attractor, start, goal, start_velocity * tau)
+        motion = (columns @ np.concatenate((weights, rest))).reshape(3, steps + 1, -1)
     else:
-        nodes = phase_at(node_times(time_grid(steps, step)), attractor.alpha_x)
-        inputs = scaled(model(nodes.ravel()), matrix).reshape(steps, len(NODES), -1)
-        response = forced_response(inputs, step, attractor.alpha_z)
-        curvature = _curvature(response, scaled(model(phases), matrix), attractor.alpha_z)
-        motion = np.concatenate((response, curvature[None]))
+        motion = forced_columns(attractor.forcing(start, goal), steps, step, attractor.alpha_z)
+        initial = np.stack((start - goal, start_velocity * tau))
         motion += unforced_columns(steps, step, attractor.alpha_z) @ initial
     return Motion(
         time_grid(steps, time_step),
@@ -155,12 +165,12 @@ def undisturbed_motions(
     assert isinstance(model, LinearForcingModel)
     step = time_step / tau
     weights = scaled(weights, attractor.matrix(start, goal))
-    number, size, dimensions = weights.shape
+    number, _, dimensions = weights.shape
     columns = response_matrix(model, steps, step, attractor.alpha_z)
-    initial = np.stack((start - goal, start_velocity * tau))
-    stacked = np.concatenate((weights, np.broadcast_to(initial, (number, 2, dimensions))), axis=1)
+    rest = _other_causes(attractor, start, goal, start_velocity * tau)
+    stacked = np.concatenate((weights, np.broadcast_to(rest, (number, *rest.shape))), axis=1)
     # Rows of coordinates, not of samples: the result is then a view of the product, not a copy.
-    rows = np.moveaxis(stacked, 1, 2).reshape(number * dimensions, size + 2)
+    rows = np.moveaxis(stacked, 1, 2).reshape(number * dimensions, -1)
     motion = (rows @ columns.T).reshape(number, dimensions, 3, steps + 1)
     motion[:, :, 0] += goal[:, None]
     motion[:, :, 1] /= tau

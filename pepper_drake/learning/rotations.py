@@ -5,7 +5,6 @@ expressed in the frame that the orientation is measured in (not in the body). Re
 Nemec, Petric, Morimoto 2014, doi:10.1109/ICRA.2014.6907291; Sola 2017, arXiv:1711.02508.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ def multiply(p: npt.ArrayLike, q: npt.ArrayLike) -> Array:
     return np.stack(_product(np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)), axis=-1)
 
 
-def _product(p: Sequence[Any], q: Sequence[Any]) -> tuple[Any, Any, Any, Any]:
+def _product(p: Any, q: Any) -> tuple[Any, Any, Any, Any]:
     pw, px, py, pz = p
     qw, qx, qy, qz = q
     return (

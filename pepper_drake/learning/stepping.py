@@ -66,7 +66,7 @@ def stepped_motion(
         if callable(goal_at):
             seen, velocity = goal_at(len(record.states) * time_step)
             goal = goal.seen(seen, velocity)
-            if attractor.scaling != "none":
+            if attractor.scaling not in ("none", "amplitude"):
                 forcing = attractor.forcing(start, goal.delayed, weights)
                 value = forcing(phase[..., None])[..., 0, :]
         total = attractor.acceleration(state, goal, value, tau)

@@ -41,8 +41,8 @@ class OrientationTransformationSystem(LeafSystem):
     `next_angular_velocity` (3) are the state one step ahead, fed through from all inputs. While
     inactive they are `start_orientation` and zero.
 
-    State: coordinates (3) [rad], their rates (3) [rad/s], and the goal that the spring sees (4);
-    discrete with period `time_step`.
+    State: coordinates (3) [rad], their rates (3) [rad/s], coordinates at the start (3) [rad], and
+    the goal that the spring sees (4); discrete with period `time_step`.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class OrientationTransformationSystem(LeafSystem):
         self.start_orientation_port = self.DeclareVectorInputPort("start_orientation", 4)
 
         # Identity for the goal: contexts that nothing has initialised are valid as well.
-        index = self.DeclareDiscreteState([0.0] * 6 + [1.0, 0.0, 0.0, 0.0])
+        index = self.DeclareDiscreteState([0.0] * 9 + [1.0, 0.0, 0.0, 0.0])
         self.DeclareInitializationDiscreteUpdateEvent(self._rest)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
         state_ticket = self.discrete_state_ticket(index)
@@ -120,7 +120,7 @@ class OrientationTransformationSystem(LeafSystem):
 
     def _state(self, context: Any) -> OrientationState:
         values = context.get_discrete_state_vector().CopyToVector()
-        return OrientationState(values[:6].reshape(2, 3), values[6:])
+        return OrientationState(values[:6].reshape(2, 3), values[6:9], values[9:])
 
     def _start_state(self, context: Any) -> OrientationState:
         tau = float(self.tau_port.Eval(context)[0]) if self._start_moving else None
@@ -158,4 +158,4 @@ class OrientationTransformationSystem(LeafSystem):
 
 
 def _values(state: OrientationState) -> Any:
-    return np.concatenate((state.coordinates.ravel(), state.goal))
+    return np.concatenate((state.coordinates.ravel(), state.start, state.goal))

@@ -152,7 +152,7 @@ def test_scales_weigh_the_residuals():
 def test_fade_out_is_one_during_the_motion_and_falls_after_it():
     times = np.array([0.0, 0.5, 1.0, 2.0])
     np.testing.assert_allclose(
-        fade_out(phase_at(times, ALPHA_X), ALPHA_X), [1, 1, 1, np.exp(-ALPHA_X)]
+        fade_out(phase_at(times, ALPHA_X), ALPHA_X), [1, 1, 1, np.exp(-3 * ALPHA_X)]
     )
 
 

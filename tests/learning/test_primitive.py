@@ -24,13 +24,11 @@ def reference_path(primitive, times, start, goal, velocity, tau):
     """Equations 2.4 and 2.5 integrated by another solver."""
     attractor = primitive.translation
     alpha_z, alpha_x = attractor.alpha_z, attractor.alpha_x
-    matrix = attractor.matrix(start, goal)
+    forcing = attractor.forcing(start, goal)
 
     def rates(t, state):
         y, z = state[:3], state[3:]
-        f = attractor.model(np.exp(-alpha_x * t / tau)[None])[0]
-        if matrix is not None:
-            f = matrix @ f
+        f = forcing(np.exp(-alpha_x * t / tau)[None])[0]
         return np.concatenate((z / tau, (alpha_z * (alpha_z / 4 * (goal - y) - z) + f) / tau))
 
     first = np.concatenate((start, velocity * tau))
@@ -103,7 +101,7 @@ def test_the_time_step_does_not_change_the_motion(approximator, scaling):
 
 
 @settings(max_examples=25, deadline=None)
-@given(vectors, vectors, st.floats(0.5, 6.0), st.sampled_from(["none", "amplitude"]))
+@given(vectors, vectors, st.floats(0.5, 6.0), st.sampled_from(["gradual", "none", "amplitude"]))
 def test_ends_at_any_goal_from_any_start(start, goal, duration, scaling):
     primitive = MovementPrimitive.fit(make_demonstration(seed=3), scaling=scaling)
     path = primitive.rollout(start=start, goal=goal, duration=duration, settle=1.0)
@@ -153,7 +151,7 @@ def test_another_duration_keeps_the_shape(factor):
     np.testing.assert_allclose(slow.velocities * factor, path.velocities, atol=1e-9)
 
 
-def test_goal_scaling_explodes_near_the_start_and_none_does_not():
+def test_goal_scaling_explodes_near_the_start_and_others_do_not():
     demo = make_demonstration(seed=8, moving=False)
     # The goal is 1 mm from the start in x; move it by 5 cm there.
     p = demo.positions - np.linspace(0, 1, len(demo.times))[:, None] * [
@@ -163,22 +161,49 @@ def test_goal_scaling_explodes_near_the_start_and_none_does_not():
     ]
     near = Demonstration.from_positions(demo.times, p)
     reach = {}
-    for scaling in ("goal", "none"):
+    for scaling in ("goal", "none", "gradual"):
         primitive = MovementPrimitive.fit(near, scaling=scaling)
         path = primitive.rollout(goal=primitive.goal + np.array([0.05, 0, 0]))
         reach[scaling] = np.abs(path.positions[:, 0] - p[:, 0]).max()
     assert reach["goal"] > 1.0
     assert reach["none"] < 0.051
+    assert reach["gradual"] < 0.051
 
 
-def test_goal_scaling_mirrors_where_the_sign_changes_and_none_does_not():
+def test_goal_scaling_mirrors_where_the_sign_changes_and_others_do_not():
     demo = make_demonstration(seed=9, moving=False)
-    for scaling, mirrored in (("goal", True), ("none", False)):
+    for scaling, mirrored in (("goal", True), ("none", False), ("gradual", False)):
         primitive = MovementPrimitive.fit(demo, scaling=scaling)
         way = primitive.goal - primitive.start
         path = primitive.rollout(goal=primitive.start - way)
         mirror = primitive.start - (primitive.rollout().positions - primitive.start)
         assert (np.abs(path.positions - mirror).max() < 1e-9) == mirrored
+
+
+@settings(max_examples=25, deadline=None)
+@given(vectors, vectors)
+def test_the_default_starts_like_the_demonstration_wherever_it_goes(start, goal):
+    primitive = MovementPrimitive.fit(make_demonstration(seed=13))
+    path, other = primitive.rollout(), primitive.rollout(start=start, goal=goal)
+    np.testing.assert_allclose(other.accelerations[0], path.accelerations[0], atol=1e-8)
+    np.testing.assert_allclose(other.velocities[0], path.velocities[0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("approximator", "tolerance"), [("trajectory_slopes", 5e-4), ("lwr", 8e-3)]
+)
+def test_demonstrations_to_several_goals_differ_by_what_gradual_expects(approximator, tolerance):
+    demo = make_demonstration(seed=14)
+    first = MovementPrimitive.fit(demo, approximator=approximator)
+    paths = [first.rollout(goal=first.goal + np.array(way)) for way in ([0, 0.1, 0], [0, -0.1, 0])]
+    shown = [
+        Demonstration.from_positions(p.times, p.positions, p.velocities, p.accelerations)
+        for p in paths
+    ]
+    both = MovementPrimitive.fit(shown, approximator=approximator)
+    np.testing.assert_allclose(both.rollout().positions, first.rollout().positions, atol=tolerance)
+    again = both.rollout(goal=paths[0].positions[-1])
+    np.testing.assert_allclose(again.positions, paths[0].positions, atol=tolerance)
 
 
 def test_uneven_times_are_learned_as_well():

@@ -10,6 +10,7 @@ from pepper_drake.learning.scaling import (
     check_scaling,
     scaled,
     scaling_matrix,
+    scaling_offset,
     unscaled,
 )
 
@@ -76,6 +77,14 @@ def test_a_motion_that_the_scaling_cannot_express_is_refused():
     s = scaling_matrix("goal", FRAME, FRAME.start, FRAME.goal)
     with pytest.raises(InputError, match="ends where it starts"):
         unscaled(np.ones((1, 3)), s, "goal")
+
+
+def test_gradual_starts_with_the_acceleration_shown():
+    # At x = 1 the spring's pull changed by alpha beta (g - y0 - (g_d - y0_d)): b takes that back.
+    start, goal = np.array([0.1, 0.0, 0.0]), np.array([0.5, 0.2, 0.4])
+    b = scaling_offset("gradual", FRAME, start, goal, 8.0)
+    np.testing.assert_allclose(b, -16.0 * ((goal - start) - FRAME.goal))
+    assert scaling_offset("none", FRAME, start, goal, 8.0) is None
 
 
 def test_unknown_names_are_refused():
