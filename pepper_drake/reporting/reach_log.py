@@ -3,6 +3,7 @@
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Self
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -70,5 +71,5 @@ class ReachLog:
             raise InputError(f"{path}: there is no such log; run a reach first") from None
         except KeyError as error:
             raise InputError(f"{path}: {error.args[0]}; record the run again") from None
-        except (ValueError, OSError):
+        except (ValueError, OSError, EOFError, BadZipFile):
             raise InputError(f"{path}: this is no log of a reach; record the run again") from None

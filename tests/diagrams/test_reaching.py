@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.perception import PointCloud
+from pydrake.systems.analysis import InitializeParams, Simulator
+from pydrake.systems.framework import BusValue, PortDataType
+
+from pepper_drake.diagrams.reach_run import ReachRun, RunOptions, measure_cloud
+from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive, prepare_scene
+from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.models.scene import load_scene
+from pepper_drake.planning.control_model import shared_control_model
+from pepper_drake.planning.differential_ik import hand_key
+from pepper_drake.systems.reach_supervisor import ReachMode
+
+
+def make_reaching(name, arm):
+    scene = prepare_scene(load_scene(name), arm=arm)
+    coupling = make_coupling(scene.coupling)
+    return Reaching(scene, make_primitive(None, scene.arm), coupling, ReachingConfig())
+
+
+def plain(value, key):
+    """A port's value in a form that compares, or None for what is only handed on."""
+    if isinstance(value, np.ndarray):
+        return value
+    if isinstance(value, RigidTransform):
+        return value.GetAsMatrix34()
+    if isinstance(value, PointCloud):
+        return value.xyzs().copy()
+    if isinstance(value, BusValue):
+        return value.Find(key).GetAsMatrix34()
+    if hasattr(value, "data") and isinstance(value.data, np.ndarray):
+        return value.data.copy()
+    return None
+
+
+def outputs(reaching, root):
+    """Every comparable output of every system of the loop, the station among them."""
+    values = {}
+    for system in reaching.GetSystems():
+        context = system.GetMyContextFromRoot(root)
+        for k in range(system.num_output_ports()):
+            port = system.get_output_port(k)
+            if port.get_data_type() == PortDataType.kAbstractValued and "query" in port.get_name():
+                continue
+            value = plain(port.Eval(context), hand_key(reaching.scene.arm))
+            if value is not None:
+                values[system.get_name(), port.get_name()] = np.array(value)
+    return values
+
+
+@pytest.mark.render
+def test_a_whole_reach_with_the_left_arm_in_which_no_cached_value_is_ever_stale():
+    run = ReachRun(make_reaching("table", "left"), RunOptions(progress=False))
+    reaching = run.reaching
+    checked = dict.fromkeys(ReachMode, 0)
+    last = -1.0
+
+    def check(root):
+        # Once a second: what the caches say against what a computation without them says.
+        nonlocal last
+        if root.get_time() - last < 0.97:
+            return
+        last = root.get_time()
+        cached = outputs(reaching, root)
+        root.SetAllCacheEntriesOutOfDate()
+        for port, value in outputs(reaching, root).items():
+            np.testing.assert_array_equal(cached[port], value, err_msg=str(port))
+        checked[run.mode()] += 1
+
+    run.simulator.set_monitor(check)
+    report = run.run().report
+    assert (report.outcome, report.reason) == ("reached", "")
+    assert report.arm == "left"
+    assert report.contacts == 0
+    assert report.minimum_clearance > 0
+    assert report.final_position_error <= 0.010
+    assert checked[ReachMode.LOOKING] >= 1
+    assert checked[ReachMode.REACHING] >= 2
+
+
+@pytest.mark.render
+def test_a_clone_does_not_know_what_becomes_of_the_original():
+    reaching = make_reaching("free", "right")
+    simulator = Simulator(reaching)
+    context = simulator.get_mutable_context()
+    simulator.AdvanceTo(0.5)
+    clone = context.Clone()
+    before = outputs(reaching, clone)
+    simulator.AdvanceTo(1.0)
+    clone.SetAllCacheEntriesOutOfDate()
+    after, original = outputs(reaching, clone), outputs(reaching, context)
+    for port, value in before.items():
+        np.testing.assert_array_equal(after[port], value, err_msg=str(port))
+    moved = {port for port, value in original.items() if not np.array_equal(value, before[port])}
+    assert ("station", "joint_position") in moved
+    # From the same state the same follows.
+    other = Simulator(reaching, clone)
+    other.Initialize(InitializeParams(suppress_initialization_events=True))
+    other.AdvanceTo(1.0)
+    for port, value in outputs(reaching, clone).items():
+        np.testing.assert_array_equal(value, original[port], err_msg=str(port))
+
+
+def test_a_cloud_is_measured_against_the_true_surfaces():
+    scene = load_scene("free")
+    station = PepperStation(scene, StationConfig(cameras=False), shared_control_model())
+    context = station.CreateDefaultContext()
+    query = station.GetOutputPort("ground_truth.query").Eval(context)
+    tray = scene.obstacles[0]
+    top = np.add(tray.position, [0, 0.05, tray.size[2] / 2])
+    on, above, below = top, np.add(top, [0, 0, 0.01]), np.add(top, [0, 0, -0.004])
+    report = measure_cloud(station, query, np.array([on]))
+    assert (report.points, report.robot_points, report.goal_points) == (1, 0, 0)
+    assert report.rms_error == pytest.approx(0, abs=1e-9)
+    report = measure_cloud(station, query, np.array([above, below]))
+    assert report.rms_error == pytest.approx(np.sqrt((0.01**2 + 0.004**2) / 2), rel=1e-6)
+
+    goal = np.add(scene.goal.position, [0, 0, 0.1])
+    torso = station.GetOutputPort("torso_pose").Eval(context).translation()
+    report = measure_cloud(station, query, np.array([on, goal, goal, torso]))
+    assert (report.points, report.robot_points, report.goal_points) == (4, 1, 2)
+    assert measure_cloud(station, query, np.zeros((0, 3))).rms_error is None
