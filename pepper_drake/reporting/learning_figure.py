@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from pepper_drake.learning.approximators import ForcingModel
 from pepper_drake.learning.attractor import forcing_target
@@ -49,7 +51,10 @@ def draw_learning(
 
 
 def _draw_space(
-    axes: Axes, primitive: MovementPrimitive, demonstrations: Sequence[Demonstration], path: Path3D
+    axes: Axes3D,
+    primitive: MovementPrimitive,
+    demonstrations: Sequence[Demonstration],
+    path: Path3D,
 ) -> None:
     for k, demo in enumerate(demonstrations):
         label = "demonstration" if k == 0 else None
@@ -59,7 +64,13 @@ def _draw_space(
     axes.plot(*primitive.goal[:, None], "*", color="tab:purple", ms=12, label="goal")
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title="the hand's way")
     axes.set_aspect("equal")
-    axes.locator_params(nbins=5)
+    # Few ticks on short axes, where they would overlap.
+    extent = np.ptp(path.positions, axis=0)
+    for axis, share in zip(
+        (axes.xaxis, axes.yaxis, axes.zaxis), extent / extent.max(), strict=True
+    ):
+        axis.set_major_locator(MaxNLocator(max(1, round(6 * float(share)))))
+        axis.labelpad = 10
     axes.legend(loc="upper left", fontsize=9)
 
 

@@ -111,7 +111,7 @@ def test_barrier_is_silent_beyond_its_bound(velocity, acceleration):
     barrier = BarrierCoupling()
     state = np.array([[0.0, 0.0, 0.0], velocity])
     limit = barrier.silent_beyond(state, acceleration)
-    towards = velocity if velocity.any() else np.array([1.0, 0.0, 0.0])
+    towards = velocity if np.linalg.norm(velocity) > 1e-9 else np.array([1.0, 0.0, 0.0])
     ahead = towards / np.linalg.norm(towards) * (limit + 1e-6)
     found = push(barrier, [ahead], [0, 0, 0], velocity, acceleration, extension=0.0)
     np.testing.assert_array_equal(found.coupling, np.zeros(3))
