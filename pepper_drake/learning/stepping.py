@@ -92,10 +92,11 @@ def stepped_motion(
             break
         decay = attractor.alpha_x / (tau * (1.0 + slowdown))
         phases = node_phases(phase, decay, time_step)
-        later = forcing(phases[..., 1:])
-        values = np.concatenate((value[..., None, :], later), axis=-2)
+        values = np.empty((*shape, len(NODES), state.shape[-1]))
+        values[..., 0, :] = value
+        values[..., 1:, :] = forcing(phases[..., 1:])
         state = attractor.advance(state, goal, values, tau, time_step, push)
-        phase, value = phases[..., -1], later[..., -1, :]
+        phase, value = phases[..., -1], values[..., -1, :]
         if moving:
             goal = goal.later(time_step, attractor.goal_rate(tau))
             tau, known = extended_tau(tau, known, seen, extension)

@@ -1,13 +1,13 @@
 """One figure that shows what is learned from a demonstration and how it is performed."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from pepper_drake.learning.approximators import ForcingModel
 from pepper_drake.learning.attractor import forcing_target
@@ -51,7 +51,7 @@ def draw_learning(
 
 
 def _draw_space(
-    axes: Axes3D,
+    axes: Any,
     primitive: MovementPrimitive,
     demonstrations: Sequence[Demonstration],
     path: Path3D,
