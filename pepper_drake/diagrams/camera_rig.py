@@ -94,8 +94,9 @@ class CameraRig:
 
     def pose(self, frame: str) -> RigidTransform:
         """Returns the pose in W of a frame of Pepper, such as `torso`, or of a camera by name."""
-        name = self.cameras[frame].frame_name if frame in self.cameras else frame
-        return self.plant.GetFrameByName(name).CalcPoseInWorld(self._plant_context)
+        if frame in self.cameras:
+            return self.pose("Head") @ self.cameras[frame].X_HeadC
+        return self.plant.GetFrameByName(frame).CalcPoseInWorld(self._plant_context)
 
     def body_pose(self, name: str) -> RigidTransform:
         """Returns the pose in W of a body, such as the goal object."""
