@@ -33,6 +33,9 @@ from pepper_drake.systems.camera_model import CameraModel
 from pepper_drake.systems.robot_kinematics import RobotKinematics
 
 RENDERER = "vtk"
+_STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
+"""Proportional and derivative gain of what carries the rest, over a joint's. No firmer: of stiffer
+gains the rounding exceeds the contact solver's tolerance once all is at rest, and it gives up."""
 _HAND_PORTS = tuple(
     f"{arm}_hand_{what}"
     for arm in ("left", "right")
@@ -63,10 +66,9 @@ class StationConfig:
     stiffness: dict[str, float] = field(default_factory=lambda: dict.fromkeys(JOINT_GROUPS, 1.0))
     """Stiffness of each joint group, from 0 (limp) to 1, as NAOqi has it."""
     proportional_gain: float = 400.0
-    """Of a joint at stiffness 1, N m/rad; ten times as much for the trunk, which carries the rest,
-    and a hundred times for the base (N/m for its x and y)."""
+    """Of a joint at stiffness 1, N m/rad (N/m for the base's x and y); body and base have more."""
     derivative_gain: float = 10.0
-    """Of a joint at any stiffness above zero, N m s/rad; for trunk and base as above."""
+    """Of a joint at any stiffness above zero, N m s/rad; body and base have more."""
 
 
 class PepperStation(Diagram):
@@ -193,11 +195,11 @@ class PepperStation(Diagram):
             actuator = self.plant.get_mutable_joint_actuator(index)
             group = group_of[actuator.joint().name()]
             stiffness = config.stiffness.get(group, 1.0)
-            strength = {"base": 100.0, "body": 10.0}.get(group, 1.0)
+            firmness, damping = _STRENGTH.get(group, (1.0, 1.0))
             actuator.set_controller_gains(
                 PdControllerGains(
-                    p=max(strength * stiffness * config.proportional_gain, 1e-6),
-                    d=strength * config.derivative_gain if stiffness > 0 else 0.3,
+                    p=max(firmness * stiffness * config.proportional_gain, 1e-6),
+                    d=damping * config.derivative_gain if stiffness > 0 else 0.3,
                 )
             )
 
