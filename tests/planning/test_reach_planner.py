@@ -34,7 +34,7 @@ def planner(right_primitive):
     return make_planner(right_primitive, make_coupling("barrier"))
 
 
-def make_planner(primitive, coupling):
+def make_planner(primitive, coupling, **params):
     return ReachPlanner(
         model=MODEL,
         arm="right",
@@ -42,7 +42,7 @@ def make_planner(primitive, coupling):
         primitive=primitive,
         coupling=coupling,
         ik=DifferentialIkParams(),
-        params=ReachPlannerParams(),
+        params=ReachPlannerParams(**params),
     )
 
 
@@ -88,11 +88,22 @@ def test_every_command_of_the_plan_is_one_that_the_arm_may_be_given(planner):
     assert np.all(np.abs(np.diff(path, axis=0)) <= limits.velocity * 0.01 + 1e-9)
 
 
+def test_the_tolerance_is_finer_than_what_the_whole_reach_may_miss():
+    assert ReachPlannerParams().position_tolerance <= 0.01
+
+
 @pytest.mark.parametrize("z", [2.0, 0.1])
 def test_a_goal_too_high_or_too_low_is_out_of_reach(planner, z):
     plan = stand(planner, object_at(z=z))
     assert plan.verdict == ReachVerdict.OUT_OF_REACH
     assert plan.sentence
+
+
+def test_a_hand_that_would_end_beyond_its_tolerance_is_refused(right_primitive):
+    strict = make_planner(right_primitive, None, position_tolerance=1e-9)
+    plan = stand(strict, object_at())
+    assert plan.verdict == ReachVerdict.OUT_OF_REACH
+    assert plan.position_error > 1e-9
 
 
 def test_from_where_it_stands_a_far_goal_is_out_of_reach(planner):

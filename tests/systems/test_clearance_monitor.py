@@ -14,7 +14,7 @@ RADIUS = 0.1
 class Rig:
     """A robot of one sphere on a rail along x; obstacle at x = 1, something else at x = -0.5."""
 
-    def __init__(self):
+    def __init__(self, obstacle_first=False):
         builder = DiagramBuilder()
         self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
         inertia = SpatialInertia.SolidSphereWithMass(1.0, RADIUS)
@@ -22,9 +22,15 @@ class Rig:
         self.rail = self.plant.AddJoint(
             PrismaticJoint("rail", self.plant.world_frame(), link.body_frame(), [1, 0, 0])
         )
-        robot = self._sphere(link, RigidTransform(), "link")
+        spheres = {
+            "link": (link, RigidTransform()),
+            "obstacle": (self.plant.world_body(), RigidTransform([1.0, 0, 0])),
+        }
+        # Geometry ids grow with registration, and a pair comes in their order.
+        names = sorted(spheres, reverse=obstacle_first)
+        ids = {name: self._sphere(*spheres[name], name) for name in names}
+        robot, obstacle = ids["link"], ids["obstacle"]
         world = self.plant.world_body()
-        obstacle = self._sphere(world, RigidTransform([1.0, 0, 0]), "obstacle")
         self._sphere(world, RigidTransform([-0.5, 0, 0]), "goal")
         self.plant.Finalize()
         self.monitor = builder.AddSystem(
@@ -50,15 +56,17 @@ class Rig:
     ("x", "distance"),
     [(0.7, 0.1), (0.55, 0.25), (0.8, 0.0), (0.85, -0.05), (0.0, 0.3), (-0.5, 0.3)],
 )
-def test_the_distance_to_the_obstacle_and_to_nothing_else(x, distance):
-    rig = Rig()
+@pytest.mark.parametrize("obstacle_first", [True, False])
+def test_the_distance_to_the_obstacle_and_to_nothing_else(x, distance, obstacle_first):
+    rig = Rig(obstacle_first)
     rig.place(x)
     query = rig.scene_graph.get_query_output_port().Eval(
         rig.scene_graph.GetMyContextFromRoot(rig.context)
     )
     least, names = rig.monitor.closest_pair(query)
     assert least == pytest.approx(distance, abs=1e-9)
-    assert ("link" in names and "obstacle" in names) == (distance < 0.3)
+    link, _, obstacle = names.partition(" - ")
+    assert ("link" in link and "obstacle" in obstacle) == (distance < 0.3)
 
 
 def test_the_output_is_the_distance_at_the_last_tick():
