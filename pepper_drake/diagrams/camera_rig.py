@@ -24,6 +24,7 @@ from pepper_drake.perception.camera import (
     CAMERA_BOTTOM,
     CAMERA_DEPTH,
     CAMERA_TOP,
+    CameraIntrinsics,
     HeadCamera,
     make_render_cameras,
 )
@@ -153,6 +154,17 @@ class CameraRig:
         """Renders the body index of what each pixel shows (height, width)."""
         sensor = self._sensors[camera]
         return self._eval(sensor, sensor.label_image_output_port())[..., 0]
+
+    def color_from(
+        self, intrinsics: CameraIntrinsics, X_WC: RigidTransform
+    ) -> npt.NDArray[np.uint8]:
+        """Renders what a camera anywhere in the world sees (height, width, 4)."""
+        camera, _ = make_render_cameras(intrinsics, _RENDERER)
+        query = self.scene_graph.get_query_output_port().Eval(
+            self.scene_graph.GetMyContextFromRoot(self._context)
+        )
+        world = self.scene_graph.world_frame_id()
+        return query.RenderColorImage(camera, world, X_WC).data.copy()
 
     def _eval(self, sensor: RgbdSensor, port: object) -> npt.NDArray:
         image = port.Eval(sensor.GetMyContextFromRoot(self._context))  # type: ignore[attr-defined]

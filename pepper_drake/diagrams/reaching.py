@@ -236,6 +236,9 @@ class Reaching(Diagram):
             self._connect(self.active, system, "active")
             for name in ("phase", "phase_velocity", "tau"):
                 self._connect(self.canonical.GetOutputPort(name), system, name)
+        self._connect(
+            self.translation.GetOutputPort("position"), self.supervisor, "desired_position"
+        )
         self._connect(goal, self.translation, "goal_position")
         self._connect(station.GetOutputPort(f"{hand}_position"), self.translation, "start_position")
         self._connect(

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.systems.framework import BusValue
+from pydrake.systems.framework import BusValue, Context
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
@@ -26,6 +26,7 @@ from pepper_drake.planning.differential_ik import (
     make_differential_ik,
 )
 from pepper_drake.planning.joint_command import step_arm_command
+from pepper_drake.planning.self_clearance import SelfClearance
 
 Vector = npt.NDArray[np.float64]
 
@@ -36,6 +37,8 @@ class ReachVerdict(StrEnum):
     CLEAR = "clear"
     OUT_OF_REACH = "out_of_reach"
     NO_CLEAR_PATH = "no_clear_path"
+    CANNOT_FOLLOW = "cannot_follow"
+    SELF_COLLISION = "self_collision"
     NO_STANDING_ROOM = "no_standing_room"
 
 
@@ -60,6 +63,10 @@ class ReachPlannerParams:
     """With less the arm does not start."""
     position_tolerance: float = 0.006
     """Of the hand at the end of the motion played through."""
+    following_error: float = 0.12
+    """Farthest distance of the hand to the primitive's path on the way."""
+    self_clearance: float = -0.012
+    """Between the arm's spheres and the body (see `SelfClearance`)."""
     solid_depth: float = 0.03
     """How far what is seen is taken to reach down, for clearances."""
     settle: float = 0.4
@@ -127,6 +134,7 @@ class ReachPlanner:
         self._primitive, self._coupling = primitive, coupling
         self._ik_params, self.params = ik, params
         self._geometry = ArmGeometry(model, arm)
+        self._self_clearance = SelfClearance(model, self._geometry)
         self._ik = make_differential_ik(model, arm, ik)
         self._limits = model.command_limits(arm_joints(arm), speed_fraction=ik.speed_fraction)
         self._arm_in_body = body_indices(arm_joints(arm))
@@ -195,8 +203,8 @@ class ReachPlanner:
     ) -> ReachPlan:
         """Plays the reach through from where the robot stands; see `plan_stand`."""
         params = self.params
-        X_WT = self._torso_pose(base_pose, joint_position)
-        X_TW = X_WT.inverse()
+        context = self._context(base_pose, joint_position)
+        X_TW = self._model.pose(context, "torso").inverse()
         X_TG = X_TW @ X_WO @ self._X_OG
         points_T = cloud_W @ X_TW.rotation().matrix().T + X_TW.translation()
         near = points_T[np.linalg.norm(points_T, axis=1) < 1.0]
@@ -210,10 +218,20 @@ class ReachPlanner:
                 joint_path[::3], ObstacleField(near, extension=params.solid_depth)
             ).min()
         )
+        behind = max(
+            float(np.linalg.norm(self._geometry.hand_pose(q).translation() - p))
+            for q, p in zip(joint_path[::5], path[0][::5], strict=True)
+        )
         verdict, sentence = ReachVerdict.CLEAR, ""
         if error > params.position_tolerance:
             verdict = ReachVerdict.OUT_OF_REACH
             sentence = f"the hand would end {1000 * error:.0f} mm from its goal"
+        elif behind > params.following_error:
+            verdict = ReachVerdict.CANNOT_FOLLOW
+            sentence = f"the hand would fall {1000 * behind:.0f} mm behind its movement"
+        elif self._self_clearance(context, joint_path[::5]).min() < params.self_clearance:
+            verdict = ReachVerdict.SELF_COLLISION
+            sentence = "the arm would run into the robot's own body"
         elif self._coupling is not None and clearance < params.least_clearance:
             verdict = ReachVerdict.NO_CLEAR_PATH
             sentence = (
@@ -293,10 +311,10 @@ class ReachPlanner:
         step = self._primitive.duration / (count - 1)
         return self._primitive.rollout(time_step=step).positions
 
-    def _torso_pose(self, base_pose: Vector, joint_position: Vector) -> RigidTransform:
+    def _context(self, base_pose: Vector, joint_position: Vector) -> Context:
         context = self._model.create_context()
         self._model.plant.SetPositions(context, self._model.positions(joint_position, base_pose))
-        return self._model.pose(context, "torso")
+        return context
 
     def _places(
         self, base_pose: Vector, joint_position: Vector, X_WO: RigidTransform
@@ -307,7 +325,7 @@ class ReachPlanner:
         X_WG = X_WO @ self._X_OG
         X_BT = RigidTransform(
             RollPitchYaw(0, 0, base_pose[2]), [base_pose[0], base_pose[1], 0]
-        ).inverse() @ self._torso_pose(base_pose, joint_position)
+        ).inverse() @ self._model.pose(self._context(base_pose, joint_position), "torso")
         shoulder = self._model.plant.GetJointByName(
             JOINT_GROUPS[f"{self._arm}_arm"][0]
         ).frame_on_parent()
@@ -317,13 +335,14 @@ class ReachPlanner:
         fingers = X_WG.rotation().col(0)
         heading = np.arctan2(fingers[1], fingers[0])
         z_T = X_WG.translation()[2] - X_BT.translation()[2]
+        ahead = np.array([params.slack, 0.0, 0.0])
         options = []
         for x in np.arange(0.16, 0.33, 0.02):
             for y in np.arange(0.08, 0.27, 0.04):
                 p_TG = np.array([x, side * y, z_T])
                 if np.linalg.norm(p_TG - p_TS) > params.reach:
                     continue
-                stretched = np.linalg.norm(p_TG + [params.slack, 0, 0] - p_TS) - params.reach
+                stretched = np.linalg.norm(p_TG + ahead - p_TS) - params.reach
                 for turn in np.radians([0, -15, 15, -30, 30]):
                     discomfort = (
                         ((x - preferred[0]) / 0.05) ** 2
@@ -375,10 +394,11 @@ class ReachPlanner:
 
 def _quality(plan: ReachPlan) -> tuple[bool, bool, float]:
     """Order of plans: clear ones, then those that get there, then the most room."""
+    arrives = plan.verdict in (ReachVerdict.CLEAR, ReachVerdict.NO_CLEAR_PATH)
     return (
         plan.verdict == ReachVerdict.CLEAR,
-        plan.verdict != ReachVerdict.OUT_OF_REACH,
-        plan.clearance if plan.verdict != ReachVerdict.OUT_OF_REACH else -plan.position_error,
+        arrives,
+        plan.clearance if arrives else -plan.position_error,
     )
 
 

@@ -57,6 +57,9 @@ class ReachTiming:
     """How long the hand stays at the goal before the job is done."""
     reaching_timeout: float = 2.5
     """In units of tau."""
+    following_error: float = 0.2
+    """Distance of the hand to where the primitive wants it at which it counts as unable to follow:
+    the inverse kinematics found no way, or something holds the arm."""
     position_tolerance: float = 0.006
     """Distance of the hand to the goal at which it has arrived."""
     accepted_position: float = 0.010
@@ -121,6 +124,7 @@ class ReachSupervisor(LeafSystem):
         - joint_position
         - base_pose
         - hand_pose
+        - desired_position (optional)
         - arrived
         - tau
         - stop_reason
@@ -133,7 +137,8 @@ class ReachSupervisor(LeafSystem):
 
     Inputs: `object_pose` X_WO; `goal_valid`, `goal_age` (1; s); `goal_position` (3), the hand's
     goal in T; `cloud` (PointCloud in W) and `cloud_time` (1; time of its last frame, not finite
-    before the first); `joint_position` (15); `base_pose` (3); `hand_pose` X_TH; `arrived` (1);
+    before the first); `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and `desired_position` (3), where the
+    primitive wants the hand in T; `arrived` (1);
     `tau` (1; s); `stop_reason` (1; the safety monitor's `StopReason`).
     Outputs: `active` (1), 1 while the primitive runs; `base_goal` (3), NaN for "stay";
     `resting_head` (2), head yaw and pitch while the goal is searched for, rad; `mode` (1), a
@@ -161,6 +166,7 @@ class ReachSupervisor(LeafSystem):
             ("cloud_time", 1),
             ("joint_position", len(BODY_JOINTS)),
             ("base_pose", 3),
+            ("desired_position", 3),
             ("arrived", 1),
             ("tau", 1),
             ("stop_reason", 1),
@@ -286,15 +292,25 @@ class ReachSupervisor(LeafSystem):
             return self._choose_place(context, progress, time)
         return progress.fail(time, plan.verdict.value, plan.sentence)
 
-    def _error(self, context: Context) -> float:
+    def _hand_distance(self, context: Context, name: str) -> float:
+        """Distance of the hand to the point in T at an input port, m."""
         p_TH = self._ports["hand_pose"].Eval(context).translation()
-        return float(np.linalg.norm(self._ports["goal_position"].Eval(context) - p_TH))
+        return float(np.linalg.norm(self._ports[name].Eval(context) - p_TH))
 
     def _reach(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
         timing = self._timing
         elapsed = time - progress.since
         tau = self._scalar(context, "tau")
-        error = self._error(context)
+        error = self._hand_distance(context, "goal_position")
+        behind = 0.0
+        if self._ports["desired_position"].HasValue(context):
+            behind = self._hand_distance(context, "desired_position")
+        if behind > timing.following_error:
+            return progress.fail(
+                time,
+                "cannot_follow",
+                f"the arm could not follow the movement: the hand was {1000 * behind:.0f} mm behind",
+            )
         if elapsed >= tau and error <= timing.position_tolerance:
             if np.isnan(progress.still_since):
                 return replace(progress, still_since=time)

@@ -1,0 +1,65 @@
+"""How near an arm comes to the rest of Pepper."""
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import Role
+from pydrake.systems.framework import Context
+
+from pepper_drake.perception.solids import Solid
+from pepper_drake.planning.arm_geometry import ArmGeometry
+from pepper_drake.planning.control_model import ControlModel
+
+Vector = npt.NDArray[np.float64]
+
+_WATCHED = ("ForeArm", "wrist")
+"""The arm's links that can reach the body; those nearer to the shoulder touch it by design."""
+
+
+class SelfClearance:
+    """Distances between an arm's forearm and hand, as spheres, and the body's collision shapes.
+
+    Args:
+        model: Pepper.
+        geometry: Of the arm.
+    """
+
+    def __init__(self, model: ControlModel, geometry: ArmGeometry) -> None:
+        self._model, self._geometry = model, geometry
+        spheres = geometry.spheres
+        self._watched = np.array([spheres.link_names[k].endswith(_WATCHED) for k in spheres.link])
+        inspector = model.diagram.scene_graph().model_inspector()
+        arm = {*spheres.link_names, f"{geometry.arm[0].upper()}Shoulder"}
+        self._solids: list[Solid] = []
+        self._frames = []
+        for index in model.plant.GetBodyIndices(model.model_instance):
+            body = model.plant.get_body(index)
+            frame = model.plant.GetBodyFrameIdIfExists(index)
+            if frame is None or body.name() in arm:
+                continue
+            for shape in inspector.GetGeometries(frame, Role.kProximity):
+                self._solids.append(
+                    Solid(inspector.GetShape(shape), inspector.GetPoseInFrame(shape))
+                )
+                self._frames.append(body.body_frame())
+
+    def __call__(self, context: Context, joint_positions: Vector) -> Vector:
+        """Least signed distance at each of the arm's joint positions, m.
+
+        Args:
+            context: Of the model's plant, with the body's joints set; its arm does not matter.
+            joint_positions: (N, 5) the arm's, rad.
+
+        Returns:
+            (N,). The spheres bulge out of the arm's shapes: a hand that hangs beside the body, a
+            few millimetres from it, has about -5 mm.
+        """
+        centers = self._geometry.sphere_centers(joint_positions)[:, self._watched]
+        radii = self._geometry.spheres.radii[self._watched]
+        torso = self._model.plant.GetFrameByName("torso")
+        least = np.full(len(joint_positions), np.inf)
+        for solid, frame in zip(self._solids, self._frames, strict=True):
+            X_ST = (frame.CalcPose(context, torso) @ solid.X_FS).inverse()
+            p_S = centers.reshape(-1, 3) @ X_ST.rotation().matrix().T + X_ST.translation()
+            gaps = solid.signed_distance(p_S).reshape(centers.shape[:2]) - radii
+            np.minimum(least, gaps.min(axis=1), out=least)
+        return least
