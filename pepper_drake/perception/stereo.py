@@ -16,6 +16,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.camera import CameraIntrinsics, HeadCamera
+from pepper_drake.perception.cloud import CloudParameters
+from pepper_drake.perception.obstacles import ObstacleParameters
+from pepper_drake.perception.voxel_map import VoxelMapParameters
 
 Array = npt.NDArray[np.float32]
 
@@ -88,6 +91,7 @@ class StereoParameters:
         speckle_size: Regions of fewer pixels are dropped as mismatches.
         left_right: Largest disagreement of the matches from left and right, pixels.
         least_texture: Smallest standard deviation of grey in a block that can be matched.
+        body_margin: By how much the robot's shapes are grown where they mask the image, m.
     """
 
     nearest: float = 0.35
@@ -97,6 +101,7 @@ class StereoParameters:
     speckle_size: int = 300
     left_right: int = 1
     least_texture: float = 2.5
+    body_margin: float = 0.01
 
     def __post_init__(self) -> None:
         if not 0 < self.nearest < self.farthest:
@@ -106,6 +111,13 @@ class StereoParameters:
             )
         if self.block < 1 or self.block % 2 == 0:
             raise InputError(f"stereo: block {self.block} must be odd.")
+
+
+STEREO_CLOUD = ObstacleParameters(
+    cloud=CloudParameters(stride=4, flying_noise=0.004, object_margin=0.02, robot_margin=0.03),
+    memory=VoxelMapParameters(depth_noise=0.005),
+)
+"""How obstacles are seen and remembered from matched images: more pixels, less sure of each."""
 
 
 @functools.lru_cache(maxsize=4)

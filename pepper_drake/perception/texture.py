@@ -44,8 +44,8 @@ def paint_texture(
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
     *,
-    grain: float = 0.008,
-    contrast: float = 0.8,
+    grain: float = 0.006,
+    contrast: float = 0.95,
     seed: int = 0,
     painted: npt.NDArray[np.bool_] | None = None,
 ) -> npt.NDArray[np.uint8]:

@@ -1,0 +1,183 @@
+"""What Pepper sees: its goal and the obstacles, by every camera, held against the truth.
+
+Pepper stands where the scene puts it and looks at the goal object. The obstacles are seen by the
+depth camera and by a stereo pair, the marker on the goal object from all around by both colour
+cameras. The output folder gets report.json, images.png, clouds.png, goal.png, and clouds.html with
+the clouds beside the true surfaces (open it in a browser).
+"""
+
+import dataclasses
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from pydrake.geometry import Meshcat
+from tqdm import tqdm
+
+from pepper_drake import cli
+from pepper_drake.errors import InputError
+from pepper_drake.models.random_scene import random_scene
+from pepper_drake.models.scene import SCENES, load_scene
+from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_TOP
+from pepper_drake.reporting.perception_figures import (
+    draw_clouds,
+    save_clouds_figure,
+    save_goal_figure,
+    save_images_figure,
+)
+from pepper_drake.reporting.perception_study import CloudStudy, GoalSample, PerceptionStudy
+
+_DISTANCES = (0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2)
+"""From where the marker is looked at, m."""
+
+
+def make_parser() -> ArgumentParser:
+    """Makes the parser of this app's options."""
+    parser = cli.make_parser("perceive", __doc__)
+    scenes = parser.add_mutually_exclusive_group()
+    scenes.add_argument(
+        "--scene",
+        default="table",
+        metavar="NAME|FILE",
+        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: %(default)s)",
+    )
+    scenes.add_argument(
+        "--random-scene", type=cli.seed, metavar="SEED", help="a random scene instead"
+    )
+    parser.add_argument(
+        "--texture",
+        choices=("painted", "pattern", "none"),
+        default="painted",
+        help="what the stereo pair matches: a texture painted on all surfaces, a pattern that a "
+        "projector throws on them, or the bare surfaces (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--frames", type=int, default=5, help="depth images to look at (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--samples",
+        type=int,
+        default=10,
+        help="looks at the marker from each distance with each camera (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--live", action="store_true", help="show the clouds in a browser, and stay open"
+    )
+    return parser
+
+
+def main() -> int:
+    """Runs the app."""
+    options = make_parser().parse_args()
+    if options.frames < 1 or options.samples < 1:
+        raise InputError("--frames and --samples must be at least 1.")
+    cli.quiet_libraries()
+    # One thread, so that the times in the report are those of one core.
+    cv2.setNumThreads(1)
+    scene = (
+        load_scene(options.scene)
+        if options.random_scene is None
+        else random_scene(options.random_scene)
+    )
+    study = PerceptionStudy(scene, options.seed)
+    clouds = {"depth": study.depth(options.frames), "stereo": study.stereo(options.texture)}
+    samples = _look_at_marker(study, options)
+
+    folder: Path = options.output
+    folder.mkdir(parents=True, exist_ok=True)
+    report = make_report(clouds, samples) | {
+        "scene": scene.name,
+        "seed": options.seed,
+        "texture": options.texture,
+    }
+    (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+    save_images_figure(clouds, folder)
+    save_clouds_figure(clouds, folder)
+    save_goal_figure(samples, folder)
+    meshcat = Meshcat()
+    draw_clouds(meshcat, clouds)
+    (folder / "clouds.html").write_text(meshcat.StaticHtml())
+    if not options.quiet:
+        print(summary(report))
+        print(f"Results are in {folder}")
+    if options.live:
+        print(f"Watch it at {meshcat.web_url()}", flush=True)
+        cli.wait_for_interrupt("Press Ctrl-C to end.")
+    return cli.EXIT_DONE
+
+
+def _look_at_marker(study: PerceptionStudy, options: Namespace) -> list[GoalSample]:
+    hidden = options.quiet or not sys.stderr.isatty()
+    samples = []
+    for camera in (CAMERA_TOP, CAMERA_BOTTOM):
+        for distance in tqdm(_DISTANCES, desc=camera.name, unit="distance", disable=hidden):
+            samples += study.goal((camera,), (distance,), options.samples)
+    return samples
+
+
+def make_report(clouds: dict[str, CloudStudy], samples: list[GoalSample]) -> dict:
+    """Makes what `report.json` holds."""
+    report: dict = {}
+    for name, study in clouds.items():
+        report[name] = dataclasses.asdict(study.report) | {"milliseconds": study.milliseconds}
+        report[name]["bias"] = dict(zip("xyz", study.report.bias, strict=True))
+    rows = []
+    for camera in dict.fromkeys(sample.camera for sample in samples):
+        for distance in dict.fromkeys(sample.distance for sample in samples):
+            group = [s for s in samples if s.camera == camera and s.distance == distance]
+            rows.append({"camera": camera, "distance": distance} | _statistics(group))
+    report["goal"] = _statistics(samples) | {"by_distance_and_camera": rows}
+    return report
+
+
+def _statistics(samples: list[GoalSample]) -> dict:
+    """Errors of those that were found; all null when none was."""
+    found = [sample for sample in samples if sample.found]
+
+    def spread(values: list[float]) -> dict[str, float | None]:
+        if not values:
+            return {"median": None, "percentile_95": None}
+        return {
+            "median": float(np.median(values)),
+            "percentile_95": float(np.percentile(values, 95)),
+        }
+
+    return {
+        "position_error": spread([sample.position_error for sample in found]),
+        "orientation_error": spread([sample.orientation_error for sample in found]),
+        "detection_rate": len(found) / len(samples),
+        "milliseconds": float(np.median([sample.milliseconds for sample in samples])),
+        "samples": len(samples),
+    }
+
+
+def summary(report: dict) -> str:
+    """A few lines for the terminal."""
+    lines = []
+    for name in ("depth", "stereo"):
+        cloud = report[name]
+        largest = max(abs(value) for value in cloud["bias"].values())
+        lines.append(
+            f"  {name:7} {cloud['points']:6} points   rms {1000 * cloud['rms_error']:.1f} mm   "
+            f"bias {1000 * largest:.1f} mm   covers {100 * cloud['coverage']:.1f} %   "
+            f"inconsistent {100 * cloud['inconsistent_points']:.2f} %   "
+            f"{cloud['milliseconds']:.1f} ms"
+        )
+    goal = report["goal"]
+    if goal["position_error"]["median"] is None:
+        lines.append("  goal    never found")
+    else:
+        lines.append(
+            f"  goal    found {100 * goal['detection_rate']:.0f} %   "
+            f"error {1000 * goal['position_error']['median']:.1f} mm (median), "
+            f"{1000 * goal['position_error']['percentile_95']:.1f} mm (95 %)   "
+            f"{goal['milliseconds']:.1f} ms"
+        )
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    cli.run(main)
