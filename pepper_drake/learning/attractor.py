@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,6 +124,12 @@ class Attractor:
         """Decay rate of the phase."""
         return self.alpha_z / PHASE_RATIO
 
+    @cached_property
+    def linear_model(self) -> LinearForcingModel | None:
+        """The forcing term if it is linear in its weights, else None."""
+        # Asking a protocol takes longer than a step: once is enough.
+        return self.model if isinstance(self.model, LinearForcingModel) else None
+
     def matrix(self, start: Array, goal: Array) -> Array | None:
         """Returns the scaling's matrix S for a start and a goal."""
         return scaling_matrix(self.scaling, self.frame, start, goal)
@@ -141,14 +148,15 @@ class Attractor:
                 model's features, the function then takes phases (S, M).
         """
         matrix, offset = self.matrix(start, goal), self.offset(start, goal)
-        model = self.model
+        if offset is not None and not np.any(offset != 0.0):
+            offset = None
+        model, linear = self.model, self.linear_model
 
         def forcing(phases: Array) -> Array:
-            if weights is None:
+            if weights is None or linear is None:
                 values = model(phases)
             else:
-                assert isinstance(model, LinearForcingModel)
-                values = model.features(phases.ravel()).reshape(*phases.shape, -1) @ weights
+                values = linear.features(phases.ravel()).reshape(*phases.shape, -1) @ weights
             values = scaled(values, matrix)
             if offset is None:
                 return values

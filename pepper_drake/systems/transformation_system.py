@@ -7,7 +7,6 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from pepper_drake.learning.approximators import LinearForcingModel
 from pepper_drake.learning.attractor import Forcing, GoalState, node_phases
 from pepper_drake.learning.primitive import MovementPrimitive
 
@@ -89,9 +88,9 @@ def TransformationSystem_(T: type) -> type:
             self._time_step = time_step
             self._start_moving = start_moving
             self._attractor = primitive.translation
-            model = self._attractor.model
+            model = self._attractor.linear_model
             self._weights_shape: tuple[int, int] | None = None
-            if isinstance(model, LinearForcingModel):
+            if model is not None:
                 rows, columns = model.weights.shape
                 self._weights_shape = (rows, columns)
                 self.DeclareNumericParameter(BasicVector_[T](model.weights.ravel()))
