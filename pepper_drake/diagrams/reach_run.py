@@ -247,6 +247,7 @@ class ReachRun:
             contacts=int(np.count_nonzero(log.clearance_m <= 0.0)),
             versions={name: version(name) for name in ("pepper-drake", "drake", "numpy")},
         )
+        report.closest_pair = self._closest_pair(log)
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
         estimator = reaching.goal_estimator.GetMyContextFromRoot(root)
         if reaching.goal_estimator.GetOutputPort("valid").Eval(estimator)[0]:
@@ -258,6 +259,18 @@ class ReachRun:
             report.tracking_error_rms = float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
         self._judge(report, progress.mode, progress.reason, progress.sentence)
         return report
+
+    def _closest_pair(self, log: ReachLog) -> str:
+        """Which link was nearest to which obstacle, at the moment of the least clearance."""
+        reaching = self.reaching
+        root = self.simulator.get_context().Clone()
+        plant = reaching.station.plant
+        state = self._rows("state")[int(np.argmin(log.clearance_m))]
+        plant.SetPositionsAndVelocities(plant.GetMyMutableContextFromRoot(root), state)
+        query = reaching.GetOutputPort("ground_truth.query").Eval(
+            reaching.GetMyContextFromRoot(root)
+        )
+        return reaching.clearance.closest_pair(query)[1]
 
     def _judge(self, report: ReachReport, mode: ReachMode, reason: str, sentence: str) -> None:
         """Fills in outcome and reason: what the robot says of itself, then what is true."""

@@ -17,6 +17,10 @@ HAND_RADIUS = 0.09
 """Radius about the hand's control frame that holds the half-open hand but for its fingertips, m."""
 
 
+SHORTEST_PATH = 0.01
+"""A demonstration with a shorter way than this is none, m."""
+
+
 def make_coupling(name: str) -> Coupling | None:
     """The obstacle coupling by name: "barrier", "report" (equation 2.7) or "none"."""
     if name == "none":
@@ -45,7 +49,13 @@ def make_primitive(demonstration: Path | None, arm: str) -> MovementPrimitive:
     shipped = MovementPrimitive.fit(demo)
     if demonstration is None:
         return shipped
-    own = MovementPrimitive.fit(_for_arm(Demonstration.load(demonstration), arm))
+    shown = _for_arm(Demonstration.load(demonstration), arm)
+    if shown.path_length < SHORTEST_PATH:
+        raise InputError(
+            f"{demonstration}: the hand moves by {1000 * shown.path_length:.1f} mm only; "
+            "record a movement"
+        )
+    own = MovementPrimitive.fit(shown)
     return replace(
         own,
         orientation=own.orientation if own.orientation is not None else shipped.orientation,

@@ -54,7 +54,7 @@ class ReachPlannerParams:
     reach: float = 0.39
     """Farthest distance of the hand from the shoulder."""
     slack: float = 0.08
-    """How far the goal may move away and should still be within reach."""
+    """How far the goal may move away and should still be within reach, if that can be had."""
     body_clearance: float = 0.02
     """Between the body (all but the reaching arm) and the cloud."""
     wanted_clearance: float = 0.016
@@ -71,8 +71,10 @@ class ReachPlannerParams:
     """How far what is seen is taken to reach down, for clearances."""
     settle: float = 0.4
     """How long the motion played through goes on after its end, in tau."""
+    places_with_slack: int = 3
+    """How many places with slack are played through at most."""
     places_tried: int = 8
-    """How many places to stand are played through at most."""
+    """How many others, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,23 +168,25 @@ class ReachPlanner:
         """
         params = self.params
         field = ObstacleField(cloud_W, extension=params.solid_depth)
-        candidates = list(self._places(base_pose, joint_position, X_WO))
-        if not candidates:
-            return ReachPlan(
-                ReachVerdict.OUT_OF_REACH,
-                "the goal is higher or lower than the arm can reach",
-                base_pose,
-            )
-        poses = np.array(candidates)
-        free = self._body_clearances(poses, joint_position, field) >= params.body_clearance
-        if not np.any(free):
+        tries: list[Vector] = []
+        for slack, count in ((params.slack, params.places_with_slack), (0.0, params.places_tried)):
+            places = np.array(list(self._places(base_pose, joint_position, X_WO, slack)))
+            if not len(places):
+                return ReachPlan(
+                    ReachVerdict.OUT_OF_REACH,
+                    "the goal is higher or lower than the arm can reach",
+                    base_pose,
+                )
+            free = self._body_clearances(places, joint_position, field) >= params.body_clearance
+            tries.extend(_spread(places[free], count))
+        if not tries:
             return ReachPlan(
                 ReachVerdict.NO_STANDING_ROOM,
                 "nowhere near the goal is there room for the robot to stand",
                 base_pose,
             )
         best: ReachPlan | None = None
-        for pose in _spread(poses[free], params.places_tried):
+        for pose in tries:
             plan = self.check_reach(
                 base_pose=pose, joint_position=joint_position, X_WO=X_WO, cloud_W=cloud_W
             )
@@ -317,9 +321,12 @@ class ReachPlanner:
         return context
 
     def _places(
-        self, base_pose: Vector, joint_position: Vector, X_WO: RigidTransform
+        self, base_pose: Vector, joint_position: Vector, X_WO: RigidTransform, slack: float
     ) -> Iterator[tuple[float, float, float]]:
-        """Places to stand with the goal within the arm's reach, the most comfortable first."""
+        """Places to stand with the goal within the arm's reach, the most comfortable first.
+
+        With some slack, places from which the goal may move away by that much [m] come first.
+        """
         params = self.params
         side = 1.0 if self._arm == "left" else -1.0
         X_WG = X_WO @ self._X_OG
@@ -335,14 +342,14 @@ class ReachPlanner:
         fingers = X_WG.rotation().col(0)
         heading = np.arctan2(fingers[1], fingers[0])
         z_T = X_WG.translation()[2] - X_BT.translation()[2]
-        ahead = np.array([params.slack, 0.0, 0.0])
+        ahead = np.array([slack, 0.0, 0.0])
         options = []
         for x in np.arange(0.16, 0.33, 0.02):
             for y in np.arange(0.08, 0.27, 0.04):
                 p_TG = np.array([x, side * y, z_T])
                 if np.linalg.norm(p_TG - p_TS) > params.reach:
                     continue
-                stretched = np.linalg.norm(p_TG + ahead - p_TS) - params.reach
+                stretched = float(np.linalg.norm(p_TG + ahead - p_TS)) - params.reach
                 for turn in np.radians([0, -15, 15, -30, 30]):
                     discomfort = (
                         ((x - preferred[0]) / 0.05) ** 2

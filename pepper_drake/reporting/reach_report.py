@@ -48,12 +48,11 @@ class ReachReport:
     minimum_clearance: float | None = None
     """Least signed distance between any link of Pepper and any obstacle over the whole run."""
     closest_pair: str = ""
+    """Link and obstacle of the least clearance."""
     contacts: int = 0
     """Time steps (of 10 ms) with a link in contact with an obstacle."""
     tracking_error_rms: float | None = None
     """Root mean square distance between the hand and the primitive's position during the reach."""
-    planning_seconds: float | None = None
-    """Wall time between the decision to reach and the arm's first motion."""
     cloud: CloudReport = field(default_factory=CloudReport)
     simulated_seconds: float = 0.0
     wall_seconds: float = 0.0
@@ -79,7 +78,8 @@ class ReachReport:
         if self.minimum_clearance is not None:
             lines.append(
                 f"  least clearance   {1000 * self.minimum_clearance:6.1f} mm"
-                f"   ({self.contacts} steps in contact)"
+                f"   ({self.contacts} steps in contact"
+                + (f"; {self.closest_pair})" if self.closest_pair else ")")
             )
         if self.tracking_error_rms is not None:
             lines.append(f"  tracking error    {1000 * self.tracking_error_rms:6.1f} mm rms")

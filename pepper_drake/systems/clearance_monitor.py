@@ -51,7 +51,7 @@ class ClearanceMonitor(LeafSystem):
         discrete_state.set_value(self._clearance, [distance])
 
     def closest_pair(self, query: QueryObject) -> tuple[float, str]:
-        """The least distance, m, and the names of the two geometries as "link - obstacle"."""
+        """The least distance, m, and the names of the two shapes as "link - obstacle"."""
         least, names = self._max_distance, ""
         inspector: SceneGraphInspector = query.inspector()
         for pair in query.ComputeSignedDistancePairwiseClosestPoints(self._max_distance):
@@ -60,5 +60,11 @@ class ClearanceMonitor(LeafSystem):
                 a, b = b, a
             if pair.distance < least and a in self._robot and b in self._obstacles:
                 least = pair.distance
-                names = f"{inspector.GetName(a)} - {inspector.GetName(b)}"
+                names = " - ".join(_full_name(inspector, geometry) for geometry in (a, b))
         return least, names
+
+
+def _full_name(inspector: SceneGraphInspector, geometry: GeometryId) -> str:
+    """Model, body and shape."""
+    body = inspector.GetName(inspector.GetFrameId(geometry))
+    return f"{body}::{inspector.GetName(geometry).rpartition('::')[2]}"

@@ -50,6 +50,7 @@ class HandPoseBus(LeafSystem):
 
     def _calc_bus(self, context: Context, output: Value) -> None:
         bus = BusValue()
-        values = [port.Eval(context) for port in self._inputs]
-        bus.Set(self._key, Value(leading_pose(*values, self._gain)))
+        now, following, rotation, next_rotation = (port.Eval(context) for port in self._inputs)
+        pose = leading_pose(now, following, rotation, next_rotation, self._gain)
+        bus.Set(self._key, Value(pose))
         output.set_value(bus)

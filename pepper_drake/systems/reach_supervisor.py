@@ -44,7 +44,7 @@ class ReachTiming:
 
     looking: float = 1.2
     """How long the scene is looked at, once the goal is seen."""
-    goal_timeout: float = 10.0
+    goal_timeout: float = 14.0
     """How long the goal is searched for."""
     driving_timeout: float = 20.0
     settling: float = 0.6
@@ -137,9 +137,9 @@ class ReachSupervisor(LeafSystem):
 
     Inputs: `object_pose` X_WO; `goal_valid`, `goal_age` (1; s); `goal_position` (3), the hand's
     goal in T; `cloud` (PointCloud in W) and `cloud_time` (1; time of its last frame, not finite
-    before the first); `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and `desired_position` (3), where the
-    primitive wants the hand in T; `arrived` (1);
-    `tau` (1; s); `stop_reason` (1; the safety monitor's `StopReason`).
+    before the first); `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and
+    `desired_position` (3), where the primitive wants the hand in T; `arrived` (1); `tau` (1; s);
+    `stop_reason` (1; the safety monitor's `StopReason`).
     Outputs: `active` (1), 1 while the primitive runs; `base_goal` (3), NaN for "stay";
     `resting_head` (2), head yaw and pitch while the goal is searched for, rad; `mode` (1), a
     `ReachMode`; `progress`, the whole `ReachProgress`.
@@ -309,7 +309,7 @@ class ReachSupervisor(LeafSystem):
             return progress.fail(
                 time,
                 "cannot_follow",
-                f"the arm could not follow the movement: the hand was {1000 * behind:.0f} mm behind",
+                f"the arm could not follow: the hand was {1000 * behind:.0f} mm behind its movement",
             )
         if elapsed >= tau and error <= timing.position_tolerance:
             if np.isnan(progress.still_since):
@@ -360,8 +360,10 @@ def search_gaze(time: float) -> Vector:
 
     Returns:
         Head yaw and pitch (2,), rad: first ahead at the height of tables, then sweeping to the
-        left and right.
+        left and right, by turns at that height and above it.
     """
-    patience, sweep, period, pitch = 1.5, np.radians(60), 6.0, 0.25
+    patience, sweep, period = 1.5, np.radians(60), 6.0
+    pitches = (0.25, -0.1)  # Tables, then what is higher.
     swept = max(time - patience, 0.0)
+    pitch = pitches[int(swept / period) % len(pitches)]
     return np.array([sweep * np.sin(2 * np.pi * swept / period), pitch])
