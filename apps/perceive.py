@@ -124,6 +124,8 @@ def make_report(clouds: dict[str, CloudStudy], samples: list[GoalSample]) -> dic
     for name, study in clouds.items():
         report[name] = dataclasses.asdict(study.report) | {"milliseconds": study.milliseconds}
         report[name]["bias"] = dict(zip("xyz", study.report.bias, strict=True))
+        if study.report.points == 0:
+            report[name]["rms_error"] = None  # Of no points; JSON has no NaN.
     rows = []
     for camera in dict.fromkeys(sample.camera for sample in samples):
         for distance in dict.fromkeys(sample.distance for sample in samples):
@@ -160,6 +162,9 @@ def summary(report: dict) -> str:
     for name in ("depth", "stereo"):
         cloud = report[name]
         largest = max(abs(value) for value in cloud["bias"].values())
+        if cloud["points"] == 0:
+            lines.append(f"  {name:7} saw no obstacle")
+            continue
         lines.append(
             f"  {name:7} {cloud['points']:6} points   rms {1000 * cloud['rms_error']:.1f} mm   "
             f"bias {1000 * largest:.1f} mm   covers {100 * cloud['coverage']:.1f} %   "

@@ -136,10 +136,11 @@ def _outline(solid: Solid, margin: float) -> npt.NDArray[np.float64]:
     radius = (shape.radius() + margin) * grow
     half = shape.length() / 2 if isinstance(shape, Capsule) else 0.0
     rows = []
-    for latitude in np.linspace(-np.pi / 2, np.pi / 2, 9):
-        ring = radius * np.cos(latitude) * circle * grow
-        height = radius * np.sin(latitude)
-        rows.append(np.column_stack([ring, np.full(len(ring), height + np.copysign(half, height))]))
+    for side in (-1, 1):
+        for latitude in np.linspace(0, np.pi / 2, 5):
+            ring = radius * np.cos(latitude) * grow * circle
+            height = side * (half + radius * np.sin(latitude))
+            rows.append(np.column_stack([ring, np.full(len(ring), height)]))
     return np.concatenate(rows)
 
 
