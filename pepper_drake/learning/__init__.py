@@ -25,6 +25,7 @@ from pepper_drake.learning.obstacle_field import ObstacleField
 from pepper_drake.learning.primitive import MovementPrimitive, Path3D
 from pepper_drake.learning.promp import ProMP, fit_promp
 from pepper_drake.learning.rhythmic import RhythmicPrimitive, fit_rhythmic
+from pepper_drake.learning.rollout import PathBatch
 from pepper_drake.learning.spread import Spread, spread_along
 from pepper_drake.learning.tp_gmm import (
     TaskFrame,
@@ -44,6 +45,7 @@ __all__ = [
     "MovementPrimitive",
     "ObstacleField",
     "Path3D",
+    "PathBatch",
     "ProMP",
     "ReportCoupling",
     "RhythmicPrimitive",

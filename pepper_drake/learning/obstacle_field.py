@@ -95,8 +95,11 @@ class ObstacleField:
         if self._tree is None:
             return self._solid, np.inf
         size = len(self._solid)
-        distances, indices = self._tree.query(position, k=range(1, min(count, size) + 1))
-        return self._solid[indices], np.inf if count >= size else float(np.max(distances))
+        if count >= size:
+            order = np.argsort(squared_norm(position - self._solid))
+            return self._solid[order], np.inf
+        distances, indices = self._tree.query(position, k=count)
+        return self._solid[indices], float(np.max(distances))
 
 
 class FieldFollower:

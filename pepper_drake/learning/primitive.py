@@ -20,6 +20,7 @@ from pepper_drake.learning.phase import ALPHA_Z, phase_at, relative_time_at
 from pepper_drake.learning.posture import PostureProfile, learn_posture
 from pepper_drake.learning.rollout import (
     Motion,
+    PathBatch,
     number_of_steps,
     orientation_motion,
     undisturbed_motion,
@@ -37,17 +38,17 @@ DEFAULT_NUM_BASIS = 40
 
 @dataclass(frozen=True, eq=False)
 class Path3D:
-    """What a rollout gives; a leading axis S where S motions were rolled out at once.
+    """What a rollout gives.
 
     Attributes:
         times: (N,) [s].
-        positions: (..., N, 3) [m].
-        velocities: (..., N, 3) [m/s].
-        accelerations: (..., N, 3) [m/s²].
-        phases: (..., N).
+        positions: (N, 3) [m].
+        velocities: (N, 3) [m/s].
+        accelerations: (N, 3) [m/s²].
+        phases: (N,).
         taus: (N,) duration, as extended so far [s].
-        coupling: (..., N, 3) C_t [m], where there were obstacles or a moving goal.
-        distances: (..., N) from the hand's centre to the nearest obstacle [m], where there were.
+        coupling: (N, 3) C_t [m], where there were obstacles or a moving goal.
+        distances: (N,) from the hand's centre to the nearest obstacle [m], where there were.
         rotations: (N, 4) unit quaternions w, x, y, z, where the primitive has an orientation.
         angular_velocities: (N, 3) [rad/s], expressed in the frame of the motion.
         joints: (N, J) nominal joints [rad], where the primitive has them.
@@ -245,7 +246,7 @@ class MovementPrimitive:
         coupling: str | Coupling = "barrier",
         start_velocity: npt.ArrayLike | None = None,
         settle: float = 0.0,
-    ) -> Path3D:
+    ) -> PathBatch:
         """Performs the translation with S sets of weights at once.
 
         Args:
@@ -275,9 +276,9 @@ class MovementPrimitive:
         )
         if obstacles is None:
             steps = number_of_steps(tau * (1.0 + settle), step)
-            motion = undisturbed_motions(self.translation, sets, y0, g, v0, tau, step, steps)
-        else:
-            motion = stepped_motion(
+            return undisturbed_motions(self.translation, sets, y0, g, v0, tau, step, steps)
+        return PathBatch.of(
+            stepped_motion(
                 self.translation,
                 np.broadcast_to(np.stack((y0, v0)), (len(sets), 2, 3)),
                 g,
@@ -288,7 +289,7 @@ class MovementPrimitive:
                 0.0,
                 sets,
             )
-        return _path(motion)
+        )
 
     def phase_at(self, times: npt.ArrayLike, duration: float | None = None) -> Array:
         """Returns the phase at times [s] of an undisturbed motion."""

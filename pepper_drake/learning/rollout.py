@@ -5,7 +5,7 @@ See `stepping` for motions among obstacles and to goals that move.
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -44,6 +44,61 @@ class Motion:
     taus: Array
     coupling: Array | None = None
     distances: Array | None = None
+
+
+class PathBatch:
+    """S motions at once; derivatives are computed when they are first asked for.
+
+    Attributes:
+        times: (N,) [s].
+        positions: (S, N, D).
+        phases: (S, N).
+        taus: (N,) duration [s].
+        coupling: (S, N, D) C_t at each sample, where there were obstacles.
+        distances: (S, N) from the hand's centre to the nearest obstacle [m], where there were.
+    """
+
+    def __init__(
+        self,
+        times: Array,
+        positions: Array,
+        phases: Array,
+        taus: Array,
+        derivative: Callable[[int], Array],
+        coupling: Array | None = None,
+        distances: Array | None = None,
+    ) -> None:
+        """Takes the attributes, and `derivative(order)` (S, N, D) by time."""
+        self.times = times
+        self.positions = positions
+        self.phases = phases
+        self.taus = taus
+        self.coupling = coupling
+        self.distances = distances
+        self._derivative = derivative
+
+    @classmethod
+    def of(cls, motion: Motion) -> "PathBatch":
+        """Returns a motion with a leading axis as a batch."""
+        return cls(
+            motion.times,
+            motion.positions,
+            motion.phases,
+            motion.taus,
+            lambda order: (motion.velocities, motion.accelerations)[order - 1],
+            motion.coupling,
+            motion.distances,
+        )
+
+    @cached_property
+    def velocities(self) -> Array:
+        """(S, N, D) by time."""
+        return self._derivative(1)
+
+    @cached_property
+    def accelerations(self) -> Array:
+        """(S, N, D) by time, coupling included."""
+        return self._derivative(2)
 
 
 class Features(Hashable, Protocol):
@@ -161,7 +216,7 @@ def undisturbed_motions(
     tau: float,
     time_step: float,
     steps: int,
-) -> Motion:
+) -> PathBatch:
     """Performs S motions with weights (S, K, D) at once; see `undisturbed_motion`."""
     model = attractor.linear_model
     assert model is not None
@@ -173,19 +228,22 @@ def undisturbed_motions(
     stacked = np.concatenate((weights, np.broadcast_to(rest, (number, *rest.shape))), axis=1)
     # Rows of coordinates, not of samples: the result is then a view of the product, not a copy.
     rows = np.moveaxis(stacked, 1, 2).reshape(number * dimensions, -1)
-    motion = (rows @ columns.T).reshape(number, dimensions, 3, steps + 1)
-    motion[:, :, 0] += goal[:, None]
-    motion[:, :, 1] /= tau
-    motion[:, :, 2] /= tau * tau
-    positions, velocities, accelerations = np.moveaxis(motion, (2, 3), (0, 2))
+
+    def derivative(order: int) -> Array:
+        part = columns[order * (steps + 1) : (order + 1) * (steps + 1)]
+        values = (rows @ part.T).reshape(number, dimensions, steps + 1).swapaxes(1, 2)
+        values /= tau**order
+        return values
+
+    positions = derivative(0)
+    positions += goal
     phases = phase_at(time_grid(steps, step), attractor.alpha_x)
-    return Motion(
+    return PathBatch(
         time_grid(steps, time_step),
         positions,
-        velocities,
-        accelerations,
         np.broadcast_to(phases, (number, steps + 1)),
         np.full(steps + 1, tau),
+        derivative,
     )
 
 

@@ -20,7 +20,7 @@ GoalFunction = Callable[[float], tuple[Array, Array]]
 LONGEST = 10.0
 """A motion that obstacles hold up ends after this many nominal durations."""
 
-_FIRST_BLOCK, _LARGEST_BLOCK = 8, 128
+_FIRST_BLOCK, _LARGEST_BLOCK = 16, 128
 
 
 def stepped_motion(
@@ -233,16 +233,20 @@ class _Record:
     def motion(self, time_step: float, field: ObstacleField | None) -> Motion:
         """Returns all samples."""
         axis = self.states[0].ndim - 2
-        path = np.stack(self.states, axis=axis)
         nothing = np.zeros(self.states[0][..., 0, :].shape)
         pushes = [nothing if push is None else push for push in self._pushes]
+
+        def samples(values: list[Array]) -> Array:
+            return np.moveaxis(np.array(values), 0, axis)
+
+        path = samples(self.states)
         return Motion(
             time_grid(len(self.states) - 1, time_step),
             path[..., 0, :],
             path[..., 1, :],
-            np.stack(self._totals, axis=axis),
-            np.stack(self._phases, axis=axis),
+            samples(self._totals),
+            samples(self._phases),
             np.array(self._taus),
-            np.stack(pushes, axis=axis),
+            samples(pushes),
             None if field is None else field.distance(path[..., 0, :]),
         )
