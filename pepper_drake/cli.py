@@ -73,9 +73,6 @@ def run(main: Callable[[], int]) -> None:
     except PepperDrakeError as error:
         print(f"error: {error}", file=sys.stderr)
         code = EXIT_FAILED
-    except RuntimeError as error:  # Drake's way to say that a simulation cannot go on.
-        print(f"error: the simulation failed: {str(error).splitlines()[0]}", file=sys.stderr)
-        code = EXIT_FAILED
     except BrokenPipeError:  # Whoever read the output, such as `head`, has gone.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = EXIT_DONE

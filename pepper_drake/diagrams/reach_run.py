@@ -22,6 +22,7 @@ from tqdm import tqdm
 
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.errors import PepperDrakeError
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.cloud_points import cloud_points
@@ -130,7 +131,7 @@ class ReachRun:
             now = self.simulator.get_context().get_time()
             if now >= _LONGEST:
                 break
-            self.simulator.AdvanceTo(now + _SLICE)
+            self._advance(now + _SLICE)
             previous, mode = mode, self.mode()
             if mode == ReachMode.REACHING and previous != mode:
                 self._look_at_cloud()
@@ -147,6 +148,15 @@ class ReachRun:
             html = options.meshcat.StaticHtml()
         log = self._log()
         return ReachResult(self._report(log, wall), log, html)
+
+    def _advance(self, time: float) -> None:
+        try:
+            self.simulator.AdvanceTo(time)
+        except RuntimeError as error:  # How Drake says that its solver found no step.
+            now = self.simulator.get_context().get_time()
+            raise PepperDrakeError(
+                f"the simulation cannot go on at {now:.2f} s: {str(error).splitlines()[0]}"
+            ) from error
 
     def _look_at_cloud(self) -> None:
         """Measures the cloud with which the arm starts, and draws it."""

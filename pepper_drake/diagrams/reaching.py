@@ -143,6 +143,8 @@ class Reaching(Diagram):
                     station.control_model.plant, station.control_model.diagram.scene_graph()
                 ),
                 marked,
+                intrinsics=station.depth_intrinsics,
+                parameters=station.obstacle_parameters,
             ),
         )
         for port, name in (

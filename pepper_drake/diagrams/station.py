@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.geometry import GeometryId, MakeRenderEngineVtk, RenderEngineVtkParams, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     MatrixGain,
     Multiplexer,
@@ -16,6 +16,7 @@ from pydrake.systems.primitives import (
 )
 from pydrake.systems.sensors import RgbdSensor
 
+from pepper_drake.diagrams.stereo_camera import StereoCamera
 from pepper_drake.models.objects import SceneModels, add_scene
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper
 from pepper_drake.models.scene import Scene
@@ -23,10 +24,14 @@ from pepper_drake.perception.camera import (
     CAMERA_BOTTOM,
     CAMERA_DEPTH,
     CAMERA_TOP,
+    CameraIntrinsics,
     HeadCamera,
     make_render_cameras,
 )
 from pepper_drake.perception.noise import ColorNoise, DepthNoise
+from pepper_drake.perception.obstacles import ObstacleParameters
+from pepper_drake.perception.solids import RobotSolids
+from pepper_drake.perception.stereo import STEREO_CLOUD
 from pepper_drake.planning.control_model import BODY_JOINTS, ControlModel
 from pepper_drake.systems.base_servo import BaseServo
 from pepper_drake.systems.camera_model import CameraModel
@@ -58,6 +63,9 @@ class StationConfig:
     """Time between images of each camera, s."""
     noise: bool = True
     """Whether the cameras have the noise of the real ones."""
+    stereo: bool = False
+    """Whether a stereo pair with a pattern projector takes the depth camera's place. It costs some
+    twenty times as much."""
     seed: int = 0
     """Seed of all sensor noise."""
     goal_motion_port: bool = False
@@ -122,12 +130,16 @@ class PepperStation(Diagram):
         scene_graph: Its geometry.
         pepper: Pepper's model instance.
         scene_models: The scene's bodies.
+        depth_intrinsics: Of the images of the depth camera, or of the stereo pair in its place.
+        obstacle_parameters: How obstacles are best seen in them.
     """
 
     def __init__(self, scene: Scene, config: StationConfig, model: ControlModel) -> None:
         super().__init__()
         self.config = config
         self.control_model = model
+        self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
+        self.obstacle_parameters = ObstacleParameters()
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlant(
             MultibodyPlantConfig(
@@ -283,13 +295,16 @@ class PepperStation(Diagram):
         """Mounts the three cameras on the head."""
         config = self.config
         head = self.plant.GetBodyFrameIdOrThrow(self.plant.GetBodyByName("Head").index())
-        plan = (
+        plan = [
             ("camera_top", CAMERA_TOP, "color", 0.0),
             ("camera_bottom", CAMERA_BOTTOM, "color", 0.0),
-            ("camera_depth", CAMERA_DEPTH, "depth", 0.5 * config.camera_period),
-        )
+        ]
+        if not config.stereo:
+            plan.append(("camera_depth", CAMERA_DEPTH, "depth", 0.5 * config.camera_period))
         for number, (name, camera, kind, offset) in enumerate(plan):
             self._add_camera(builder, kinematics, head, name, camera, kind, offset, number)
+        if config.stereo:
+            self._add_stereo(builder, kinematics, head)
 
     def _add_camera(
         self,
@@ -334,12 +349,42 @@ class PepperStation(Diagram):
             ),
         )
         builder.Connect(image, camera_model.get_image_input_port())
-        builder.Connect(kinematics.GetOutputPort(f"{name}_pose"), camera_model.GetInputPort("X_WC"))
-        builder.Connect(
-            kinematics.GetOutputPort("robot_position"), camera_model.GetInputPort("position")
+        self._export_camera(builder, kinematics, name, camera_model, f"{kind}_image")
+
+    def _add_stereo(
+        self, builder: DiagramBuilder, kinematics: RobotKinematics, head: object
+    ) -> None:
+        """Mounts the stereo pair behind the eyes; its ports are the depth camera's."""
+        config, model = self.config, self.control_model
+        stereo = builder.AddNamedSystem(
+            "camera_depth",
+            StereoCamera(
+                head,
+                RENDERER,
+                RobotSolids(model.plant, model.diagram.scene_graph()),
+                period=config.camera_period,
+                offset=0.5 * config.camera_period,
+                noise=None if config.noise else ColorNoise(sigma=0.0),
+                seed=config.seed,
+            ),
         )
-        builder.ExportInput(camera_model.GetInputPort("enabled"), f"{name}.enabled")
-        builder.ExportOutput(camera_model.get_image_output_port(), f"{name}.image")
-        for port, export in (("X_WC", "pose"), ("time_stamp", "time_stamp")):
-            builder.ExportOutput(camera_model.GetOutputPort(port), f"{name}.{export}")
-        builder.ExportOutput(camera_model.GetOutputPort("position"), f"{name}.position")
+        builder.Connect(self.scene_graph.get_query_output_port(), stereo.GetInputPort("query"))
+        self._export_camera(builder, kinematics, "camera_depth", stereo, "depth_image")
+        self.depth_intrinsics = stereo.intrinsics
+        self.obstacle_parameters = STEREO_CLOUD
+
+    def _export_camera(
+        self,
+        builder: DiagramBuilder,
+        kinematics: RobotKinematics,
+        name: str,
+        camera: System,
+        image: str,
+    ) -> None:
+        """Tells a camera where it is, and exports its ports."""
+        builder.Connect(kinematics.GetOutputPort(f"{name}_pose"), camera.GetInputPort("X_WC"))
+        builder.Connect(kinematics.GetOutputPort("robot_position"), camera.GetInputPort("position"))
+        builder.ExportInput(camera.GetInputPort("enabled"), f"{name}.enabled")
+        exports = ((image, "image"), ("X_WC", "pose"), ("time_stamp", "time_stamp"))
+        for port, export in (*exports, ("position", "position")):
+            builder.ExportOutput(camera.GetOutputPort(port), f"{name}.{export}")

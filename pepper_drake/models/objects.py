@@ -98,6 +98,12 @@ def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
         moving.append(_put_on_rails(plant, goal_body, scene.goal.pose(), scene.goal.path))
     else:
         plant.WeldFrames(plant.world_frame(), goal_body.body_frame(), scene.goal.pose())
+    # Things that stand on one another touch; friction must not hold back what moves along a path.
+    bodies = [plant.GetBodyByName(obstacle.name) for obstacle in scene.obstacles]
+    geometries = plant.CollectRegisteredGeometries([*bodies, goal_body])
+    plant.ExcludeCollisionGeometriesWithCollisionFilterGroupPair(
+        ("scene", geometries), ("scene", geometries)
+    )
     return SceneModels(
         obstacles=tuple(obstacle.name for obstacle in scene.obstacles),
         obstacle_models=tuple(sorted(models, key=int)),

@@ -240,24 +240,3 @@ def disparity_to_depth(disparity: Array, rectification: Rectification) -> Array:
     depth = np.zeros_like(disparity)
     np.divide(np.float32(reach), shifted, out=depth, where=(disparity > 0) & (shifted > 0))
     return depth
-
-
-def stereo_depth(
-    left: npt.NDArray[np.uint8],
-    right: npt.NDArray[np.uint8],
-    rectification: Rectification,
-    parameters: StereoParameters,
-) -> tuple[Array, Array]:
-    """Computes a depth image from a pair of raw grey images.
-
-    Args:
-        left: Grey image (height, width) of the left camera.
-        right: Grey image of the right camera.
-        rectification: Of the two.
-        parameters: Of the matching.
-
-    Returns:
-        Depth image of the rectified left camera, m, and its disparities, pixels.
-    """
-    disparity = match(*rectify_images(left, right, rectification), rectification, parameters)
-    return disparity_to_depth(disparity, rectification), disparity

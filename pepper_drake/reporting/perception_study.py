@@ -16,23 +16,17 @@ from pepper_drake.perception.cloud import SurfacePoints
 from pepper_drake.perception.evaluate import CloudReport, evaluate_cloud, visible_surface
 from pepper_drake.perception.gaze import look_at
 from pepper_drake.perception.goal import MarkedObject, measure_goal
-from pepper_drake.perception.marker import to_gray
 from pepper_drake.perception.noise import ColorNoise, DepthNoise, degrade_color, degrade_depth
 from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters, update_obstacles
-from pepper_drake.perception.segmentation import (
-    SegmentationParameters,
-    body_mask,
-    segment_disparity,
-)
+from pepper_drake.perception.segmentation import SegmentationParameters
 from pepper_drake.perception.solids import RobotSolids
 from pepper_drake.perception.stereo import (
     STEREO_CLOUD,
     StereoParameters,
     make_stereo_cameras,
     rectify,
-    rectify_images,
-    stereo_depth,
 )
+from pepper_drake.perception.stereo_view import view_stereo
 from pepper_drake.perception.texture import paint_texture, project_pattern
 from pepper_drake.perception.voxel_map import VoxelMap
 from pepper_drake.planning.control_model import shared_control_model
@@ -149,28 +143,28 @@ class PerceptionStudy:
         rig, (left, right) = self.rig, self._stereo
         rectification = rectify(left, right)
         images = [self._photograph(camera, texture, k) for k, camera in enumerate((left, right))]
-        gray = [to_gray(image) for image in images]
         X_WC = rectification.rectified_pose(rig.pose(left.name))
         ignored = self._ignored(STEREO_CLOUD)
-        parameters = StereoParameters()
         start = time.perf_counter()
-        depth, disparity = stereo_depth(gray[0], gray[1], rectification, parameters)
-        aligned, _ = rectify_images(images[0], images[1], rectification)
-        things = segment_disparity(disparity, aligned[..., :3], SegmentationParameters())
-        robot = ignored[0]
-        body = body_mask(
-            robot.solids, robot.poses, X_WC, rectification.intrinsics, parameters.body_margin
+        view = view_stereo(
+            images[0],
+            images[1],
+            rectification,
+            X_WC,
+            ignored[0].solids,
+            ignored[0].poses,
+            StereoParameters(),
+            SegmentationParameters(),
         )
-        depth[(things == 0) | body] = 0
         voxels = update_obstacles(
-            VoxelMap.empty(), depth, 0.0, X_WC, rectification.intrinsics, ignored, STEREO_CLOUD
+            VoxelMap.empty(), view.depth, 0.0, X_WC, rectification.intrinsics, ignored, STEREO_CLOUD
         )
         duration = time.perf_counter() - start
         pictures: Images = {
-            "stereo_left": aligned[..., :3],
-            "disparity": disparity,
-            "segmentation": things,
-            "body": body,
+            "stereo_left": view.image,
+            "disparity": view.disparity,
+            "segmentation": view.things,
+            "body": view.body,
         }
         return self._study(voxels.surface(), [duration], pictures)
 

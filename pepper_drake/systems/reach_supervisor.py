@@ -309,7 +309,7 @@ class ReachSupervisor(LeafSystem):
             return progress.fail(
                 time,
                 "cannot_follow",
-                f"the arm could not follow: the hand was {1000 * behind:.0f} mm behind its movement",
+                f"the hand fell {1000 * behind:.0f} mm behind its movement",
             )
         if elapsed >= tau and error <= timing.position_tolerance:
             if np.isnan(progress.still_since):
