@@ -11,9 +11,9 @@ from pepper_drake.perception.stereo import (
     StereoParameters,
     disparity_to_depth,
     make_stereo_cameras,
+    match,
     rectify,
     rectify_images,
-    stereo_depth,
 )
 from pepper_drake.perception.texture import paint_texture
 
@@ -97,7 +97,9 @@ def wall_pair():
 
 def test_painted_wall_comes_out_where_it_is(wall_pair):
     (left, right), normal, offset = wall_pair
-    depth, disparity = stereo_depth(left, right, RECTIFICATION, StereoParameters())
+    aligned = rectify_images(left, right, RECTIFICATION)
+    disparity = match(*aligned, RECTIFICATION, StereoParameters())
+    depth = disparity_to_depth(disparity, RECTIFICATION)
     seen = depth > 0
     assert seen[:, 140:-20].mean() > 0.9
     rays = pixel_rays(RECTIFICATION.intrinsics)[seen]
@@ -114,8 +116,8 @@ def test_bare_walls_match_nothing():
     bare = np.full((720, 1280), 150, np.uint8)
     rng = np.random.default_rng(0)
     noisy = [np.clip(bare + rng.normal(0, 2, bare.shape), 0, 255).astype(np.uint8) for _ in "lr"]
-    depth, _ = stereo_depth(*noisy, RECTIFICATION, StereoParameters())
-    assert np.mean(depth > 0) < 0.02
+    disparity = match(*noisy, RECTIFICATION, StereoParameters())
+    assert np.mean(disparity > 0) < 0.02
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,132 @@
+"""A stereo pair behind Pepper's eyes that delivers depth images, in place of the depth camera."""
+
+from pydrake.geometry import FrameId
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.sensors import RgbdSensor
+
+from pepper_drake.perception.camera import CAMERA_DEPTH, HeadCamera, make_render_cameras
+from pepper_drake.perception.noise import ColorNoise
+from pepper_drake.perception.solids import RobotSolids
+from pepper_drake.perception.stereo import make_stereo_cameras
+from pepper_drake.systems.camera_model import CameraModel
+from pepper_drake.systems.projected_pattern import ProjectedPattern
+from pepper_drake.systems.stereo_depth import StereoDepth
+
+
+class StereoCamera(Diagram):
+    """Two colour cameras, a projector between them if wanted, and the matching of their images.
+
+    .. pydrake_system::
+
+        name: StereoCamera
+        input_ports:
+        - query
+        - X_WC
+        - position
+        - enabled
+        output_ports:
+        - depth_image
+        - X_WC
+        - time_stamp
+        - position
+
+    The ports are a depth CameraModel's, but for `query`, the scene graph's QueryObject, in place of
+    a rendered image: `X_WC` in is the measured pose of the depth camera's frame on the head, `X_WC`
+    out that of the rectified left camera.
+
+    Args:
+        head: The head's frame in the scene graph.
+        renderer_name: Name of the render engine.
+        robot: The robot's shapes, to mask its own body.
+        period: Time between pairs of images, s.
+        offset: Time of the first pair, s.
+        noise: Of both cameras.
+        pattern: Whether a projector throws a pattern on the scene: bare walls match nothing.
+        seed: Of noise and pattern.
+
+    Attributes:
+        intrinsics: Of the depth images.
+    """
+
+    def __init__(
+        self,
+        head: FrameId,
+        renderer_name: str,
+        robot: RobotSolids,
+        *,
+        period: float = 0.2,
+        offset: float = 0.0,
+        noise: ColorNoise | None = None,
+        pattern: bool = True,
+        seed: int = 0,
+    ) -> None:
+        super().__init__()
+        self._noise = ColorNoise(sigma=2.0) if noise is None else noise
+        self._pattern = pattern
+        self._seed = seed
+        left, right = make_stereo_cameras()
+        builder = DiagramBuilder()
+        depth = builder.AddNamedSystem(
+            "stereo_depth",
+            StereoDepth(
+                left,
+                right,
+                robot,
+                X_CL=CAMERA_DEPTH.X_HeadC.inverse() @ left.X_HeadC,
+                num_positions=robot.num_positions,
+            ),
+        )
+        self.intrinsics = depth.intrinsics
+        for number, (side, camera) in enumerate((("left", left), ("right", right))):
+            color_camera, depth_camera = make_render_cameras(camera.intrinsics, renderer_name)
+            sensor = builder.AddNamedSystem(
+                f"{side}_sensor",
+                RgbdSensor(head, camera.X_HeadC, color_camera, depth_camera),
+            )
+            model = builder.AddNamedSystem(
+                side,
+                CameraModel(
+                    camera.intrinsics,
+                    kind="color",
+                    period=period,
+                    offset=offset,
+                    noise=self._noise,
+                    seed=2 * seed + number,
+                    num_positions=robot.num_positions,
+                ),
+            )
+            image = self._lit(builder, sensor, camera, left)
+            builder.Connect(image, model.get_image_input_port())
+            for name, port in (
+                ("query", sensor.query_object_input_port()),
+                ("enabled", model.GetInputPort("enabled")),
+            ):
+                if number == 0:
+                    builder.ExportInput(port, name)
+                else:
+                    builder.ConnectInput(name, port)
+            builder.Connect(
+                model.get_image_output_port(), depth.GetInputPort(f"color_image_{side}")
+            )
+            if number == 0:
+                for name in ("X_WC", "position"):
+                    builder.ExportInput(model.GetInputPort(name), name)
+                for name in ("X_WC", "position", "time_stamp"):
+                    builder.Connect(model.GetOutputPort(name), depth.GetInputPort(name))
+        for name in ("depth_image", "X_WC", "time_stamp", "position"):
+            builder.ExportOutput(depth.GetOutputPort(name), name)
+        builder.BuildInto(self)
+
+    def _lit(
+        self, builder: DiagramBuilder, sensor: RgbdSensor, camera: HeadCamera, projector: HeadCamera
+    ) -> OutputPort:
+        """The sensor's image, under the projector's light if there is one beside the left eye."""
+        if not self._pattern:
+            return sensor.color_image_output_port()
+        X_CP = camera.X_HeadC.inverse() @ projector.X_HeadC
+        light = builder.AddNamedSystem(
+            f"{camera.name}_light", ProjectedPattern(camera.intrinsics, X_CP, seed=self._seed)
+        )
+        builder.Connect(sensor.color_image_output_port(), light.GetInputPort("color_image"))
+        builder.Connect(sensor.depth_image_32F_output_port(), light.GetInputPort("depth_image"))
+        return light.get_output_port()
