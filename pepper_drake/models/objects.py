@@ -34,6 +34,8 @@ GOAL_OBJECT = "goal_object"
 
 _PLATE_THICKNESS = 0.003
 _FRICTION = CoulombFriction(0.6, 0.5)
+# What stands on a table touches it; friction must not hold back what moves along a path.
+_SLIPPERY = CoulombFriction(0.0, 0.0)
 _MASS = 0.3
 # Stiff enough to lag a path by no more than one plant step: they move, they are not pushed.
 _GAINS = PdControllerGains(p=2.0e4, d=2.0e2)
@@ -98,12 +100,6 @@ def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
         moving.append(_put_on_rails(plant, goal_body, scene.goal.pose(), scene.goal.path))
     else:
         plant.WeldFrames(plant.world_frame(), goal_body.body_frame(), scene.goal.pose())
-    # Things that stand on one another touch; friction must not hold back what moves along a path.
-    bodies = [plant.GetBodyByName(obstacle.name) for obstacle in scene.obstacles]
-    geometries = plant.CollectRegisteredGeometries([*bodies, goal_body])
-    plant.ExcludeCollisionGeometriesWithCollisionFilterGroupPair(
-        ("scene", geometries), ("scene", geometries)
-    )
     return SceneModels(
         obstacles=tuple(obstacle.name for obstacle in scene.obstacles),
         obstacle_models=tuple(sorted(models, key=int)),
@@ -128,7 +124,8 @@ def _add_floor(plant: MultibodyPlant) -> None:
 
 def _register_obstacle(plant: MultibodyPlant, body: RigidBody, obstacle: Obstacle) -> None:
     X = RigidTransform()
-    plant.RegisterCollisionGeometry(body, X, obstacle.solid(), "solid", _FRICTION)
+    friction = _SLIPPERY if obstacle.path else _FRICTION
+    plant.RegisterCollisionGeometry(body, X, obstacle.solid(), "solid", friction)
     if obstacle.shape == "mesh":
         visual: Shape = Mesh(mesh_path(obstacle.mesh), obstacle.size[0])
     else:
@@ -139,7 +136,8 @@ def _register_obstacle(plant: MultibodyPlant, body: RigidBody, obstacle: Obstacl
 def _register_goal(plant: MultibodyPlant, body: RigidBody, goal: GoalObject) -> None:
     X_OC = RigidTransform([0.0, 0.0, goal.height / 2])
     cylinder = Cylinder(goal.radius, goal.height)
-    plant.RegisterCollisionGeometry(body, X_OC, cylinder, "cylinder", _FRICTION)
+    friction = _SLIPPERY if goal.path else _FRICTION
+    plant.RegisterCollisionGeometry(body, X_OC, cylinder, "cylinder", friction)
     plant.RegisterVisualGeometry(body, X_OC, cylinder, "cylinder", np.array(goal.color))
 
     X_OM = goal.marker.pose()
@@ -147,7 +145,7 @@ def _register_goal(plant: MultibodyPlant, body: RigidBody, goal: GoalObject) -> 
     # The plate's face lies a little behind the marker's, so that the two do not flicker.
     X_MP = RigidTransform([0.0, 0.0, -0.0005 - _PLATE_THICKNESS / 2])
     plate = Box(edge, edge, _PLATE_THICKNESS)
-    plant.RegisterCollisionGeometry(body, X_OM @ X_MP, plate, "plate", _FRICTION)
+    plant.RegisterCollisionGeometry(body, X_OM @ X_MP, plate, "plate", friction)
     plant.RegisterVisualGeometry(body, X_OM @ X_MP, plate, "plate", np.ones(4))
     mesh = marker_mesh(goal.marker.id, goal.marker.size)
     plant.RegisterVisualGeometry(body, GeometryInstance(X_OM, mesh, "marker"))
