@@ -209,7 +209,7 @@ class BarrierCoupling:
         strength = strength * (distance <= rho + self.reach)
         if not anything(strength):
             return Push(np.zeros(direction.shape), np.zeros(state.shape[:-2]), distance)
-        slide = plus(velocity, self._up, self.up_bias)
+        slide = plus(velocity, vector(self._up), self.up_bias)
         slide = plus(slide, normal, -dot(normal, slide))
         length = xp.maximum(xp.sqrt(dot(slide, slide)), 0.05)
         fade = self.sliding * (1.0 - xp.exp(-0.5 / self.sliding_distance**2 * to_goal))
