@@ -1,6 +1,6 @@
 """Movement primitives: learn a motion from demonstrations, perform it anywhere."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -9,10 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.approximators import LinearForcingModel
 from pepper_drake.learning.attractor import Attractor, MotionSample, learn_attractor
-from pepper_drake.learning.coupling import Coupling, make_coupling
+from pepper_drake.learning.coupling import Coupling
 from pepper_drake.learning.demonstration import Demonstration
 from pepper_drake.learning.obstacle_field import ObstacleField
 from pepper_drake.learning.orientation import OrientationAttractor, learn_orientation
@@ -26,10 +25,16 @@ from pepper_drake.learning.rollout import (
     undisturbed_motion,
     undisturbed_motions,
 )
+from pepper_drake.learning.rollout_arguments import (
+    GoalMotion,
+    coupling_and_field,
+    goal_function,
+    quaternion,
+    vector,
+)
 from pepper_drake.learning.stepping import stepped_motion
 
 Array = npt.NDArray[np.float64]
-GoalMotion = Callable[[float], npt.ArrayLike]
 
 DEFAULT_APPROXIMATOR = "trajectory_slopes"
 DEFAULT_SCALING = "gradual"
@@ -211,12 +216,12 @@ class MovementPrimitive:
             InputError: A value is not finite, not positive where it must be, or of the wrong shape.
         """
         tau, step, settle = self._check(time_step, duration, settle)
-        y0 = _vector(start, self.start, 3, "start")
+        y0 = vector(start, self.start, 3, "start")
         if goal is None or not callable(goal):
-            g0 = _vector(goal, self.goal, 3, "goal")
+            g0 = vector(goal, self.goal, 3, "goal")
         else:
-            g0 = _vector(goal(0.0), self.goal, 3, "goal")
-        v0 = _vector(
+            g0 = vector(goal(0.0), self.goal, 3, "goal")
+        v0 = vector(
             start_velocity, self.translation.start_velocity(y0, g0, tau), 3, "start_velocity"
         )
         if obstacles is None and not callable(goal) and goal_velocity is None:
@@ -226,11 +231,11 @@ class MovementPrimitive:
             motion = stepped_motion(
                 self.translation,
                 np.stack((y0, v0)),
-                _goal_function(goal, goal_velocity, g0),
+                goal_function(goal, goal_velocity, g0),
                 tau,
                 step,
                 settle,
-                *_coupling_and_field(coupling, obstacles),
+                *coupling_and_field(coupling, obstacles),
                 self.duration / self.path_length if self.path_length > 0.0 else 0.0,
             )
         return self._complete(motion, start_rotation, goal_rotation)
@@ -269,9 +274,9 @@ class MovementPrimitive:
         """
         tau, step, settle = self._check(time_step, duration, settle)
         sets = self._full_weights(np.asarray(weights, dtype=float))
-        y0 = _vector(start, self.start, 3, "start")
-        g = _vector(goal, self.goal, 3, "goal")
-        v0 = _vector(
+        y0 = vector(start, self.start, 3, "start")
+        g = vector(goal, self.goal, 3, "goal")
+        v0 = vector(
             start_velocity, self.translation.start_velocity(y0, g, tau), 3, "start_velocity"
         )
         if obstacles is None:
@@ -285,7 +290,7 @@ class MovementPrimitive:
                 tau,
                 step,
                 settle,
-                *_coupling_and_field(coupling, obstacles),
+                *coupling_and_field(coupling, obstacles),
                 0.0,
                 sets,
             )
@@ -355,8 +360,8 @@ class MovementPrimitive:
     ) -> Path3D:
         path = _path(motion)
         if self.orientation is not None:
-            q0 = _quaternion(start_rotation, self.orientation.start, "start_rotation")
-            qg = _quaternion(goal_rotation, self.orientation.goal, "goal_rotation")
+            q0 = quaternion(start_rotation, self.orientation.start, "start_rotation")
+            qg = quaternion(goal_rotation, self.orientation.goal, "goal_rotation")
             rotations, velocities = orientation_motion(self.orientation, q0, qg, motion)
             path = replace(path, rotations=rotations, angular_velocities=velocities)
         if self.posture is not None:
@@ -387,50 +392,3 @@ def motion_sample(demo: Demonstration) -> MotionSample:
         demo.velocities * tau,
         demo.accelerations * tau**2,
     )
-
-
-def _vector(
-    value: npt.ArrayLike | GoalMotion | None, default: Array, size: int, label: str
-) -> Array:
-    if value is None:
-        return default
-    vector = np.array(value, dtype=float)
-    if vector.shape != (size,) or not np.isfinite(vector).all():
-        raise InputError(f"{label}: {value!r} must be {size} finite numbers")
-    return vector
-
-
-def _quaternion(value: npt.ArrayLike | None, default: Array, label: str) -> Array:
-    q = _vector(value, default, 4, label)
-    if abs(float(np.linalg.norm(q)) - 1.0) > 1e-3:
-        raise InputError(f"{label}: {value!r} must be a unit quaternion w, x, y, z")
-    return so3.normalize(q)
-
-
-def _goal_function(
-    goal: npt.ArrayLike | GoalMotion | None,
-    velocity: npt.ArrayLike | GoalMotion | None,
-    first: Array,
-) -> Callable[[float], tuple[Array, Array]] | Array:
-    """Returns the goal (3,), or a function of the time [s]: the goal's position and velocity."""
-    if not callable(goal) and velocity is None:
-        return first
-    speed = None if callable(velocity) else _vector(velocity, np.zeros(3), 3, "goal_velocity")
-
-    def goal_at(time: float) -> tuple[Array, Array]:
-        v = _vector(velocity(time), first, 3, "goal_velocity") if callable(velocity) else speed
-        assert v is not None
-        if callable(goal):
-            return _vector(goal(time), first, 3, "goal"), v
-        return first + v * time if speed is not None else first, v
-
-    return goal_at
-
-
-def _coupling_and_field(
-    coupling: str | Coupling, obstacles: npt.ArrayLike | ObstacleField | None
-) -> tuple[Coupling | None, ObstacleField | None]:
-    if obstacles is None:
-        return None, None
-    field = obstacles if isinstance(obstacles, ObstacleField) else ObstacleField(obstacles)
-    return make_coupling(coupling) if isinstance(coupling, str) else coupling, field

@@ -297,6 +297,12 @@ def test_a_demonstration_without_orientation_and_joints_has_none():
         (lambda d: MovementPrimitive.fit(d, orientation="matrix"), "orientation: 'matrix'"),
         (lambda d: MovementPrimitive.fit(d, alpha_z=0.0), "alpha_z"),
         (lambda d: MovementPrimitive.fit(d).rollout(goal=[1, 2]), "goal: .* 3 finite"),
+        (lambda d: MovementPrimitive.fit(d).rollout(goal="there"), "goal: 'there' must be 3"),
+        (lambda d: MovementPrimitive.fit(d).rollout(goal=lambda t: [t]), "goal: .* 3 finite"),
+        (
+            lambda d: MovementPrimitive.fit(d).rollout(goal_velocity=lambda t: [t] * 3),
+            "needs a goal",
+        ),
         (lambda d: MovementPrimitive.fit(d).rollout(start=[np.nan] * 3), "start: .* 3 finite"),
         (lambda d: MovementPrimitive.fit(d).rollout(duration=-1), "duration: -1"),
         (lambda d: MovementPrimitive.fit(d).rollout(time_step=0), "time_step: 0"),

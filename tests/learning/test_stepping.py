@@ -173,6 +173,19 @@ def test_a_goal_that_moves_with_known_velocity_is_met_without_lag(straight):
     np.testing.assert_allclose(path.velocities[-1], velocity, atol=1e-3)
 
 
+def test_a_goal_and_its_velocity_as_functions(straight):
+    def goal(t):
+        return straight.goal + np.array([0.0, 0.1 * np.sin(t), 0.0])
+
+    def velocity(t):
+        return np.array([0.0, 0.1 * np.cos(t), 0.0])
+
+    known = straight.rollout(goal=goal, goal_velocity=velocity, settle=1.0)
+    unknown = straight.rollout(goal=goal, settle=1.0)
+    gaps = [np.linalg.norm(p.positions[-1] - goal(p.times[-1])) for p in (known, unknown)]
+    assert gaps[0] < 0.3 * gaps[1]
+
+
 def test_a_trembling_goal_is_ignored(straight):
     path = straight.rollout(goal=lambda t: straight.goal + np.array([0, 0.002 * np.sin(20 * t), 0]))
     np.testing.assert_allclose(path.positions, straight.rollout().positions, atol=1e-9)

@@ -4,32 +4,19 @@ from functools import partial
 
 import numpy as np
 import pytest
-from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
+from motion_example import STEP, learn, make_cloud
 from pydrake.common.value import Value
-from pydrake.perception import PointCloud
-from pydrake.symbolic import Expression, Variable
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource, LogVectorOutput
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning import Demonstration, MovementPrimitive, ObstacleField
+from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning import rotations as so3
 from pepper_drake.systems.canonical_system import CanonicalSystem
 from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
 from pepper_drake.systems.orientation_transformation_system import OrientationTransformationSystem
 from pepper_drake.systems.transformation_system import TransformationSystem
-
-STEP = 0.01
-
-
-def learn(scaling):
-    """A curved reach of 1.5 s with a turn, starting and ending while moving."""
-    t = np.arange(151) * STEP
-    p = np.column_stack((0.2 * t, 0.1 * np.sin(2 * t), 0.05 * np.cos(3 * t)))
-    q = so3.exp_map(np.column_stack((np.sin(t), 0.3 * t, 0 * t)))
-    demonstration = Demonstration.from_positions(t, p, rotations=q)
-    return MovementPrimitive.fit(demonstration, num_basis=15, scaling=scaling)
 
 
 @pytest.fixture(scope="module")
@@ -53,12 +40,6 @@ class Function(LeafSystem):
             lambda context, out: out.SetFromVector(function(context.get_time())),
             prerequisites_of_calc={self.time_ticket()},
         )
-
-
-def make_cloud(points):
-    cloud = PointCloud(len(points))
-    cloud.mutable_xyzs()[:] = np.asarray(points, dtype=np.float32).T
-    return cloud
 
 
 class Loop:
@@ -324,178 +305,6 @@ def test_long_after_the_motion_nothing_is_undefined(primitive):
         loop.simulator.AdvanceTo(loop.simulator.get_context().get_time() + 0.05)
         found = loop.translation.GetMyContextFromRoot(loop.simulator.get_context())
         assert np.isfinite(loop.translation.next_position_port.Eval(found)).all()
-
-
-# Gradients and symbolic form.
-
-
-def discrete_path_end(system, inputs, steps, alpha_x, tau, make):
-    """Steps a TransformationSystem of any scalar; returns its position."""
-    context = system.CreateDefaultContext()
-
-    def fix(name, values):
-        system.GetInputPort(name).FixValue(context, make(values))
-
-    for name in ("goal_position", "start_position"):
-        system.GetInputPort(name).FixValue(context, inputs[name])
-    if "weights" in inputs:
-        context.get_mutable_numeric_parameter(0).SetFromVector(inputs["weights"])
-    fix("tau", [tau])
-    for k in range(-1, steps):
-        phase = np.exp(-alpha_x * max(k, 0) * STEP / tau)
-        fix("active", [float(k >= 0)])
-        fix("phase", [phase])
-        fix("phase_velocity", [-alpha_x * phase / tau])
-        context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
-    return system.GetOutputPort("position").Eval(context)
-
-
-def test_gradient_of_the_path_by_weights_and_goal(primitive):
-    steps, tau = 40, primitive.duration
-    weights = primitive.weights.ravel()
-    values = np.concatenate((weights, primitive.goal))
-    variables = InitializeAutoDiff(values).ravel()
-
-    def constants(numbers):
-        return [AutoDiffXd(float(x), np.zeros(len(values))) for x in numbers]
-
-    system = TransformationSystem(primitive, start_moving=True).ToAutoDiffXd()
-    position = discrete_path_end(
-        system,
-        {
-            "weights": variables[:-3],
-            "goal_position": variables[-3:],
-            "start_position": constants(primitive.start),
-        },
-        steps,
-        primitive.translation.alpha_x,
-        tau,
-        constants,
-    )
-
-    def rollout(x):
-        return primitive.with_weights(x[:-3].reshape(-1, 3)).rollout(goal=x[-3:]).positions[steps]
-
-    numeric = np.empty((3, len(values)))
-    for k in range(len(values)):
-        h = 1e-5 * max(1.0, abs(values[k]))
-        step = np.zeros(len(values))
-        step[k] = h
-        numeric[:, k] = (rollout(values + step) - rollout(values - step)) / (2 * h)
-    np.testing.assert_allclose(ExtractValue(position).ravel(), rollout(values), atol=1e-12)
-    np.testing.assert_allclose(ExtractGradient(position), numeric, atol=1e-8)
-    assert np.abs(numeric).max() > 0.1
-
-
-def test_continuous_systems_have_a_symbolic_form(unscaled):
-    system = CanonicalSystem(unscaled, time_step=0.0).ToSymbolic()
-    context = system.CreateDefaultContext()
-    active, x = Expression(Variable("active")), Expression(Variable("x"))
-    system.GetInputPort("active").FixValue(context, [active])
-    context.SetContinuousState([x])
-    rate = system.EvalTimeDerivatives(context).CopyToVector()[0]
-    value = rate.Evaluate({v: {"active": 1.0, "x": 0.5}[v.get_name()] for v in rate.GetVariables()})
-    assert value == pytest.approx(-0.5 * unscaled.translation.alpha_x / unscaled.duration)
-
-    plain = TransformationSystem(unscaled, time_step=0.0)
-    symbolic = plain.ToSymbolic()
-    numbers = {
-        "active": [1.0],
-        "phase": [0.3],
-        "phase_velocity": [-1.0],
-        "tau": [1.4],
-        "goal_position": [0.3, 0.2, 0.1],
-        "start_position": [0.0, 0.1, 0.0],
-    }
-    state = np.arange(9.0) / 10
-    memory = np.arange(6.0) / 7
-    contexts = [system.CreateDefaultContext() for system in (plain, symbolic)]
-    for context, one in zip(contexts, (plain, symbolic), strict=True):
-        convert = (lambda v: v) if one is plain else (lambda v: [Expression(x) for x in v])
-        for name, values in numbers.items():
-            one.GetInputPort(name).FixValue(context, convert(values))
-        context.SetContinuousState(convert(state))
-        context.SetDiscreteState(convert(memory))
-    found = [
-        one.EvalTimeDerivatives(c).CopyToVector()
-        for one, c in zip((plain, symbolic), contexts, strict=True)
-    ]
-    np.testing.assert_allclose([e.Evaluate() for e in found[1]], found[0], rtol=1e-12)
-
-
-def test_clones_behave_alike(primitive):
-    for system in (CanonicalSystem(primitive), TransformationSystem(primitive)):
-        clone = system.ToAutoDiffXd().ToScalarType[float]()
-        assert clone.num_output_ports() == system.num_output_ports()
-
-
-# Obstacles.
-
-
-def fixed_coupling(points, name="barrier"):
-    system = ObstacleCoupling(name)
-    context = system.CreateDefaultContext()
-    if points is not None:
-        system.cloud_port.FixValue(context, Value(make_cloud(points)))
-    for port, value in (
-        (system.position_port, [0.0, 0.0, 0.06]),
-        (system.velocity_port, [0.1, 0.0, -0.2]),
-        (system.nominal_acceleration_port, [0.0, 0.0, -1.0]),
-        (system.goal_position_port, [0.3, 0.0, 0.1]),
-        (system.tau_port, [2.0]),
-    ):
-        port.FixValue(context, value)
-    return system, context
-
-
-@pytest.mark.parametrize("name", ["barrier", "report"])
-def test_coupling_ports_are_the_functions_values(name):
-    points = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [np.nan, 0.0, 0.0]])
-    system, context = fixed_coupling(points, name)
-    field = ObstacleField(points.astype(np.float32))
-    goal = np.array([0.3, 0.0, 0.1])
-    law = system._coupling
-    expected = law.push(
-        field,
-        np.array([[0.0, 0.0, 0.06], [0.1, 0.0, -0.2]]),
-        np.array([0.0, 0.0, -1.0]),
-        goal,
-        law.clearance(field, goal),
-        2.0,
-    )
-    assert np.any(expected.coupling)
-    np.testing.assert_array_equal(system.coupling_port.Eval(context), expected.coupling)
-    assert system.slowdown_port.Eval(context)[0] == expected.slowdown
-    assert system.distance_port.Eval(context)[0] == expected.distance
-
-
-@pytest.mark.parametrize("points", [None, np.zeros((0, 3)), np.full((3, 3), np.nan)])
-def test_without_obstacles_nothing_is_pushed(points):
-    system, context = fixed_coupling(points)
-    np.testing.assert_array_equal(system.coupling_port.Eval(context), np.zeros(3))
-    np.testing.assert_array_equal(system.slowdown_port.Eval(context), [0.0])
-    assert np.isinf(system.distance_port.Eval(context)[0])
-
-
-def test_the_tree_is_built_once_for_each_cloud(monkeypatch):
-    built = []
-
-    def count(points):
-        built.append(len(points))
-        return ObstacleField(points)
-
-    monkeypatch.setattr("pepper_drake.systems.obstacle_coupling.ObstacleField", count)
-    system, context = fixed_coupling(np.zeros((4, 3)))
-    for x in (0.0, 0.01, 0.02):
-        system.position_port.FixValue(context, [x, 0.0, 0.06])
-        system.coupling_port.Eval(context)
-    assert built == [4]
-    system.cloud_port.FixValue(context, Value(make_cloud(np.zeros((4, 3)))))
-    system.coupling_port.Eval(context)
-    assert built == [4]
-    system.cloud_port.FixValue(context, Value(make_cloud(np.ones((5, 3)))))
-    system.coupling_port.Eval(context)
-    assert built == [4, 5]
 
 
 def test_an_orientation_is_needed_for_the_orientation_system():
