@@ -1,8 +1,11 @@
 """Where an arm's hand and spheres are, for many joint positions at once."""
 
+import threading
+
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context
 
 from pepper_drake.learning.obstacle_field import ObstacleField
 from pepper_drake.models.pepper import hand_frame
@@ -15,7 +18,7 @@ Vector = npt.NDArray[np.float64]
 class ArmGeometry:
     """Forward kinematics of one arm in the torso frame T, with the arm as spheres.
 
-    Immutable: each call works on a context of its own.
+    Immutable but for a scratch context, of which each thread has its own.
 
     Attributes:
         arm: "left" or "right".
@@ -30,10 +33,17 @@ class ArmGeometry:
         self._hand = model.plant.GetFrameByName(hand_frame(arm))
         self._links = [model.plant.GetFrameByName(name) for name in arm_link_names(arm)]
         self._index = model.position_indices(arm_joints(arm))
+        self._scratch = threading.local()
+
+    def _context(self) -> Context:
+        """This thread's scratch context; making one costs more than most calls."""
+        if not hasattr(self._scratch, "context"):
+            self._scratch.context = self._model.create_context()
+        return self._scratch.context
 
     def hand_pose(self, joint_position: Vector) -> RigidTransform:
         """X_TH for the arm's joints (5,), rad."""
-        context = self._model.create_context()
+        context = self._context()
         q = np.zeros(self._model.plant.num_positions())
         q[self._index] = joint_position
         self._model.plant.SetPositions(context, q)
@@ -41,7 +51,7 @@ class ArmGeometry:
 
     def sphere_centers(self, joint_positions: Vector) -> Vector:
         """Centres (N, S, 3) of the spheres in T, m, for joints (N, 5), rad."""
-        context = self._model.create_context()
+        context = self._context()
         plant = self._model.plant
         count = len(self._links)
         rotations = np.empty((len(joint_positions), count, 3, 3))

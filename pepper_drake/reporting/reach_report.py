@@ -50,7 +50,7 @@ class ReachReport:
     closest_pair: str = ""
     """Link and obstacle of the least clearance."""
     contacts: int = 0
-    """Time steps (of 10 ms) with a link in contact with an obstacle."""
+    """Time steps (of 20 ms) with a link in contact with an obstacle."""
     tracking_error_rms: float | None = None
     """Root mean square distance between the hand and the primitive's position during the reach."""
     cloud: CloudReport = field(default_factory=CloudReport)

@@ -36,7 +36,7 @@ class ClearanceMonitor(LeafSystem):
         robot: Set[GeometryId],
         obstacles: Set[GeometryId],
         max_distance: float = 0.1,
-        time_step: float = 0.01,
+        time_step: float = 0.02,
     ) -> None:
         super().__init__()
         self._robot, self._obstacles = frozenset(robot), frozenset(obstacles)
