@@ -49,7 +49,7 @@ def test_angular_velocity_is_the_derivative(primitive):
     np.testing.assert_allclose(path.angular_velocities[1:-1], turn, atol=1e-3)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(vectors, vectors)
 def test_ends_at_any_goal_from_any_start(start, goal):
     primitive = MovementPrimitive.fit(make_demonstration(seed=3))
@@ -60,7 +60,7 @@ def test_ends_at_any_goal_from_any_start(start, goal):
     np.testing.assert_allclose(np.linalg.norm(path.rotations, axis=1), 1.0)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(vectors)
 def test_turning_the_frame_of_the_hand_turns_nothing_else(turn):
     # q -> q h for a fixed h renames the hand's axes: with log_map the motion is the same.

@@ -100,7 +100,7 @@ def test_the_time_step_does_not_change_the_motion(approximator, scaling):
         np.testing.assert_allclose(coarse.velocities, fine.velocities[::step], atol=1e-3)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(vectors, vectors, st.floats(0.5, 6.0), st.sampled_from(["gradual", "none", "amplitude"]))
 def test_ends_at_any_goal_from_any_start(start, goal, duration, scaling):
     primitive = MovementPrimitive.fit(make_demonstration(seed=3), scaling=scaling)
@@ -108,7 +108,7 @@ def test_ends_at_any_goal_from_any_start(start, goal, duration, scaling):
     assert np.linalg.norm(path.positions[-1] - goal) < 1e-3
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(vectors, st.sampled_from(["goal", "rotation_dilation"]))
 def test_ends_at_any_goal_with_scalings_that_grow_with_the_way(offset, scaling):
     demo = make_demonstration(seed=4, moving=False)
@@ -117,7 +117,7 @@ def test_ends_at_any_goal_with_scalings_that_grow_with_the_way(offset, scaling):
     assert np.linalg.norm(path.positions[-1] - primitive.goal - offset) < 1e-3
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(vectors)
 def test_translating_start_and_goal_translates_the_path(offset):
     primitive = MovementPrimitive.fit(make_demonstration(seed=5))
@@ -126,7 +126,7 @@ def test_translating_start_and_goal_translates_the_path(offset):
     np.testing.assert_allclose(moved.positions, path.positions + offset, atol=1e-10)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(vectors, st.floats(0.3, 2.0))
 def test_rotation_dilation_turns_and_grows_the_path(axis, size):
     demo = make_demonstration(seed=6)
@@ -141,7 +141,7 @@ def test_rotation_dilation_turns_and_grows_the_path(axis, size):
     np.testing.assert_allclose(turned.positions, expected, atol=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(0.5, 3.0))
 def test_another_duration_keeps_the_shape(factor):
     primitive = MovementPrimitive.fit(make_demonstration(seed=7))
@@ -180,7 +180,7 @@ def test_goal_scaling_mirrors_where_the_sign_changes_and_others_do_not():
         assert (np.abs(path.positions - mirror).max() < 1e-9) == mirrored
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(vectors, vectors)
 def test_the_default_starts_like_the_demonstration_wherever_it_goes(start, goal):
     primitive = MovementPrimitive.fit(make_demonstration(seed=13))
