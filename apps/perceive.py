@@ -29,6 +29,7 @@ from pepper_drake.reporting.perception_figures import (
     save_images_figure,
 )
 from pepper_drake.reporting.perception_study import CloudStudy, GoalSample, PerceptionStudy
+from pepper_drake.reporting.wrong_goals import look_for_wrong_goals
 
 _DISTANCES = (0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2)
 """From where the marker is looked at, m."""
@@ -64,6 +65,14 @@ def make_parser() -> ArgumentParser:
         help="looks at the marker from each distance with each camera (default: %(default)s)",
     )
     parser.add_argument(
+        "--wrong-goal-frames",
+        type=int,
+        default=200,
+        metavar="N",
+        help="images without the goal's marker, with others, or with half of it, in which to look "
+        "for wrong goals (default: %(default)s)",
+    )
+    parser.add_argument(
         "--live", action="store_true", help="show the clouds in a browser, and stay open"
     )
     return parser
@@ -72,8 +81,10 @@ def make_parser() -> ArgumentParser:
 def main() -> int:
     """Runs the app."""
     options = make_parser().parse_args()
-    if options.frames < 1 or options.samples < 1:
-        raise InputError("--frames and --samples must be at least 1.")
+    if options.frames < 1 or options.samples < 1 or options.wrong_goal_frames < 0:
+        raise InputError(
+            "--frames and --samples must be at least 1, --wrong-goal-frames not negative."
+        )
     cli.quiet_libraries()
     # One thread, so that the times in the report are those of one core.
     cv2.setNumThreads(1)
@@ -85,10 +96,13 @@ def main() -> int:
     study = PerceptionStudy(scene, options.seed)
     clouds = {"depth": study.depth(options.frames), "stereo": study.stereo(options.texture)}
     samples = _look_at_marker(study, options)
+    wrong_goals = look_for_wrong_goals(study, options.wrong_goal_frames, options.seed)
 
     folder: Path = options.output
     folder.mkdir(parents=True, exist_ok=True)
-    report = make_report(clouds, samples) | {
+    report = make_report(clouds, samples)
+    report["goal"]["wrong_goals"] = dataclasses.asdict(wrong_goals)
+    report |= {
         "scene": scene.name,
         "seed": options.seed,
         "texture": options.texture,
@@ -180,6 +194,11 @@ def summary(report: dict) -> str:
             f"error {1000 * goal['position_error']['median']:.1f} mm (median), "
             f"{1000 * goal['position_error']['percentile_95']:.1f} mm (95 %)   "
             f"{goal['milliseconds']:.1f} ms"
+        )
+    if "wrong_goals" in goal:
+        lines.append(
+            f"  wrong   {goal['wrong_goals']['wrong']} goals handed on in "
+            f"{goal['wrong_goals']['frames']} frames without one"
         )
     return "\n".join(lines)
 

@@ -91,22 +91,24 @@ class PerceptionStudy:
         seed: Of all noise and of the places that the goal is looked at from.
 
     Attributes:
+        scene: The scene.
+        marked: Its goal object.
         rig: Pepper in the scene.
         head: The head angles (2,) with which it looks, rad.
     """
 
     def __init__(self, scene: Scene, seed: int = 0) -> None:
-        self._scene, self._seed = scene, seed
+        self.scene, self._seed = scene, seed
         self._stereo = make_stereo_cameras()
         # Truth is sampled finer than any camera under test.
         self._truth = HeadCamera(
             "truth", CAMERA_DEPTH.intrinsics.scaled(2), CAMERA_DEPTH.p_HeadC, 0.0
         )
         self.rig = CameraRig(scene, (CAMERA_TOP, CAMERA_DEPTH, self._truth, *self._stereo))
-        self._marked = MarkedObject.from_scene(scene.goal)
+        self.marked = MarkedObject.from_scene(scene.goal)
         model = shared_control_model()
         self._robot = RobotSolids(model.plant, model.diagram.scene_graph())
-        p_WM = (scene.goal.pose() @ self._marked.X_OM).translation()
+        p_WM = (scene.goal.pose() @ self.marked.X_OM).translation()
         p_TM = self.rig.pose("torso").inverse() @ p_WM
         self.head = look_at(CAMERA_TOP, p_TM).head
         self.look(self.head)
@@ -194,9 +196,9 @@ class PerceptionStudy:
     def _look_at_marker(
         self, camera: HeadCamera, distance: float, largest_angle: float, rng: np.random.Generator
     ) -> GoalSample:
-        X_WM = self._scene.goal.pose() @ self._marked.X_OM
+        X_WM = self.scene.goal.pose() @ self.marked.X_OM
         angle = rng.uniform(0, largest_angle)
-        X_WC = _camera_before_marker(X_WM, distance, angle, camera.intrinsics, rng)
+        X_WC = camera_before_marker(X_WM, distance, angle, camera.intrinsics, rng)
         rendered = self.rig.color_from(camera.intrinsics.ideal().scaled(_SUPERSAMPLING), X_WC)
         image = degrade_color(
             rendered,
@@ -206,14 +208,14 @@ class PerceptionStudy:
             frame=int(rng.integers(1 << 30)),
         )
         start = time.perf_counter()
-        seen = measure_goal(image, 0.0, X_WC, camera.intrinsics, self._marked)
+        seen = measure_goal(image, 0.0, X_WC, camera.intrinsics, self.marked)
         milliseconds = 1000 * (time.perf_counter() - start)
         position_error = orientation_error = math.nan
         if seen is not None:
-            p_OM = self._marked.X_OM.translation()
+            p_OM = self.marked.X_OM.translation()
             X_WO = RigidTransform(seen.R_WO, seen.p_WM - seen.R_WO.multiply(p_OM))
-            X_OG = self._scene.pre_grasp()
-            error = (self._scene.goal.pose() @ X_OG).InvertAndCompose(X_WO @ X_OG)
+            X_OG = self.scene.pre_grasp()
+            error = (self.scene.goal.pose() @ X_OG).InvertAndCompose(X_WO @ X_OG)
             position_error = float(np.linalg.norm(error.translation()))
             orientation_error = abs(error.rotation().ToAngleAxis().angle())
         return GoalSample(
@@ -241,10 +243,10 @@ class PerceptionStudy:
     def _ignored(self, parameters: ObstacleParameters) -> list[NoObstacle]:
         """The robot and the goal object, where they are."""
         poses = self._robot.poses(self.rig.pepper_positions())
-        cloud, X_WO = parameters.cloud, self._scene.goal.pose()
+        cloud, X_WO = parameters.cloud, self.scene.goal.pose()
         return [
             NoObstacle(self._robot.solids, poses, cloud.robot_margin, keep_memory_within=True),
-            NoObstacle(self._marked.solids, [X_WO] * len(self._marked.solids), cloud.object_margin),
+            NoObstacle(self.marked.solids, [X_WO] * len(self.marked.solids), cloud.object_margin),
         ]
 
     def _study(
@@ -272,17 +274,24 @@ class PerceptionStudy:
         return CloudStudy(report, 1000 * float(np.median(durations)), surface, visible, images)
 
 
-def _camera_before_marker(
+def camera_before_marker(
     X_WM: RigidTransform,
     distance: float,
     angle: float,
     intrinsics: CameraIntrinsics,
     rng: np.random.Generator,
 ) -> RigidTransform:
-    """A camera at a distance and angle before a marker, upright but for a little roll.
+    """Returns the pose of a camera before a marker, upright but for a little roll.
 
     The marker is anywhere in its image but at the very border. The camera is not below the marker,
     where the table would be.
+
+    Args:
+        X_WM: Pose of the marker.
+        distance: From the camera to the marker, m.
+        angle: Between the line of sight and the marker's normal, rad.
+        intrinsics: The camera.
+        rng: Draws the side, the place in the image and the roll.
     """
     while True:
         azimuth = rng.uniform(0, 2 * np.pi)

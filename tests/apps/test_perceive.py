@@ -34,7 +34,8 @@ def run(app, monkeypatch, capsys, *arguments):
 @pytest.mark.render
 def test_it_leaves_a_report_figures_and_a_page(app, monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(app, "_DISTANCES", (0.4, 0.8))
-    options = ("--output", tmp_path, "--samples", 1, "--frames", 2, "--seed", 3)
+    options = ["--output", tmp_path, "--samples", 1, "--frames", 2, "--seed", 3]
+    options += ["--wrong-goal-frames", 3]
     code, out, err = run(app, monkeypatch, capsys, *options)
     assert code == 0
     assert "depth" in out
@@ -57,6 +58,7 @@ def test_it_leaves_a_report_figures_and_a_page(app, monkeypatch, capsys, tmp_pat
     goal = report["goal"]
     assert {"position_error", "orientation_error", "detection_rate", "milliseconds"} <= set(goal)
     assert len(goal["by_distance_and_camera"]) == 4
+    assert goal["wrong_goals"] == {"frames": 3, "measured": 0, "wrong": 0}
     assert report["seed"] == 3
     for name in ("images.png", "clouds.png", "goal.png"):
         assert (tmp_path / name).stat().st_size > 5_000
