@@ -1,12 +1,22 @@
 """Where the hand should go: the pre-grasp pose at the goal object, in the torso frame."""
 
+import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
+
+_STILL = 5e-5
+"""Changes up to this in all numbers of the goal (m and parts of a quaternion) are none."""
+
+_POSITION, _ORIENTATION = slice(0, 3), slice(3, 7)
 
 
 class HandGoal(LeafSystem):
-    """X_TG = X_TW X_WO X_OG.
+    """X_TG = X_TW X_WO X_OG, held over a tick of the controller.
+
+    The torso's measured pose changes at every step of the plant, if only in its last digits; a
+    goal that has not moved by a twentieth of a millimetre stays as it is, and with it all that is
+    computed from it.
 
     .. pydrake_system::
 
@@ -20,12 +30,14 @@ class HandGoal(LeafSystem):
 
     Inputs: `object_pose` X_WO and `torso_pose` X_WT, RigidTransform. Outputs: `goal_position` (3),
     m, and `goal_orientation` (4), unit quaternion w, x, y, z, of the hand's goal G in T.
+    State: both (7), at `time_step`; the identity before initialization.
 
     Args:
         X_OG: The hand's pre-grasp pose in the object frame.
+        time_step: s.
     """
 
-    def __init__(self, X_OG: RigidTransform) -> None:
+    def __init__(self, X_OG: RigidTransform, *, time_step: float = 0.01) -> None:
         super().__init__()
         self._X_OG = X_OG
         self.object_pose_input: InputPort = self.DeclareAbstractInputPort(
@@ -34,29 +46,27 @@ class HandGoal(LeafSystem):
         self.torso_pose_input: InputPort = self.DeclareAbstractInputPort(
             "torso_pose", Value(RigidTransform())
         )
-        self._X_TG = self.DeclareCacheEntry(
-            "X_TG",
-            ValueProducer(allocate=lambda: Value(RigidTransform()), calc=self._calc_X_TG),
-            prerequisites_of_calc={
-                self.object_pose_input.ticket(),
-                self.torso_pose_input.ticket(),
-            },
-        )
-        ready = {self._X_TG.ticket()}
+        self._goal = self.DeclareDiscreteState(np.array([0.0, 0, 0, 1, 0, 0, 0]))
+        state = {self.discrete_state_ticket(self._goal)}
         self.DeclareVectorOutputPort(
-            "goal_position", 3, self._calc_position, prerequisites_of_calc=ready
+            "goal_position", 3, self._calc_position, prerequisites_of_calc=state
         )
         self.DeclareVectorOutputPort(
-            "goal_orientation", 4, self._calc_orientation, prerequisites_of_calc=ready
+            "goal_orientation", 4, self._calc_orientation, prerequisites_of_calc=state
         )
+        self.DeclareInitializationDiscreteUpdateEvent(self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
-    def _calc_X_TG(self, context: Context, X_TG: Value) -> None:
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         X_WT = self.torso_pose_input.Eval(context)
-        X_WO = self.object_pose_input.Eval(context)
-        X_TG.set_value(X_WT.inverse() @ X_WO @ self._X_OG)
+        X_TG = X_WT.InvertAndCompose(self.object_pose_input.Eval(context)) @ self._X_OG
+        quaternion = X_TG.rotation().ToQuaternion().wxyz()
+        goal = np.concatenate((X_TG.translation(), quaternion))
+        if np.any(np.abs(goal - context.get_discrete_state(self._goal).value()) > _STILL):
+            discrete_state.set_value(self._goal, goal)
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._X_TG.Eval(context).translation())
+        output.SetFromVector(context.get_discrete_state(self._goal).value()[_POSITION])
 
     def _calc_orientation(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._X_TG.Eval(context).rotation().ToQuaternion().wxyz())
+        output.SetFromVector(context.get_discrete_state(self._goal).value()[_ORIENTATION])
