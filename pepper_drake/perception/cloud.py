@@ -64,6 +64,8 @@ class SurfacePoints:
 
     def select(self, mask: Mask) -> "SurfacePoints":
         """Returns those of a mask (N,)."""
+        if mask.all():
+            return self
         return SurfacePoints(self.positions[mask], self.normals[mask])
 
 

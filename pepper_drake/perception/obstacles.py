@@ -84,10 +84,14 @@ def update_obstacles(
         surface = remove_solids(surface, each.solids, each.poses, each.margin)
     voxels = add_points(voxels, surface, time, parameters.memory)
     spared = np.zeros(len(voxels), dtype=bool)
+    gone = np.zeros(len(voxels), dtype=bool)
     for each in ignored:
-        spared |= near_solids(voxels.positions, each.solids, each.poses, each.margin)
+        near = near_solids(voxels.positions, each.solids, each.poses, each.margin)
+        spared |= near
+        if each.keep_memory_within:
+            depth_inside = -parameters.memory.voxel_size / 2
+            near[near] = near_solids(voxels.positions[near], each.solids, each.poses, depth_inside)
+        gone |= near
+    voxels, spared = voxels.select(~gone), spared[~gone]
     voxels = carve(voxels, depth, intrinsics, X_WC, time, parameters.memory, spared)
-    for each in ignored:
-        margin = -parameters.memory.voxel_size / 2 if each.keep_memory_within else each.margin
-        voxels = voxels.select(~near_solids(voxels.positions, each.solids, each.poses, margin))
     return forget(voxels, X_WC.translation(), time, parameters.memory)

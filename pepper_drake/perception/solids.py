@@ -104,11 +104,22 @@ def near_solids(
     lower = np.array([p_W[:, k].min() for k in range(3)])
     upper = np.array([p_W[:, k].max() for k in range(3)])
     beside = np.clip(centers, lower, upper) - centers
-    for k in np.flatnonzero(np.einsum("ij,ij->i", beside, beside) <= reaches**2).tolist():
-        offset = p_W - centers[k].astype(p_W.dtype)
+    close = np.flatnonzero(np.einsum("ij,ij->i", beside, beside) <= reaches**2).tolist()
+    if not close:
+        return near
+    # Most points are far from all of them.
+    low = (centers[close] - reaches[close, None]).min(axis=0)
+    high = (centers[close] + reaches[close, None]).max(axis=0)
+    boxed = np.ones(len(p_W), dtype=bool)
+    for k in range(3):
+        boxed &= (p_W[:, k] >= low[k]) & (p_W[:, k] <= high[k])
+    indices = np.flatnonzero(boxed)
+    points = p_W[indices]
+    for k in close:
+        offset = points - centers[k].astype(p_W.dtype)
         candidates = np.flatnonzero(np.einsum("ij,ij->i", offset, offset) <= reaches[k] ** 2)
         p_S = offset[candidates] @ X_WS[k].rotation().matrix().astype(p_W.dtype)
-        near[candidates[solids[k].signed_distance(p_S) <= margin]] = True
+        near[indices[candidates[solids[k].signed_distance(p_S) <= margin]]] = True
     return near
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
@@ -29,7 +30,10 @@ _LARGEST_LAG_MARGIN = 0.06
 """Most that the margin around a moving object grows, m."""
 
 _MOVED, _TURNED = 0.002, 0.004
-"""The cloud in the torso frame is made anew when the torso moved or turned by this, m and rad."""
+"""A frame has moved when it moved or turned by this, m and rad."""
+
+_THUMBNAIL_STEP = 5
+"""Images are told apart by every fifth pixel of every fifth row."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,8 @@ class _Memory:
     Attributes:
         voxels: What was seen.
         time: Of the last image used, s.
+        thumbnail: A few pixels of it.
+        X_WC: The camera's pose for it.
         X_WO: The goal object's last known pose.
         surface: The map's points.
         cloud: The same in W.
@@ -48,6 +54,8 @@ class _Memory:
 
     voxels: VoxelMap
     time: float
+    thumbnail: npt.NDArray[np.uint16]
+    X_WC: RigidTransform
     X_WO: RigidTransform | None
     surface: SurfacePoints
     cloud: PointCloud
@@ -84,7 +92,8 @@ class DepthPointCloudSource(LeafSystem):
     robot's joints, for cutting its own body out) come from a CameraModel and belong to the moment
     of the image. The system looks for a new time stamp every `period` and works only when there is
     one. Images that are empty, of another size, older than the last or dated in the future are
-    passed over. Of the goal object the last pose that was valid is used; its `object_velocity`
+    passed over, and so is one whose pixels are those of the last though the camera has moved: the
+    camera hangs. Of the goal object the last pose that was valid is used; its `object_velocity`
     widens the margin around it while it moves.
 
     `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on
@@ -139,7 +148,17 @@ class DepthPointCloudSource(LeafSystem):
         nothing = to_point_cloud(voxels.surface())
         self._memory = self.DeclareAbstractState(
             Value(
-                _Memory(voxels, -np.inf, None, voxels.surface(), nothing, nothing, RigidTransform())
+                _Memory(
+                    voxels=voxels,
+                    time=-np.inf,
+                    thumbnail=np.zeros(0, np.uint16),
+                    X_WC=RigidTransform(),
+                    X_WO=None,
+                    surface=voxels.surface(),
+                    cloud=nothing,
+                    cloud_torso=nothing,
+                    X_WT=RigidTransform(),
+                )
             )
         )
         state = {self.abstract_state_ticket(self._memory)}
@@ -166,12 +185,7 @@ class DepthPointCloudSource(LeafSystem):
         before = self._get_memory(context)
         memory = self._use_image(context, before)
         X_WT = self._X_WT.Eval(context) if self._X_WT.HasValue(context) else before.X_WT
-        moved = before.X_WT.InvertAndCompose(X_WT)
-        if (
-            memory is not before
-            or np.linalg.norm(moved.translation()) > _MOVED
-            or abs(moved.rotation().ToAngleAxis().angle()) > _TURNED
-        ):
+        if memory is not before or _has_moved(before.X_WT, X_WT):
             memory = replace(
                 memory,
                 X_WT=RigidTransform(X_WT),
@@ -193,6 +207,11 @@ class DepthPointCloudSource(LeafSystem):
         time = float(self._time_stamp.Eval(context)[0])
         if not memory.time < time <= context.get_time():
             return memory
+        image = self._image.Eval(context).data
+        X_WC = RigidTransform(self._X_WC.Eval(context))
+        thumbnail = image[::_THUMBNAIL_STEP, ::_THUMBNAIL_STEP].copy()
+        if np.array_equal(thumbnail, memory.thumbnail) and _has_moved(memory.X_WC, X_WC):
+            return memory
         X_WO = memory.X_WO
         is_known = self._object_pose.HasValue(context) and (
             not self._object_valid.HasValue(context) or self._object_valid.Eval(context)[0] > 0
@@ -201,16 +220,24 @@ class DepthPointCloudSource(LeafSystem):
             X_WO = RigidTransform(self._object_pose.Eval(context))
         voxels = update_obstacles(
             memory.voxels,
-            self._image.Eval(context).data,
+            image,
             time,
-            self._X_WC.Eval(context),
+            X_WC,
             self._intrinsics,
             self._no_obstacles(context, X_WO),
             self._parameters,
         )
         surface = voxels.surface()
-        cloud = to_point_cloud(surface)
-        return replace(memory, voxels=voxels, time=time, X_WO=X_WO, surface=surface, cloud=cloud)
+        return replace(
+            memory,
+            voxels=voxels,
+            time=time,
+            thumbnail=thumbnail,
+            X_WC=X_WC,
+            X_WO=X_WO,
+            surface=surface,
+            cloud=to_point_cloud(surface),
+        )
 
     def _no_obstacles(self, context: Context, X_WO: RigidTransform | None) -> list[NoObstacle]:
         """The robot and the goal object, where they are in the image."""
@@ -242,3 +269,10 @@ class DepthPointCloudSource(LeafSystem):
 
     def _calc_age(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, context.get_time() - self._get_memory(context).time)
+
+
+def _has_moved(X_WF: RigidTransform, X_WG: RigidTransform) -> bool:
+    """Whether two poses of one frame differ by more than the noise of measured joints."""
+    moved = X_WF.InvertAndCompose(X_WG)
+    distance = float(np.linalg.norm(moved.translation()))
+    return distance > _MOVED or abs(moved.rotation().ToAngleAxis().angle()) > _TURNED

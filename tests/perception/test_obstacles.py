@@ -222,3 +222,19 @@ def test_faulty_images_spoil_nothing(standing, fault):
     report = standing.report(after)
     assert report.coverage > 0.97
     assert report.inconsistent_points < 0.002
+
+
+def test_torn_image_leaves_nothing_that_stays(standing):
+    voxels = VoxelMap.empty()
+    for _ in range(3):
+        voxels = standing.look(voxels)
+    first = degrade_depth(standing.rig.depth("CameraDepth"), NEAR, DepthNoise(), seed=0, frame=800)
+    standing.rig.set_positions({"HeadYaw": 0.1})
+    second = degrade_depth(standing.rig.depth("CameraDepth"), NEAR, DepthNoise(), seed=0, frame=801)
+    torn = np.concatenate([second[:120], first[120:]])
+    voxels = standing.look(voxels, image=torn)
+    for _ in range(3):
+        voxels = standing.look(voxels)
+    report = standing.report(voxels)
+    assert report.inconsistent_points < 0.01
+    assert report.coverage > 0.97

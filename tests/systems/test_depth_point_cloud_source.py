@@ -162,6 +162,18 @@ def test_faulty_images_change_nothing(fault):
     np.testing.assert_array_equal(bench.points(), before)
 
 
+def test_camera_that_hangs_while_the_head_turns_adds_nothing():
+    bench = Bench().show(wall(), 0.0)
+    before = bench.points().copy()
+    turned = X_WC @ RigidTransform(RollPitchYaw(0, 0.3, 0), [0, 0, 0])
+    bench.fix("X_WC", turned)
+    bench.show(wall(), 0.2)
+    np.testing.assert_array_equal(bench.points(), before)
+    assert bench.output("time_stamp") == [0.0]
+    bench.show(wall(1001), 0.4)
+    assert len(bench.points()) > len(before)
+
+
 def test_wall_that_moved_leaves_no_ghost():
     bench = Bench()
     for k in range(5):
