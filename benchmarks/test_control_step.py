@@ -56,7 +56,7 @@ def make_controller():
         for name in names:
             builder.Connect(source, system.GetInputPort(name))
 
-    active, goal = constant([1.0]), constant([*primitive.goal, 0.0, 0.0, 0.03])
+    active, goal = constant([1.0]), constant(primitive.goal + np.array([0.0, 0.0, 0.03]))
     canonical = builder.AddSystem(CanonicalSystem(primitive, time_step=TIME_STEP))
     translation = builder.AddSystem(TransformationSystem(primitive, time_step=TIME_STEP))
     rotation = builder.AddSystem(OrientationTransformationSystem(primitive, time_step=TIME_STEP))
