@@ -65,6 +65,13 @@ def make_parser() -> ArgumentParser:
         help="looks at the marker from each distance with each camera (default: %(default)s)",
     )
     parser.add_argument(
+        "--poses",
+        type=int,
+        default=10,
+        help="poses of arms, head and base in which to look for points of Pepper's own body and of "
+        "the goal object (default: %(default)s)",
+    )
+    parser.add_argument(
         "--wrong-goal-frames",
         type=int,
         default=200,
@@ -81,10 +88,10 @@ def make_parser() -> ArgumentParser:
 def main() -> int:
     """Runs the app."""
     options = make_parser().parse_args()
-    if options.frames < 1 or options.samples < 1 or options.wrong_goal_frames < 0:
-        raise InputError(
-            "--frames and --samples must be at least 1, --wrong-goal-frames not negative."
-        )
+    if min(options.frames, options.samples) < 1:
+        raise InputError("--frames and --samples must be at least 1.")
+    if min(options.poses, options.wrong_goal_frames) < 0:
+        raise InputError("--poses and --wrong-goal-frames must not be negative.")
     cli.quiet_libraries()
     # One thread, so that the times in the report are those of one core.
     cv2.setNumThreads(1)
@@ -95,12 +102,18 @@ def main() -> int:
     )
     study = PerceptionStudy(scene, options.seed)
     clouds = {"depth": study.depth(options.frames), "stereo": study.stereo(options.texture)}
+    robot_points, goal_points = study.foreign_points(options.poses)
     samples = _look_at_marker(study, options)
     wrong_goals = look_for_wrong_goals(study, options.wrong_goal_frames, options.seed)
 
     folder: Path = options.output
     folder.mkdir(parents=True, exist_ok=True)
     report = make_report(clouds, samples)
+    report["depth"]["over_poses"] = {
+        "poses": options.poses,
+        "robot_points": robot_points,
+        "goal_points": goal_points,
+    }
     report["goal"]["wrong_goals"] = dataclasses.asdict(wrong_goals)
     report |= {
         "scene": scene.name,
@@ -194,6 +207,12 @@ def summary(report: dict) -> str:
             f"error {1000 * goal['position_error']['median']:.1f} mm (median), "
             f"{1000 * goal['position_error']['percentile_95']:.1f} mm (95 %)   "
             f"{goal['milliseconds']:.1f} ms"
+        )
+    if "over_poses" in report["depth"]:
+        left = report["depth"]["over_poses"]
+        lines.append(
+            f"  left    {left['robot_points']} points of Pepper and {left['goal_points']} of the "
+            f"goal in {left['poses']} poses"
         )
     if "wrong_goals" in goal:
         lines.append(

@@ -1,5 +1,6 @@
 """How well Pepper sees a scene: depth cloud, stereo cloud and goal, against the truth."""
 
+import dataclasses
 import math
 import time
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from pepper_drake.diagrams.camera_rig import CameraRig
+from pepper_drake.models.pepper import clamp_coupled_limits
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.camera import CAMERA_DEPTH, CAMERA_TOP, CameraIntrinsics, HeadCamera
 from pepper_drake.perception.cloud import SurfacePoints
@@ -104,7 +106,14 @@ class PerceptionStudy:
         self._truth = HeadCamera(
             "truth", CAMERA_DEPTH.intrinsics.scaled(2), CAMERA_DEPTH.p_HeadC, 0.0
         )
-        self.rig = CameraRig(scene, (CAMERA_TOP, CAMERA_DEPTH, self._truth, *self._stereo))
+        self._near = HeadCamera(
+            "near",
+            dataclasses.replace(CAMERA_DEPTH.intrinsics, near=0.1),
+            CAMERA_DEPTH.p_HeadC,
+            0.0,
+        )
+        cameras = (CAMERA_TOP, CAMERA_DEPTH, self._truth, self._near, *self._stereo)
+        self.rig = CameraRig(scene, cameras)
         self.marked = MarkedObject.from_scene(scene.goal)
         model = shared_control_model()
         self._robot = RobotSolids(model.plant, model.diagram.scene_graph())
@@ -135,6 +144,49 @@ class PerceptionStudy:
             durations.append(time.perf_counter() - start)
         images: Images = {"color": rig.color(CAMERA_TOP.name)[..., :3], "depth": image}
         return self._study(surface, durations, images)
+
+    def foreign_points(self, poses: int) -> tuple[int, int]:
+        """Counts the robot's and the goal's points left in single depth images.
+
+        The base stands anywhere up to the table, both arms and the head are anywhere before the
+        body, and the camera sees from 0.1 m on, so that it has the arms in view.
+
+        Args:
+            poses: How many poses to look from.
+
+        Returns:
+            Points of the robot and of the goal, over all poses.
+        """
+        rig, rng = self.rig, np.random.default_rng([self._seed, 6])
+        parameters, near = ObstacleParameters(), self._near
+        obstacles = rig.surfaces(rig.scene_models.obstacles)
+        robot_points = goal_points = 0
+        for number in range(poses):
+            rig.set_positions(_draw_pose(rng))
+            image = degrade_depth(
+                rig.depth(near.name), near.intrinsics, DepthNoise(), seed=self._seed, frame=number
+            )
+            voxels = update_obstacles(
+                VoxelMap.empty(),
+                image,
+                0.0,
+                rig.pose(near.name),
+                near.intrinsics,
+                self._ignored(parameters),
+                parameters,
+            )
+            report = evaluate_cloud(
+                voxels.positions,
+                obstacles,
+                np.zeros((0, 3)),
+                rig.surfaces(rig.pepper_bodies()),
+                rig.surfaces([rig.scene_models.goal_object]),
+            )
+            robot_points += report.robot_points
+            goal_points += report.goal_points
+        rig.set_positions(self.scene.robot.positions())
+        self.look(self.head)
+        return robot_points, goal_points
 
     def stereo(self, texture: str = "painted") -> CloudStudy:
         """Studies the stereo pair's cloud of one pair of images.
@@ -272,6 +324,25 @@ class PerceptionStudy:
             rig.surfaces([rig.scene_models.goal_object]),
         )
         return CloudStudy(report, 1000 * float(np.median(durations)), surface, visible, images)
+
+
+def _draw_pose(rng: np.random.Generator) -> dict[str, float]:
+    """Draws joints with the arms before the body, and a place in front of the table."""
+    pose = {
+        "BaseX": rng.uniform(0, 0.4),
+        "BaseYaw": rng.uniform(-0.3, 0.3),
+        "HeadYaw": rng.uniform(-0.9, 0.9),
+        "HeadPitch": rng.uniform(0, 0.44),
+    }
+    for side, sign in (("L", 1), ("R", -1)):
+        pose |= {
+            f"{side}ShoulderPitch": rng.uniform(-0.3, 1.2),
+            f"{side}ShoulderRoll": sign * rng.uniform(0.02, 0.6),
+            f"{side}ElbowYaw": rng.uniform(-1.5, 1.5),
+            f"{side}ElbowRoll": -sign * rng.uniform(0.02, 1.4),
+            f"{side}WristYaw": rng.uniform(-1.5, 1.5),
+        }
+    return clamp_coupled_limits(pose)
 
 
 def camera_before_marker(

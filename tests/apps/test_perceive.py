@@ -35,7 +35,7 @@ def run(app, monkeypatch, capsys, *arguments):
 def test_it_leaves_a_report_figures_and_a_page(app, monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(app, "_DISTANCES", (0.4, 0.8))
     options = ["--output", tmp_path, "--samples", 1, "--frames", 2, "--seed", 3]
-    options += ["--wrong-goal-frames", 3]
+    options += ["--wrong-goal-frames", 3, "--poses", 1]
     code, out, err = run(app, monkeypatch, capsys, *options)
     assert code == 0
     assert "depth" in out
@@ -43,6 +43,7 @@ def test_it_leaves_a_report_figures_and_a_page(app, monkeypatch, capsys, tmp_pat
     assert "goal" in out
     assert "Traceback" not in err
     report = json.loads((tmp_path / "report.json").read_text())
+    assert report["depth"].pop("over_poses") == {"poses": 1, "robot_points": 0, "goal_points": 0}
     for name in ("depth", "stereo"):
         assert set(report[name]) == {
             "points",
@@ -71,6 +72,7 @@ def test_it_leaves_a_report_figures_and_a_page(app, monkeypatch, capsys, tmp_pat
     [
         (("--scene", "nowhere"), "nowhere"),
         (("--samples", "0"), "at least 1"),
+        (("--poses", "-1"), "negative"),
         (("--texture", "wool"), "wool"),
         (("--frames", "many"), "many"),
     ],

@@ -33,6 +33,12 @@ def test_depth_cloud_keeps_its_promises(study):
     assert report.points == len(depth.surface.positions)
 
 
+def test_neither_pepper_nor_the_goal_is_an_obstacle(study):
+    before = study.rig.pepper_positions()
+    assert study.foreign_points(4) == (0, 0)
+    np.testing.assert_allclose(study.rig.pepper_positions(), before)
+
+
 @pytest.mark.parametrize("texture", ["painted", "pattern"])
 def test_stereo_cloud_keeps_its_promises(study, texture):
     report = study.stereo(texture).report
