@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.learning.approximators import LinearForcingModel
-from pepper_drake.learning.attractor import Attractor
+from pepper_drake.learning.attractor import Attractor, GoalState, node_phases
 from pepper_drake.learning.orientation import OrientationAttractor
 from pepper_drake.learning.phase import PHASE_RATIO, gate, phase_at
 from pepper_drake.learning.scaling import scaled
@@ -272,11 +272,17 @@ def orientation_motion(
         )
         coordinates, rates = turned.positions, turned.velocities
     else:
-        states = [state]
         decays = -np.diff(np.log(motion.phases)) / time_step
-        for phase, decay, tau in zip(motion.phases[:-1], decays, motion.taus[:-1], strict=True):
-            states.append(orientation.advance(states[-1], goal, phase, decay, tau, time_step))
-        coordinates, rates = np.moveaxis(np.array([s.coordinates for s in states]), 1, 0)
+        target = orientation.goal_coordinates(goal)
+        attractor = orientation.attractor
+        nodes = node_phases(motion.phases[:-1], decays, time_step)
+        forcing_at = attractor.forcing(state.coordinates[0], target)
+        forcings = forcing_at(nodes.ravel()).reshape(*nodes.shape, -1)
+        seen = GoalState.at(target)
+        states = [state.coordinates]
+        for forcing, tau in zip(forcings, motion.taus[:-1], strict=True):
+            states.append(attractor.advance(states[-1], seen, forcing, tau, time_step))
+        coordinates, rates = np.moveaxis(np.array(states), 1, 0)
     return (
         orientation.orientation(coordinates, goal),
         orientation.angular_velocity(coordinates, rates),
