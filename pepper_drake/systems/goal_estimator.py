@@ -75,9 +75,10 @@ class GoalEstimator(LeafSystem):
     hangs.
 
     `object_pose` (RigidTransform X_WO) is the pose last handed on: it changes when the estimate
-    moved by more than 3 mm (see GoalFilterParameters), is held while the marker is hidden, and is
-    the identity before the first. `valid` is 1 while there is a goal that was seen within the last
-    `hold_seconds`, else 0. `age` [s] is the time since it was seen; infinite before the first.
+    moved by more than 3 mm or became much surer (see GoalFilterParameters), is held while the
+    marker is hidden, and is the identity before the first. `valid` is 1 while there is a goal that
+    was seen within the last `hold_seconds`, else 0. `age` [s] is the time since it was seen;
+    infinite before the first.
     `position_covariance` is the row-major (3, 3) covariance [m^2] of the object's position in W;
     infinite on its diagonal before the first. `velocity` [m/s] is the object's in W.
 
