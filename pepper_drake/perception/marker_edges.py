@@ -142,9 +142,11 @@ def refine_on_edges(
         p_C = arm + translation
         if p_C[:, 2].min() <= 0:
             return None
-        place = intrinsics.project(p_C)
         # A hundredth of the marker along the normal, as it appears in the image.
-        direction = intrinsics.project(p_C + (0.01 * size) * (normals @ R.T)) - place
+        ahead = p_C + (0.01 * size) * (normals @ R.T)
+        both = intrinsics.project(np.concatenate([p_C, ahead]))
+        place = both[: len(p_C)]
+        direction = both[len(p_C) :] - place
         length = np.hypot(direction[:, 0], direction[:, 1])
         direction /= length[:, None]
         reach = np.minimum(_SEARCH_SHARE * 100 / edges.modules * length, _LONGEST_SEARCH)
@@ -157,7 +159,8 @@ def refine_on_edges(
         r = shift[seen]
         weight = np.minimum(1.0, _OUTLIER / np.maximum(np.abs(r), 1e-9))
         information = (J * weight[:, None]).T @ J
-        if not np.linalg.cond(information) < _WORST_CONDITION:
+        eigenvalues = np.linalg.eigvalsh(information)
+        if not eigenvalues[0] * _WORST_CONDITION > eigenvalues[-1]:
             return None
         inverse = np.linalg.inv(information)
         if iteration < iterations:
@@ -184,8 +187,10 @@ def _jacobian(arm: Array, p_C: Array, direction: Array, intrinsics: CameraIntrin
         (N, 6), pixels for each rad about C's axes and m along them.
     """
     scaled = direction * np.array([intrinsics.focal_x, intrinsics.focal_y]) / p_C[:, 2:]
-    by_position = np.column_stack([scaled, -np.einsum("ij,ij->i", scaled, p_C[:, :2]) / p_C[:, 2]])
-    return np.hstack([np.cross(arm, by_position), by_position])
+    x, y, z = arm.T
+    u, v = scaled.T
+    w = -(u * p_C[:, 0] + v * p_C[:, 1]) / p_C[:, 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u, u, v, w], axis=1)
 
 
 def _find_edges(
