@@ -19,8 +19,7 @@ from tqdm import tqdm
 
 from pepper_drake import cli
 from pepper_drake.errors import InputError
-from pepper_drake.models.random_scene import random_scene
-from pepper_drake.models.scene import SCENES, load_scene
+from pepper_drake.models.scene_options import add_scene_options, chosen_scene
 from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_TOP
 from pepper_drake.reporting.perception_figures import (
     draw_clouds,
@@ -38,16 +37,7 @@ _DISTANCES = (0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2)
 def make_parser() -> ArgumentParser:
     """Makes the parser of this app's options."""
     parser = cli.make_parser("perceive", __doc__)
-    scenes = parser.add_mutually_exclusive_group()
-    scenes.add_argument(
-        "--scene",
-        default="table",
-        metavar="NAME|FILE",
-        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: %(default)s)",
-    )
-    scenes.add_argument(
-        "--random-scene", type=cli.seed, metavar="SEED", help="a random scene instead"
-    )
+    add_scene_options(parser)
     parser.add_argument(
         "--texture",
         choices=("painted", "pattern", "none"),
@@ -95,11 +85,7 @@ def main() -> int:
     cli.quiet_libraries()
     # One thread, so that the times in the report are those of one core.
     cv2.setNumThreads(1)
-    scene = (
-        load_scene(options.scene)
-        if options.random_scene is None
-        else random_scene(options.random_scene)
-    )
+    scene = chosen_scene(options)
     study = PerceptionStudy(scene, options.seed)
     clouds = {"depth": study.depth(options.frames), "stereo": study.stereo(options.texture)}
     robot_points, goal_points = study.foreign_points(options.poses)

@@ -24,8 +24,7 @@ from pepper_drake.diagrams.reach_run import ReachRun, RunOptions, save_result
 from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive, prepare_scene
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
-from pepper_drake.models.random_scene import random_scene
-from pepper_drake.models.scene import SCENES, load_scene
+from pepper_drake.models.scene_options import add_scene_options, chosen_scene
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.scene_picture import save_scene_picture
 
@@ -33,16 +32,7 @@ from pepper_drake.reporting.scene_picture import save_scene_picture
 def make_parser() -> ArgumentParser:
     """Makes the parser of this app's options."""
     parser = cli.make_parser("reach", __doc__)
-    scenes = parser.add_mutually_exclusive_group()
-    scenes.add_argument(
-        "--scene",
-        default="table",
-        metavar="NAME|FILE",
-        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: %(default)s)",
-    )
-    scenes.add_argument(
-        "--random-scene", type=cli.seed, metavar="SEED", help="a random scene instead"
-    )
+    add_scene_options(parser)
     parser.add_argument(
         "--demo",
         type=Path,
@@ -77,11 +67,7 @@ def make_parser() -> ArgumentParser:
 
 def build(options: Namespace) -> Reaching:
     """Builds the diagram that the options ask for."""
-    scene = (
-        load_scene(options.scene)
-        if options.random_scene is None
-        else random_scene(options.random_scene)
-    )
+    scene = chosen_scene(options)
     scene = prepare_scene(scene, arm=options.arm, motion=options.goal_motion)
     if options.coupling is not None:
         scene.coupling = options.coupling
