@@ -117,7 +117,7 @@ class ReachRun:
         self.simulator.Initialize()
         if self._visualizer is not None and options.record:
             self._visualizer.StartRecording(False)
-        started = time.perf_counter()
+        wall = 0.0
         progress = tqdm(
             total=None,
             desc="looking",
@@ -131,13 +131,14 @@ class ReachRun:
             now = self.simulator.get_context().get_time()
             if now >= _LONGEST:
                 break
+            started = time.perf_counter()
             self._advance(now + _SLICE)
+            wall += time.perf_counter() - started
             previous, mode = mode, self.mode()
             if mode == ReachMode.REACHING and previous != mode:
                 self._look_at_cloud()
             progress.set_description(mode.name.lower())
             progress.update(_SLICE)
-        wall = time.perf_counter() - started
         progress.close()
         self._draw_paths()
         html = None

@@ -144,6 +144,7 @@ class PepperStation(Diagram):
         plant, scene_graph = AddMultibodyPlant(
             MultibodyPlantConfig(
                 time_step=config.time_step,
+                contact_model="point",
                 discrete_contact_approximation="sap",
                 use_sampled_output_ports=False,
             ),
