@@ -1,6 +1,7 @@
 """Can the hand get there, and from where? The whole reach, played through before the arm moves."""
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -168,7 +169,7 @@ class ReachPlanner:
         """
         params = self.params
         field = ObstacleField(cloud_W, extension=params.solid_depth)
-        tries: list[Vector] = []
+        tries: list[Iterator[Vector]] = []
         for slack, count in ((params.slack, params.places_with_slack), (0.0, params.places_tried)):
             places = np.array(list(self._places(base_pose, joint_position, X_WO, slack)))
             if not len(places):
@@ -177,16 +178,9 @@ class ReachPlanner:
                     "the goal is higher or lower than the arm can reach",
                     base_pose,
                 )
-            free = self._body_clearances(places, joint_position, field) >= params.body_clearance
-            tries.extend(_spread(places[free], count))
-        if not tries:
-            return ReachPlan(
-                ReachVerdict.NO_STANDING_ROOM,
-                "nowhere near the goal is there room for the robot to stand",
-                base_pose,
-            )
+            tries.append(_spread(self._free(places, joint_position, field), count))
         best: ReachPlan | None = None
-        for pose in tries:
+        for pose in itertools.chain(*tries):
             plan = self.check_reach(
                 base_pose=pose, joint_position=joint_position, X_WO=X_WO, cloud_W=cloud_W
             )
@@ -194,7 +188,12 @@ class ReachPlanner:
                 best = plan
             if plan.verdict == ReachVerdict.CLEAR and plan.clearance >= params.wanted_clearance:
                 break
-        assert best is not None
+        if best is None:
+            return ReachPlan(
+                ReachVerdict.NO_STANDING_ROOM,
+                "nowhere near the goal is there room for the robot to stand",
+                base_pose,
+            )
         return best
 
     def check_reach(
@@ -375,6 +374,16 @@ class ReachPlanner:
         side = 1.0 if self._arm == "left" else -1.0
         return np.array([params.hand_x, side * params.hand_y])
 
+    def _free(
+        self, places: Vector, joint_position: Vector, field: ObstacleField
+    ) -> Iterator[Vector]:
+        """Those of some places where the body has room, a few looked at ahead."""
+        ahead = 12
+        for first in range(0, len(places), ahead):
+            some = places[first : first + ahead]
+            room = self._body_clearances(some, joint_position, field)
+            yield from some[room >= self.params.body_clearance]
+
     def _body_clearances(
         self, base_poses: Vector, joint_position: Vector, field: ObstacleField
     ) -> Vector:
@@ -409,7 +418,7 @@ def _quality(plan: ReachPlan) -> tuple[bool, bool, float]:
     )
 
 
-def _spread(poses: Vector, count: int) -> Iterator[Vector]:
+def _spread(poses: Iterable[Vector], count: int) -> Iterator[Vector]:
     """The first pose, then each next one that differs from all before it, up to `count`."""
     taken: list[Vector] = []
     for pose in poses:
