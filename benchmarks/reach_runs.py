@@ -32,9 +32,10 @@ def run_one(folder: Path, arguments: list[str]) -> dict[str, Any]:
         text=True,
         check=False,
     )
-    if process.returncode not in (cli.EXIT_DONE, cli.EXIT_FAILED):
-        return {"outcome": "error", "reason": process.stderr.strip().splitlines()[-1]}
-    return json.loads((folder / "report.json").read_text())
+    report = folder / "report.json"
+    if process.returncode not in (cli.EXIT_DONE, cli.EXIT_FAILED) or not report.exists():
+        return {"outcome": "error", "reason": (process.stderr.strip() or "no report")[-200:]}
+    return json.loads(report.read_text())
 
 
 def row(name: str, report: dict[str, Any]) -> str:

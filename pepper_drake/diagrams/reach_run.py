@@ -22,7 +22,6 @@ from tqdm import tqdm
 
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.station import PepperStation
-from pepper_drake.errors import PepperDrakeError
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.cloud_points import cloud_points
@@ -88,6 +87,7 @@ class ReachRun:
             system = builder.Build()
         self.simulator = Simulator(system)
         self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
+        self._fault = ""
         self._cloud_W: Vector = np.zeros((0, 3))
         self._cloud_T: Vector = np.zeros((0, 3))
         self._cloud_report = CloudReport()
@@ -134,6 +134,8 @@ class ReachRun:
             started = time.perf_counter()
             self._advance(now + _SLICE)
             wall += time.perf_counter() - started
+            if self._fault:
+                break
             previous, mode = mode, self.mode()
             if mode == ReachMode.REACHING and previous != mode:
                 self._look_at_cloud()
@@ -151,13 +153,12 @@ class ReachRun:
         return ReachResult(self._report(log, wall), log, html)
 
     def _advance(self, time: float) -> None:
+        """Simulates up to a time; keeps what Drake says when its solver finds no step."""
         try:
             self.simulator.AdvanceTo(time)
-        except RuntimeError as error:  # How Drake says that its solver found no step.
+        except RuntimeError as error:
             now = self.simulator.get_context().get_time()
-            raise PepperDrakeError(
-                f"the simulation cannot go on at {now:.2f} s: {str(error).splitlines()[0]}"
-            ) from error
+            self._fault = f"the simulation cannot go on at {now:.2f} s: {error}".splitlines()[0]
 
     def _look_at_cloud(self) -> None:
         """Measures the cloud with which the arm starts, and draws it."""
@@ -286,7 +287,9 @@ class ReachRun:
     def _judge(self, report: ReachReport, mode: ReachMode, reason: str, sentence: str) -> None:
         """Fills in outcome and reason: what the robot says of itself, then what is true."""
         tolerance = self.reaching.config.timing.accepted_position
-        if mode == ReachMode.FAILED:
+        if self._fault:
+            report.reason, report.sentence = "simulation_failed", self._fault
+        elif mode == ReachMode.FAILED:
             report.reason, report.sentence = reason, sentence
         elif mode != ReachMode.DONE:
             report.reason = "timeout"

@@ -123,3 +123,19 @@ def test_a_cloud_is_measured_against_the_true_surfaces():
     report = measure_cloud(station, query, np.array([on, goal, goal, torso]))
     assert (report.points, report.robot_points, report.goal_points) == (4, 1, 2)
     assert measure_cloud(station, query, np.zeros((0, 3))).rms_error is None
+
+
+def test_a_solver_that_gives_up_is_an_outcome_and_not_a_traceback(monkeypatch):
+    scene = load_scene("free")
+    reaching = Reaching(scene, make_primitive(None, scene.arm), None, ReachingConfig())
+    run = ReachRun(reaching, RunOptions(progress=False))
+    run.simulator.AdvanceTo(0.05)
+
+    def give_up(context, state):
+        raise RuntimeError("The SAP solver failed to converge.\nMore about it.")
+
+    monkeypatch.setattr(reaching.supervisor, "_next", give_up)
+    report = run.run().report
+    assert report.outcome == "failed"
+    assert report.reason == "simulation_failed"
+    assert report.sentence.endswith("The SAP solver failed to converge.")
