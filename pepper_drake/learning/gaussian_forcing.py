@@ -63,7 +63,7 @@ class GaussianBasis:
         values, offsets, gate = self._raw(phases)
         size = len(self.centres)
         if self.normalized:
-            gate = gate / (values @ np.ones(size))
+            gate = gate / (values @ self._ones)
         total = values @ weights[:size]
         if self.slopes:
             total = total + (values * offsets) @ weights[size:]
@@ -76,6 +76,10 @@ class GaussianBasis:
         offsets = held[:, None] * slope - shift
         late = phases / held
         return np.exp(offsets * offsets * -0.5), offsets, phases * late * late
+
+    @cached_property
+    def _ones(self) -> Array:
+        return np.ones(len(self.centres))
 
     @cached_property
     def _affine(self) -> tuple[Array, Array, float]:

@@ -88,7 +88,8 @@ def stepped_motion(
             if push is not None:
                 total = total + push / (tau * tau)
         record.append(state, total, phase, tau, push)
-        if (phase <= end).all() or len(record.states) > longest:
+        over = (phase <= end).all() if shape else phase <= end
+        if over or len(record.states) > longest:
             break
         decay = attractor.alpha_x / (tau * (1.0 + slowdown))
         phases = node_phases(phase, decay, time_step)
@@ -165,7 +166,7 @@ class _Obstacles:
             self._followed, state, acceleration, goal.position, self._clearance, tau
         )
         self._distance, self._position = push.distance, state[..., 0, :]
-        self._pushed = bool(push.coupling.any())
+        self._pushed = bool(np.vdot(push.coupling, push.coupling))
         return (push.coupling, push.slowdown) if self._pushed else (None, 0.0)
 
     def _audible(self, state: Array, acceleration: Array) -> bool:
