@@ -27,18 +27,18 @@ class DifferentialIkParams:
              + |P (v - posture_gain (q_nominal - q))|^2
 
     Position comes first: an error of 1 cm/s weighs as much as one of
-    0.01 sqrt(position_weight / orientation_weight) = 0.3 rad/s of direction. The posture term's
+    0.01 sqrt(position_weight / orientation_weight) = 0.45 rad/s of direction. The posture term's
     unit weight is at once the damping near the singular poses: a direction in which the hand
-    hardly moves, |J u| << position_weight^-1/2 = 0.01 m/rad, is left to the posture.
+    hardly moves, |J u| << position_weight^-1/2 = 0.007 m/rad, is left to the posture.
     """
 
     time_step: float = 0.01
     """Period of the controller, s."""
-    position_weight: float = 1e4
+    position_weight: float = 2e4
     orientation_weight: float = 10.0
     posture_gain: float = 5.0
     """Pull to the nominal posture, 1/s."""
-    tracking_gain: float = 0.15
+    tracking_gain: float = 0.3
     """Share of the hand's pose error that is made up for in one tick. The hand's velocity is fed
     forward besides, so that this costs no lag; near one, the acceleration limits of the joint
     commands would turn the loop into an oscillator."""
