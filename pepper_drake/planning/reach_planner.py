@@ -27,6 +27,7 @@ from pepper_drake.planning.differential_ik import (
     make_differential_ik,
 )
 from pepper_drake.planning.joint_command import step_arm_command
+from pepper_drake.planning.movement import Movement
 from pepper_drake.planning.self_clearance import SelfClearance
 
 Vector = npt.NDArray[np.float64]
@@ -89,6 +90,7 @@ class ReachPlan:
         position_error: Of the hand at the end, m.
         clearance: Least distance of the arm to the cloud, m.
         joint_path: (N, 5) the arm's joints, rad, every 10 ms.
+        movement: What was played through, and is to be performed.
     """
 
     verdict: ReachVerdict
@@ -97,6 +99,7 @@ class ReachPlan:
     position_error: float = np.inf
     clearance: float = -np.inf
     joint_path: Vector | None = None
+    movement: Movement | None = None
 
 
 class ReachPlanner:
@@ -241,7 +244,8 @@ class ReachPlanner:
                 f"the arm would come {1000 * clearance:.0f} mm near to what was seen, "
                 f"less than {1000 * params.least_clearance:.0f} mm"
             )
-        return ReachPlan(verdict, sentence, base_pose, error, clearance, joint_path)
+        movement = Movement(self._primitive, self._coupling, self._X_OG)
+        return ReachPlan(verdict, sentence, base_pose, error, clearance, joint_path, movement)
 
     def roll_out(
         self, X_TH: RigidTransform, X_TG: RigidTransform, points_T: Vector
