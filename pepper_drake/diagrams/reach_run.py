@@ -27,7 +27,7 @@ from pepper_drake.models.scene import Scene
 from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.reporting.reach_log import ReachLog
 from pepper_drake.reporting.reach_report import CloudReport, ReachReport, pose_error
-from pepper_drake.systems.reach_supervisor import ReachMode
+from pepper_drake.systems.reach_mode import ReachMode
 
 Vector = npt.NDArray[np.float64]
 

@@ -27,6 +27,11 @@ JOINT_GROUPS: dict[str, tuple[str, ...]] = {
 }
 """The actuated joints, each in exactly one group."""
 
+BODY_JOINTS: tuple[str, ...] = tuple(
+    name for group in ("head", "left_arm", "right_arm", "body") for name in JOINT_GROUPS[group]
+)
+"""The 15 position-controlled joints, in the order of every `joint_*` port."""
+
 POSTURES: dict[str, dict[str, float]] = {
     "stand": {
         "HeadPitch": -0.21,

@@ -16,15 +16,10 @@ from pydrake.planning import (
 )
 from pydrake.systems.framework import Context
 
-from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper
+from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS, add_pepper
 from pepper_drake.perception.solids import RobotSolids
 
 Vector = npt.NDArray[np.float64]
-
-BODY_JOINTS: tuple[str, ...] = tuple(
-    name for group in ("head", "left_arm", "right_arm", "body") for name in JOINT_GROUPS[group]
-)
-"""The 15 position-controlled joints, in the order of every `joint_*` port."""
 
 
 def arm_joints(arm: str) -> tuple[str, ...]:

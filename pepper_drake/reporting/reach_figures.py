@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pepper_drake.reporting.reach_log import ReachLog
-from pepper_drake.systems.reach_supervisor import ReachMode
+from pepper_drake.systems.reach_mode import ReachMode
 
 _MODE_COLORS = {
     ReachMode.LOOKING: "#e8f1fa",

@@ -1,7 +1,6 @@
 """Decides what Pepper does next: look, drive up, reach, hold, or stop and say why."""
 
 from dataclasses import dataclass, replace
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -22,20 +21,9 @@ from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
 from pepper_drake.planning.control_model import BODY_JOINTS
 from pepper_drake.planning.reach_planner import ReachPlanner, ReachVerdict
+from pepper_drake.systems.reach_mode import ReachMode
 
 Vector = npt.NDArray[np.float64]
-
-
-class ReachMode(IntEnum):
-    """What the robot is doing."""
-
-    LOOKING = 0
-    DRIVING = 1
-    SETTLING = 2
-    REACHING = 3
-    HOLDING = 4
-    DONE = 5
-    FAILED = 6
 
 
 @dataclass

@@ -12,7 +12,7 @@ from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.models.scene import load_scene
 from pepper_drake.planning.control_model import shared_control_model
 from pepper_drake.planning.differential_ik import hand_key
-from pepper_drake.systems.reach_supervisor import ReachMode
+from pepper_drake.systems.reach_mode import ReachMode
 
 
 def make_reaching(name, arm):

@@ -6,7 +6,7 @@ import pytest
 from pepper_drake.errors import InputError
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.reach_log import ReachLog
-from pepper_drake.systems.reach_supervisor import ReachMode
+from pepper_drake.systems.reach_mode import ReachMode
 
 
 def make_log(modes, count=200):
