@@ -71,6 +71,8 @@ class StationConfig:
     goal_motion_port: bool = False
     """Whether the goal object's motion comes in by the port `goal_object.desired_state`, and not
     from the path in its scene by the clock."""
+    obstacle_motion_ports: bool = False
+    """Whether the motion of each obstacle that has a path comes in by a port in the same way."""
     stiffness: dict[str, float] = field(default_factory=lambda: dict.fromkeys(JOINT_GROUPS, 1.0))
     """Stiffness of each joint group, from 0 (limp) to 1, as NAOqi has it."""
     proportional_gain: float = 400.0
@@ -92,6 +94,7 @@ class PepperStation(Diagram):
         - camera_bottom.enabled
         - camera_depth.enabled
         - goal_object.desired_state (optional)
+        - applied_forces (optional)
         output_ports:
         - joint_position
         - joint_velocity
@@ -117,13 +120,16 @@ class PepperStation(Diagram):
         - ground_truth.query
         - ground_truth.state
         - ground_truth.body_poses
+        - ground_truth.body_velocities
 
     The joint ports have 15 elements in the order of `BODY_JOINTS` (rad); `base_velocity_command`
     is vx, vy, yaw rate in the base frame; `base_pose` is x, y, yaw in W by odometry. Poses are
     X_WT, X_TH and X_WC, from the measured joints. A camera's image, pose, time stamp (and the
     robot's positions, 18) belong together: all four are of the moment of the capture. Input
     `goal_object.desired_state` (6), the offset in m and its rate, is there when the config asks
-    for it. Only the ports `ground_truth.*` know what a real robot cannot.
+    for it, and so is `NAME.desired_state` of each obstacle that moves. `applied_forces` (list of
+    ExternallyAppliedSpatialForce) is what pulls at the robot from outside. Only the ports
+    `ground_truth.*` know what a real robot cannot.
 
     Attributes:
         plant: The plant with Pepper and the scene.
@@ -155,7 +161,8 @@ class PepperStation(Diagram):
         if config.cameras:
             scene_graph.AddRenderer(RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
         self.pepper: ModelInstanceIndex = add_pepper(plant)
-        self._set_gains(config)
+        for group in JOINT_GROUPS:
+            self.set_stiffness(group, config.stiffness.get(group, 1.0))
         self.scene_models: SceneModels = add_scene(plant, scene)
         plant.Finalize()
         plant.set_name("plant")
@@ -176,6 +183,10 @@ class PepperStation(Diagram):
         builder.ExportOutput(scene_graph.get_query_output_port(), "ground_truth.query")
         builder.ExportOutput(plant.get_state_output_port(), "ground_truth.state")
         builder.ExportOutput(plant.get_body_poses_output_port(), "ground_truth.body_poses")
+        builder.ExportOutput(
+            plant.get_body_spatial_velocities_output_port(), "ground_truth.body_velocities"
+        )
+        builder.ExportInput(plant.get_applied_spatial_force_input_port(), "applied_forces")
         builder.BuildInto(self)
 
     def robot_geometries(self) -> set[GeometryId]:
@@ -201,20 +212,20 @@ class PepperStation(Diagram):
             for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(index))
         }
 
-    def _set_gains(self, config: StationConfig) -> None:
-        """Gives every joint the servo of its group's stiffness."""
-        group_of = {name: group for group, names in JOINT_GROUPS.items() for name in names}
-        for index in self.plant.GetJointActuatorIndices():  # Pepper's: the scene comes later.
-            actuator = self.plant.get_mutable_joint_actuator(index)
-            group = group_of[actuator.joint().name()]
-            stiffness = config.stiffness.get(group, 1.0)
-            firmness, damping = _STRENGTH.get(group, (1.0, 1.0))
-            actuator.set_controller_gains(
-                PdControllerGains(
-                    p=max(firmness * stiffness * config.proportional_gain, 1e-6),
-                    d=damping * config.derivative_gain if stiffness > 0 else 0.3,
-                )
-            )
+    def set_stiffness(self, group: str, stiffness: float) -> None:
+        """Sets the stiffness of a joint group, from 0 (limp) to 1, as NAOqi has it.
+
+        It is the plant's, not a context's: all simulations of this station have it from now on.
+        """
+        config = self.config
+        firmness, damping = _STRENGTH.get(group, (1.0, 1.0))
+        gains = PdControllerGains(
+            p=max(firmness * stiffness * config.proportional_gain, 1e-6),
+            d=damping * config.derivative_gain if stiffness > 0 else 0.3,
+        )
+        for name in JOINT_GROUPS[group]:
+            actuator = self.plant.GetJointActuatorByName(name, self.pepper)
+            self.plant.get_mutable_joint_actuator(actuator.index()).set_controller_gains(gains)
 
     def _set_start(self, scene: Scene) -> None:
         """Makes the scene's robot pose and posture the default of every context."""
@@ -281,7 +292,8 @@ class PepperStation(Diagram):
         """Moves what has a path along it."""
         for moving in self.scene_models.moving:
             desired_state = self.plant.get_desired_state_input_port(moving.model)
-            if self.config.goal_motion_port and moving.name == self.scene_models.goal_object:
+            is_goal = moving.name == self.scene_models.goal_object
+            if self.config.goal_motion_port if is_goal else self.config.obstacle_motion_ports:
                 builder.ExportInput(desired_state, f"{moving.name}.desired_state")
                 continue
             source = builder.AddNamedSystem(
