@@ -60,13 +60,15 @@ class HandGuide(LeafSystem):
         - body_poses
         - body_spatial_velocities
         - guide_pose
-        - guide_velocity
+        - guide_velocity (optional)
+        - holding (optional)
         output_ports:
         - spatial_forces
         - force
 
     The first two inputs are the plant's ports of these names. `guide_pose` is X_WG
-    (RigidTransform), `guide_velocity` V_WG (SpatialVelocity; optional, then zero).
+    (RigidTransform), `guide_velocity` V_WG (SpatialVelocity; optional, then zero). While `holding`
+    (1; optional) is 0 the guide has let go of the hand.
     `spatial_forces` goes to the plant's applied_spatial_force port; `force` (6) is the same as
     torque [N m] and force [N] on H in W. The force is sampled each `time_step` and held, so that
     Python does not run at the plant's rate. Before the first sample it is zero.
@@ -96,6 +98,7 @@ class HandGuide(LeafSystem):
         self.guide_velocity_input = self.DeclareAbstractInputPort(
             "guide_velocity", Value(SpatialVelocity())
         )
+        self.holding_input = self.DeclareVectorInputPort("holding", 1)
         self._force = self.DeclareDiscreteState(6)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
         held = {self.discrete_state_ticket(self._force)}
@@ -108,6 +111,9 @@ class HandGuide(LeafSystem):
         self.force_output = self.DeclareVectorOutputPort("force", 6, self._calc_force, held)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
+        if self.holding_input.HasValue(context) and not self.holding_input.Eval(context)[0]:
+            state.set_value(self._force, np.zeros(6))
+            return
         X_WB = self.body_poses_input.Eval(context)[self._body_index]
         V_WB = self.body_spatial_velocities_input.Eval(context)[self._body_index]
         V_WG = SpatialVelocity.Zero()

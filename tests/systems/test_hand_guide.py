@@ -92,3 +92,22 @@ def test_force_is_held_between_samples():
     assert guide.force_output.Eval(context)[3] == pytest.approx(20)
     (applied,) = guide.spatial_forces_output.Eval(context)
     assert applied.body_index == body.index()
+
+
+def test_a_guide_that_has_let_go_pulls_nothing():
+    plant = MultibodyPlant(0.0)
+    body = plant.AddRigidBody("body", SpatialInertia(1.0, np.zeros(3), UnitInertia(1, 1, 1)))
+    plant.Finalize()
+    guide = HandGuide(body.body_frame(), PARAMS, time_step=0.01)
+    simulator = Simulator(guide)
+    context = simulator.get_mutable_context()
+    still = [SpatialVelocity.Zero()] * 2
+    guide.body_poses_input.FixValue(context, [RigidTransform()] * 2)
+    guide.body_spatial_velocities_input.FixValue(context, still)
+    guide.guide_pose_input.FixValue(context, RigidTransform([0.1, 0.0, 0.0]))
+    guide.holding_input.FixValue(context, [1.0])
+    simulator.AdvanceTo(0.015)
+    np.testing.assert_allclose(guide.force_output.Eval(context), [0, 0, 0, 10.0, 0, 0])
+    guide.holding_input.FixValue(context, [0.0])
+    simulator.AdvanceTo(0.025)
+    np.testing.assert_array_equal(guide.force_output.Eval(context), np.zeros(6))
