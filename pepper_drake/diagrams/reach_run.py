@@ -23,7 +23,7 @@ from tqdm import tqdm
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.models.pepper import hand_frame
-from pepper_drake.models.scene import Scene
+from pepper_drake.models.scene import Scene, save_scene
 from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.reporting.reach_log import ReachLog
 from pepper_drake.reporting.reach_report import CloudReport, ReachReport, pose_error
@@ -53,8 +53,9 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class ReachResult:
-    """What a run gave: its report and its log, and the page that shows it, if it was recorded."""
+    """What a run gave: where, report, log, and the page that shows it, if it was recorded."""
 
+    scene: Scene
     report: ReachReport
     log: ReachLog
     html: str | None
@@ -150,7 +151,7 @@ class ReachRun:
             self._visualizer.PublishRecording()
             html = options.meshcat.StaticHtml()
         log = self._log()
-        return ReachResult(self._report(log, wall), log, html)
+        return ReachResult(self.reaching.scene, self._report(log, wall), log, html)
 
     def _advance(self, time: float) -> None:
         """Simulates up to a time; keeps what Drake says when its solver finds no step."""
@@ -193,6 +194,7 @@ class ReachRun:
             joint_position_rad=self._rows("joint_position"),
             joint_command_rad=self._rows("joint_command"),
             base_pose_m_m_rad=self._rows("base_pose"),
+            object_offset_m=self._object_offsets(),
             hand_position_torso_m=self._rows("hand_position"),
             desired_position_torso_m=self._rows("desired_position"),
             goal_position_torso_m=self._rows("goal_position"),
@@ -205,6 +207,16 @@ class ReachRun:
             cloud_torso_m=self._cloud_T,
             demonstration_m=reaching.planner.demonstrated_path(),
         )
+
+    def _object_offsets(self) -> Vector:
+        """How far each thing that moves is from where it stands in the scene, (N, 3 K)."""
+        station = self.reaching.station
+        columns = [
+            station.plant.GetJointByName(f"{moving.name}_{axis}").position_start()
+            for moving in station.scene_models.moving
+            for axis in "xyz"
+        ]
+        return self._rows("state")[:, columns]
 
     def _true_poses(self, plant_context: Context) -> tuple[RigidTransform, RigidTransform]:
         """The hand's and its goal's true poses in W."""
@@ -253,6 +265,7 @@ class ReachRun:
             seed=reaching.config.station.seed,
             cloud=self._cloud_report,
             simulated_seconds=root.get_time(),
+            planning_seconds=progress.planning_seconds,
             wall_seconds=wall,
             realtime_factor=root.get_time() / wall,
             minimum_clearance=float(log.clearance_m.min()),
@@ -349,8 +362,9 @@ def draw_cloud(meshcat: Meshcat, points_W: Vector) -> None:
 
 
 def save_result(result: ReachResult, folder: Path) -> None:
-    """Writes `report.json`, `log.npz` and, if it was recorded, `recording.html`."""
+    """Writes `report.json`, `scene.yaml`, `log.npz` and, if it was recorded, `recording.html`."""
     folder.mkdir(parents=True, exist_ok=True)
+    save_scene(result.scene, folder / "scene.yaml")
     result.report.save(folder / "report.json")
     result.log.save(folder / "log.npz")
     if result.html is not None:

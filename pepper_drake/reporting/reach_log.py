@@ -9,8 +9,27 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
+from pepper_drake.models.pepper import BODY_JOINTS
 
 Vector = npt.NDArray[np.float64]
+
+_COLUMNS: dict[str, int | None] = {
+    "mode": None,
+    "joint_position_rad": len(BODY_JOINTS),
+    "joint_command_rad": len(BODY_JOINTS),
+    "base_pose_m_m_rad": 3,
+    "object_offset_m": 3,
+    "hand_position_torso_m": 3,
+    "desired_position_torso_m": 3,
+    "goal_position_torso_m": 3,
+    "goal_distance_m": None,
+    "phase": None,
+    "tau_s": None,
+    "coupling_m_per_s2": 3,
+    "clearance_m": None,
+    "seen_clearance_m": None,
+}
+"""Columns of what has a row for each time; None is an array of one dimension."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +42,8 @@ class ReachLog:
         joint_position_rad: (N, 15) measured, in the order of `BODY_JOINTS`.
         joint_command_rad: (N, 15) what the safety monitor passed on.
         base_pose_m_m_rad: (N, 3) x, y, yaw in W.
+        object_offset_m: (N, 3 K) of the K things that move, obstacles in the scene's order and then
+            the goal object: x, y, z in W from where each stands in the scene.
         hand_position_torso_m: (N, 3) measured.
         desired_position_torso_m: (N, 3) the primitive's.
         goal_position_torso_m: (N, 3) estimated.
@@ -41,6 +62,7 @@ class ReachLog:
     joint_position_rad: Vector
     joint_command_rad: Vector
     base_pose_m_m_rad: Vector
+    object_offset_m: Vector
     hand_position_torso_m: Vector
     desired_position_torso_m: Vector
     goal_position_torso_m: Vector
@@ -62,14 +84,35 @@ class ReachLog:
         """Reads what `save` wrote.
 
         Raises:
-            InputError: The file is missing, is no log, or lacks an array.
+            InputError: The file is missing, is no log, lacks an array, or one has another shape.
         """
         try:
             with np.load(path, allow_pickle=False) as data:
-                return cls(**{f.name: data[f.name] for f in fields(cls)})
+                log = cls(**{f.name: data[f.name] for f in fields(cls)})
         except FileNotFoundError:
             raise InputError(f"{path}: there is no such log; run a reach first") from None
         except KeyError as error:
-            raise InputError(f"{path}: {error.args[0]}; record the run again") from None
+            missing = str(error.args[0]).split()[0]
+            raise InputError(f"{path}: the log lacks {missing}; record the run again") from None
         except (ValueError, OSError, EOFError, BadZipFile):
             raise InputError(f"{path}: this is no log of a reach; record the run again") from None
+        log._check(path)
+        return log
+
+    def _check(self, path: Path) -> None:
+        """Raises InputError unless the arrays fit together."""
+        rows = len(self.time_s)
+        if self.time_s.ndim != 1 or rows < 2 or not np.all(np.diff(self.time_s) > 0.0):
+            raise InputError(
+                f"{path}: time_s must hold at least two increasing times; record the run again"
+            )
+        for name, columns in _COLUMNS.items():
+            array = getattr(self, name)
+            wanted = (rows,) if columns is None else (rows, columns)
+            if name == "object_offset_m" and array.ndim == 2 and array.shape[1] % 3 == 0:
+                wanted = (rows, array.shape[1])
+            if array.shape != wanted:
+                raise InputError(
+                    f"{path}: {name} is {array.shape} where {wanted} is expected; "
+                    "record the run again"
+                )

@@ -1,4 +1,4 @@
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ def make_log(modes, count=200):
         joint_position_rad=rng.normal(size=(count, 15)),
         joint_command_rad=rng.normal(size=(count, 15)),
         base_pose_m_m_rad=np.zeros((count, 3)),
+        object_offset_m=rng.normal(size=(count, 3)),
         hand_position_torso_m=hand,
         desired_position_torso_m=hand + 0.001,
         goal_position_torso_m=np.tile(hand[-1], (count, 1)),
@@ -59,6 +60,23 @@ def test_what_is_no_log_is_named(tmp_path, content):
     elif content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError, match=r"log\.npz: .*; (run|record)"):
+        ReachLog.load(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("time_s", np.zeros(200)),
+        ("time_s", np.array([0.0])),
+        ("phase", np.ones(199)),
+        ("joint_position_rad", np.zeros((200, 14))),
+        ("object_offset_m", np.zeros((200, 4))),
+    ],
+)
+def test_arrays_that_do_not_fit_together_are_named(tmp_path, name, wrong):
+    path = tmp_path / "log.npz"
+    replace(make_log(ALL_WELL), **{name: wrong}).save(path)
+    with pytest.raises(InputError, match=rf"log\.npz: {name} .*; record the run again"):
         ReachLog.load(path)
 
 
