@@ -53,6 +53,8 @@ class ReachReport:
     """Time steps (of 20 ms) with a link in contact with an obstacle."""
     tracking_error_rms: float | None = None
     """Root mean square distance between the hand and the primitive's position during the reach."""
+    planning_seconds: float | None = None
+    """Computing time between the robot's arrival and the arm's start."""
     cloud: CloudReport = field(default_factory=CloudReport)
     simulated_seconds: float = 0.0
     wall_seconds: float = 0.0

@@ -1,6 +1,7 @@
 """Decides what Pepper does next: look, drive up, reach, hold, or stop and say why."""
 
 from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,8 @@ class ReachProgress:
         sentence: The same as a sentence.
         still_since: Since when the hand has been at the goal, s; NaN when it is not.
         places: How many places to stand were chosen so far.
+        planning_seconds: Computing time of the last look at the reach from where the robot
+            stands, s: what the arm waited for. The only value here that no seed decides.
     """
 
     mode: ReachMode = ReachMode.LOOKING
@@ -77,6 +80,7 @@ class ReachProgress:
     sentence: str = ""
     still_since: float = np.nan
     places: int = 0
+    planning_seconds: float = np.nan
 
     def __deepcopy__(self, memo: dict) -> "ReachProgress":
         """Returns itself: Drake copies the state at each event, and this never changes."""
@@ -273,7 +277,9 @@ class ReachSupervisor(LeafSystem):
     def _settle(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
         if time - progress.since < self._timing.settling:
             return progress
+        begin = perf_counter()
         plan = self._planner.check_reach(**self._seen(context))
+        progress = replace(progress, planning_seconds=perf_counter() - begin)
         if plan.verdict == ReachVerdict.CLEAR:
             return progress.to(ReachMode.REACHING, time)
         if progress.places < self._timing.places:
