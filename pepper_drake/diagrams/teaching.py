@@ -4,52 +4,53 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.geometry import Meshcat, MeshcatVisualizer
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PdControllerGains
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
+from pepper_drake.diagrams.lone_pepper import LIMP, add_lone_pepper
 from pepper_drake.learning import Demonstration
 from pepper_drake.models.guide import GuideScript
-from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper, arm_group, hand_frame
+from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.models.scene import make_pose
-from pepper_drake.planning.control_model import BODY_JOINTS, ControlModel
 from pepper_drake.systems.hand_guide import HandGuide, HandGuideParams
 from pepper_drake.systems.motion_recorder import MotionRecorder
-from pepper_drake.systems.robot_kinematics import RobotKinematics
 from pepper_drake.systems.scripted_guide import GuidePath, ScriptedGuide
 
-_STIFF = PdControllerGains(p=400.0, d=20.0)
-# Base and trunk carry the guide's pull without giving way.
-_RIGID = PdControllerGains(p=4.0e4, d=2.0e3)
-# NAOqi's stiffness zero: no position control, what is left is the friction of the gears.
-_LIMP = PdControllerGains(p=1e-6, d=0.2)
+_HELD = PdControllerGains(p=40.0, d=3.0)
+"""A person's hold on the joints that are dragged: they follow within the motors' rated efforts."""
 _REST_SPEED, _REST_TURN_RATE = 0.005, 0.06
 """Below these [m/s, rad/s] the hand rests."""
 
 
 class Teaching(Diagram):
-    """Pepper stands, one arm is limp, and a guide pulls its hand; the motion is recorded.
+    """Pepper stands, one arm is free, and a person moves it; the motion is recorded.
 
-    Gravity is compensated on the whole robot; all other joints are held where they start. The base
-    stands at the world's origin. Nothing else is in the world: demonstrations know no obstacles.
+    Either the arm is limp and a guide pulls its hand, or the joints are dragged. Gravity is
+    compensated on the whole robot; all other joints are held where they start. The base stands at
+    the world's origin. Nothing else is in the world: demonstrations know no obstacles.
 
     .. pydrake_system::
 
         name: Teaching
         input_ports:
-        - guide_pose
-        - guide_velocity
+        - guide_pose (guided by the hand)
+        - guide_velocity (guided by the hand; optional)
+        - joint_target (guided by the joints)
         output_ports:
         - hand_pose
+        - torso_pose
         - joint_position
-        - guide_force
+        - guide_force (guided by the hand)
+        - query
 
-    `guide_pose` is X_WG and `guide_velocity` (optional) V_WG; see HandGuide. `hand_pose` is X_TH,
-    `joint_position` (15) is in the order of `BODY_JOINTS`, `guide_force` (6) torque and force on
-    the hand in W.
+    `guide_pose` is X_WG and `guide_velocity` V_WG; see HandGuide. `joint_target` (10) has the
+    angles [rad] to which the arm's joints are dragged, shoulder to wrist, then the angles' rates
+    [rad/s]. `hand_pose` is X_TH, `torso_pose` X_WT; `joint_position` (15) is in the order of
+    `BODY_JOINTS`; `guide_force` (6) torque and force on the hand in W; `query` the geometry.
 
     Attributes:
         plant: The plant with Pepper alone.
@@ -61,6 +62,7 @@ class Teaching(Diagram):
         arm: str,
         positions: Mapping[str, float],
         *,
+        guided_by: str = "hand",
         params: HandGuideParams | None = None,
         time_step: float = 0.002,
         record_period: float = 0.01,
@@ -71,6 +73,7 @@ class Teaching(Diagram):
         Args:
             arm: The arm that is taught, "left" or "right".
             positions: Where every joint starts [rad, m], by name.
+            guided_by: "hand" or "joints".
             params: How firmly the guide holds the hand.
             time_step: The plant's step [s].
             record_period: The recorder's step [s].
@@ -78,82 +81,48 @@ class Teaching(Diagram):
         """
         super().__init__()
         self.arm = arm
-        self._taught = JOINT_GROUPS[arm_group(arm)]
+        taught = JOINT_GROUPS[arm_group(arm)]
+        by_hand = guided_by == "hand"
         builder = DiagramBuilder()
-        plant, scene_graph = self._add_robot(builder, positions, time_step)
+        robot = add_lone_pepper(
+            builder, arm, positions, arm_gains=LIMP if by_hand else _HELD, time_step=time_step
+        )
+        self.plant: MultibodyPlant = robot.plant
+        hand_pose = robot.kinematics.GetOutputPort(f"{arm}_hand_pose")
+        if by_hand:
+            start = [positions[joint] for joint in taught]
+            hold = builder.AddNamedSystem("limp", ConstantVectorSource(np.r_[start, np.zeros(5)]))
+            builder.Connect(hold.get_output_port(), robot.arm_target)
+            self._add_hand_guide(builder, params)
+        else:
+            builder.ExportInput(robot.arm_target, "joint_target")
+
+        self.recorder = builder.AddNamedSystem(
+            "recorder", MotionRecorder(taught, time_step=record_period)
+        )
+        builder.Connect(hand_pose, self.recorder.GetInputPort("hand_pose"))
+        builder.Connect(robot.arm_position, self.recorder.GetInputPort("joint_position"))
+        if meshcat is not None:
+            MeshcatVisualizer.AddToBuilder(builder, robot.scene_graph, meshcat)
+        builder.ExportOutput(hand_pose, "hand_pose")
+        builder.ExportOutput(robot.kinematics.GetOutputPort("torso_pose"), "torso_pose")
+        builder.ExportOutput(robot.joint_position, "joint_position")
+        builder.ExportOutput(robot.scene_graph.get_query_output_port(), "query")
+        builder.BuildInto(self)
+
+    def _add_hand_guide(self, builder: DiagramBuilder, params: HandGuideParams | None) -> None:
+        plant = self.plant
         guide = builder.AddNamedSystem(
-            "hand_guide", HandGuide(plant.GetFrameByName(hand_frame(arm)), params)
+            "hand_guide", HandGuide(plant.GetFrameByName(hand_frame(self.arm)), params)
         )
         builder.Connect(plant.get_body_poses_output_port(), guide.body_poses_input)
         builder.Connect(
             plant.get_body_spatial_velocities_output_port(), guide.body_spatial_velocities_input
         )
         builder.Connect(guide.spatial_forces_output, plant.get_applied_spatial_force_input_port())
-
-        kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(ControlModel()))
-        joints = self._add_selector(builder, "joint_position", BODY_JOINTS)
-        base = self._add_selector(builder, "base_pose", JOINT_GROUPS["base"])
-        builder.Connect(joints, kinematics.joint_position_input)
-        builder.Connect(base, kinematics.base_pose_input)
-        hand_pose = kinematics.GetOutputPort(f"{arm}_hand_pose")
-
-        self.recorder = builder.AddNamedSystem(
-            "recorder", MotionRecorder(self._taught, time_step=record_period)
-        )
-        builder.Connect(hand_pose, self.recorder.GetInputPort("hand_pose"))
-        builder.Connect(
-            self._add_selector(builder, "arm_position", self._taught),
-            self.recorder.GetInputPort("joint_position"),
-        )
-        if meshcat is not None:
-            MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
         builder.ExportInput(guide.guide_pose_input, "guide_pose")
         builder.ExportInput(guide.guide_velocity_input, "guide_velocity")
-        builder.ExportOutput(hand_pose, "hand_pose")
-        builder.ExportOutput(joints, "joint_position")
         builder.ExportOutput(guide.force_output, "guide_force")
-        builder.BuildInto(self)
-
-    def _add_robot(
-        self, builder: DiagramBuilder, positions: Mapping[str, float], time_step: float
-    ) -> tuple[MultibodyPlant, SceneGraph]:
-        """Adds Pepper, the taught arm limp and all other joints held."""
-        plant, scene_graph = AddMultibodyPlant(
-            MultibodyPlantConfig(
-                time_step=time_step,
-                discrete_contact_approximation="sap",
-                use_sampled_output_ports=False,
-            ),
-            builder,
-        )
-        self.plant: MultibodyPlant = plant
-        self._pepper = add_pepper(plant)
-        actuators = [plant.get_mutable_joint_actuator(i) for i in plant.GetJointActuatorIndices()]
-        for actuator in actuators:
-            name = actuator.joint().name()
-            rigid = name in (*JOINT_GROUPS["base"], *JOINT_GROUPS["body"])
-            gains = _LIMP if name in self._taught else _RIGID if rigid else _STIFF
-            actuator.set_controller_gains(gains)
-            plant.GetJointByName(name).set_default_positions([positions[name]])
-        plant.Finalize()
-        targets = [positions[actuator.joint().name()] for actuator in actuators]
-        hold = builder.AddNamedSystem(
-            "held_posture", ConstantVectorSource(np.r_[targets, np.zeros(len(targets))])
-        )
-        builder.Connect(hold.get_output_port(), plant.get_desired_state_input_port(self._pepper))
-        return plant, scene_graph
-
-    def _add_selector(
-        self, builder: DiagramBuilder, name: str, joints: tuple[str, ...]
-    ) -> OutputPort:
-        """Adds what picks the positions of some joints out of the plant's state."""
-        plant = self.plant
-        rows = [plant.GetJointByName(joint).position_start() for joint in joints]
-        selector = builder.AddNamedSystem(
-            name, MatrixGain(D=np.eye(plant.num_multibody_states())[rows])
-        )
-        builder.Connect(plant.get_state_output_port(), selector.get_input_port())
-        return selector.get_output_port()
 
 
 @dataclass(frozen=True)
