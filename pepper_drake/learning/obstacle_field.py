@@ -64,6 +64,11 @@ class ObstacleField:
         )
         self._neighbours = min(_NEIGHBOURS, len(self._solid))
 
+    @property
+    def solid_points(self) -> Array:
+        """(Q, 3) the cloud and what it was extended by [m]."""
+        return self._solid
+
     def distance(self, positions: npt.ArrayLike) -> Array:
         """Returns the distance (...) [m] of positions (..., 3); infinite for an empty cloud."""
         positions = np.asarray(positions, dtype=float)

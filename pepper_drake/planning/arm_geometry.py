@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context
 
 from pepper_drake.learning.obstacle_field import ObstacleField
 from pepper_drake.models.pepper import hand_frame
-from pepper_drake.planning.arm_spheres import arm_link_names, make_link_spheres
+from pepper_drake.planning.arm_kinematics import arm_kinematics
 from pepper_drake.planning.control_model import ControlModel, arm_joints
 
 Vector = npt.NDArray[np.float64]
@@ -22,16 +22,17 @@ class ArmGeometry:
 
     Attributes:
         arm: "left" or "right".
+        kinematics: The same for very many joint positions at once.
         spheres: The arm's spheres, upper arm to hand.
     """
 
     def __init__(self, model: ControlModel, arm: str) -> None:
         self.arm = arm
-        self.spheres = make_link_spheres(model, arm_link_names(arm))
+        self.kinematics = arm_kinematics(model, arm)
+        self.spheres = self.kinematics.spheres
         self._model = model
         self._torso = model.plant.GetFrameByName("torso")
         self._hand = model.plant.GetFrameByName(hand_frame(arm))
-        self._links = [model.plant.GetFrameByName(name) for name in arm_link_names(arm)]
         self._index = model.position_indices(arm_joints(arm))
         self._scratch = threading.local()
 
@@ -51,20 +52,8 @@ class ArmGeometry:
 
     def sphere_centers(self, joint_positions: Vector) -> Vector:
         """Centres (N, S, 3) of the spheres in T, m, for joints (N, 5), rad."""
-        context = self._context()
-        plant = self._model.plant
-        count = len(self._links)
-        rotations = np.empty((len(joint_positions), count, 3, 3))
-        positions = np.empty((len(joint_positions), count, 3))
-        q = np.zeros(plant.num_positions())
-        for n, angles in enumerate(joint_positions):
-            q[self._index] = angles
-            plant.SetPositions(context, q)
-            for k, frame in enumerate(self._links):
-                X_TL = frame.CalcPose(context, self._torso)
-                rotations[n, k] = X_TL.rotation().matrix()
-                positions[n, k] = X_TL.translation()
-        return self.spheres.place(rotations, positions)
+        poses = self.kinematics.poses(joint_positions)
+        return self.kinematics.sphere_centers(poses).transpose(2, 1, 0)
 
     def clearances(self, joint_positions: Vector, field: ObstacleField) -> Vector:
         """Least distance (N,) of the arm's spheres to the obstacles of a field in T, m."""

@@ -42,6 +42,12 @@ class LinkSpheres:
     centers: Vector
     radii: Vector
 
+    def selected(self, chosen: npt.NDArray[np.bool_]) -> "LinkSpheres":
+        """Some of the spheres, (S,) true for each that is kept."""
+        return LinkSpheres(
+            self.link_names, self.link[chosen], self.centers[chosen], self.radii[chosen]
+        )
+
     def place(self, R_TL: Vector, p_TL: Vector) -> Vector:
         """Sphere centres in T.
 

@@ -7,12 +7,19 @@ from pydrake.systems.framework import Context
 
 from pepper_drake.perception.solids import Solid
 from pepper_drake.planning.arm_geometry import ArmGeometry
+from pepper_drake.planning.arm_spheres import LinkSpheres
 from pepper_drake.planning.control_model import ControlModel
+from pepper_drake.planning.placed_solids import PlacedSolids
 
 Vector = npt.NDArray[np.float64]
 
 _WATCHED = ("ForeArm", "wrist")
 """The arm's links that can reach the body; those nearer to the shoulder touch it by design."""
+
+
+def watched_spheres(spheres: LinkSpheres) -> npt.NDArray[np.bool_]:
+    """Which of an arm's spheres (S,) can reach the robot's body."""
+    return np.array([spheres.link_names[k].endswith(_WATCHED) for k in spheres.link])
 
 
 class SelfClearance:
@@ -25,10 +32,9 @@ class SelfClearance:
 
     def __init__(self, model: ControlModel, geometry: ArmGeometry) -> None:
         self._model, self._geometry = model, geometry
-        spheres = geometry.spheres
-        self._watched = np.array([spheres.link_names[k].endswith(_WATCHED) for k in spheres.link])
+        self._watched = watched_spheres(geometry.spheres)
         inspector = model.diagram.scene_graph().model_inspector()
-        arm = {*spheres.link_names, f"{geometry.arm[0].upper()}Shoulder"}
+        arm = {*geometry.spheres.link_names, f"{geometry.arm[0].upper()}Shoulder"}
         self._solids: list[Solid] = []
         self._frames = []
         for index in model.plant.GetBodyIndices(model.model_instance):
@@ -42,6 +48,16 @@ class SelfClearance:
                 )
                 self._frames.append(body.body_frame())
 
+    def body(self, context: Context) -> PlacedSolids:
+        """The body's shapes in T, where the joints of a context of the model's plant put them."""
+        torso = self._model.plant.GetFrameByName("torso")
+        return PlacedSolids(
+            [
+                (solid.shape, frame.CalcPose(context, torso) @ solid.X_FS)
+                for solid, frame in zip(self._solids, self._frames, strict=True)
+            ]
+        )
+
     def __call__(self, context: Context, joint_positions: Vector) -> Vector:
         """Least signed distance at each of the arm's joint positions, m.
 
@@ -54,12 +70,5 @@ class SelfClearance:
             few millimetres from it, has about -5 mm.
         """
         centers = self._geometry.sphere_centers(joint_positions)[:, self._watched]
-        radii = self._geometry.spheres.radii[self._watched]
-        torso = self._model.plant.GetFrameByName("torso")
-        least = np.full(len(joint_positions), np.inf)
-        for solid, frame in zip(self._solids, self._frames, strict=True):
-            X_ST = (frame.CalcPose(context, torso) @ solid.X_FS).inverse()
-            p_S = centers.reshape(-1, 3) @ X_ST.rotation().matrix().T + X_ST.translation()
-            gaps = solid.signed_distance(p_S).reshape(centers.shape[:2]) - radii
-            np.minimum(least, gaps.min(axis=1), out=least)
-        return least
+        gaps = self.body(context).distance(centers) - self._geometry.spheres.radii[self._watched]
+        return gaps.min(axis=1)

@@ -1,0 +1,83 @@
+"""Paths of an arm's joints from one posture to another, as functions of relative time."""
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import BSpline
+
+Vector = npt.NDArray[np.float64]
+
+_DEGREE = 4
+
+
+def minimum_jerk(relative_times: Vector) -> Vector:
+    """The share (N,) of the way at relative times (N,) from 0 to 1: 10 s³ - 15 s⁴ + 6 s⁵."""
+    s = np.clip(relative_times, 0.0, 1.0)
+    return s**3 * (10.0 + s * (6.0 * s - 15.0))
+
+
+def shifted(paths: Vector, start: Vector, goals: Vector) -> Vector:
+    """Paths with another start and other goals.
+
+    The demonstrated path q_d becomes q_d + (1 - m) (q_0 - q_d(0)) + m (q_g - q_d(1)), m of
+    `minimum_jerk`: both ends are met, at the rest at which the demonstration was there.
+
+    Args:
+        paths: (..., N, 5) at even relative times, rad.
+        start: (5,) rad.
+        goals: (..., 5) rad.
+
+    Returns:
+        (..., N, 5).
+    """
+    m = minimum_jerk(np.linspace(0.0, 1.0, paths.shape[-2]))[:, None]
+    before = (start - paths[..., 0, :])[..., None, :]
+    after = (goals - paths[..., -1, :])[..., None, :]
+    return paths + (1.0 - m) * before + m * after
+
+
+@lru_cache(maxsize=8)
+def bumps(count: int, samples: int) -> Vector:
+    """Smooth bumps (samples, count) at even relative times, of peak 1.
+
+    They are B-splines of fourth degree; those that move the ends or the velocity or acceleration
+    there are left out, so that a path to which they are added keeps its start and goal.
+    """
+    inner = count + 6 - _DEGREE
+    knots = np.concatenate((np.zeros(_DEGREE), np.linspace(0, 1, inner + 1), np.ones(_DEGREE)))
+    s = np.linspace(0.0, 1.0, samples)
+    values = BSpline.design_matrix(s, knots, _DEGREE).toarray()[:, 3:-3]
+    values = np.asarray(values / values.max(axis=0), dtype=np.float64)
+    values.setflags(write=False)
+    return values
+
+
+def needed_duration(path: Vector, velocity: Vector, acceleration: Vector) -> float:
+    """The shortest duration [s] in which a path keeps limits, timed as it is.
+
+    Args:
+        path: (N, 5) at even relative times, rad.
+        velocity: (5,) rad/s.
+        acceleration: (5,) rad/s².
+    """
+    step = 1.0 / (len(path) - 1)
+    speed = np.abs(np.diff(path, axis=0)).max(axis=0) / step
+    bend = np.abs(np.diff(path, n=2, axis=0)).max(axis=0) / step**2
+    return float(max((speed / velocity).max(), np.sqrt((bend / acceleration).max())))
+
+
+def evenly_timed(waypoints: Vector, samples: int) -> Vector:
+    """A path (samples, 5) through waypoints (K, 5), K >= 2, at rest at both ends.
+
+    The arm goes along the straight lines between them by minimum jerk of the way; the corners are
+    then rounded by a running mean over a tenth of the time.
+    """
+    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))))
+    share = minimum_jerk(np.linspace(0.0, 1.0, samples)) * way[-1]
+    path = np.stack([np.interp(share, way, column) for column in waypoints.T], axis=1)
+    half = samples // 20
+    padded = np.concatenate((np.repeat(path[:1], half, 0), path, np.repeat(path[-1:], half, 0)))
+    sums = np.cumsum(np.concatenate((np.zeros((1, 5)), padded)), axis=0)
+    smooth = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
+    return shifted(smooth, path[0], path[-1])
