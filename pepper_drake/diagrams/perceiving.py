@@ -1,0 +1,116 @@
+"""What Pepper sees: the goal object, the obstacles as a cloud, and the head that looks there."""
+
+from dataclasses import dataclass
+
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.models.objects import GOAL_OBJECT
+from pepper_drake.models.scene import Scene
+from pepper_drake.perception.goal import MarkedObject
+from pepper_drake.perception.goal_filter import GoalFilterParameters
+from pepper_drake.systems.body_pose import BodyPose
+from pepper_drake.systems.depth_point_cloud_source import DepthPointCloudSource
+from pepper_drake.systems.goal_estimator import GoalEstimator
+from pepper_drake.systems.look_at import LookAt
+
+
+@dataclass(frozen=True, eq=False)
+class Perception:
+    """What was added to a diagram so that Pepper sees.
+
+    Attributes:
+        look_at: Turns the head to the goal.
+        object_pose: The goal object's X_WO.
+        goal_estimator: Finds the goal's marker; None where the goal is known.
+        cloud_source: Sees obstacles; None without cameras.
+    """
+
+    look_at: LookAt
+    object_pose: OutputPort
+    goal_estimator: GoalEstimator | None = None
+    cloud_source: DepthPointCloudSource | None = None
+
+
+def add_perception(builder: DiagramBuilder, scene: Scene, station: PepperStation) -> Perception:
+    """Adds what sees the goal and the obstacles; without cameras the goal's true pose is known."""
+    marked = MarkedObject.from_scene(scene.goal)
+    look_at = builder.AddNamedSystem("look_at", LookAt(marked.X_OM.translation()))
+    builder.Connect(station.GetOutputPort("torso_pose"), look_at.GetInputPort("X_WT"))
+    if not station.config.cameras:
+        body = station.plant.GetBodyByName(GOAL_OBJECT)
+        known = builder.AddNamedSystem("known_goal", BodyPose(body.index()))
+        builder.Connect(station.GetOutputPort("ground_truth.body_poses"), known.body_poses_input)
+        builder.Connect(known.pose_output, look_at.GetInputPort("object_pose"))
+        return Perception(look_at, known.pose_output)
+    estimator = _add_goal_estimator(builder, station, marked, look_at)
+    object_pose = estimator.GetOutputPort("object_pose")
+    source = builder.AddNamedSystem(
+        "cloud_source",
+        DepthPointCloudSource(
+            station.control_model.solids(),
+            marked,
+            intrinsics=station.depth_intrinsics,
+            parameters=station.obstacle_parameters,
+        ),
+    )
+    _connect_camera(
+        builder,
+        station,
+        "camera_depth",
+        source,
+        {
+            "image": "depth_image",
+            "time_stamp": "time_stamp",
+            "pose": "X_WC",
+            "position": "position",
+        },
+    )
+    for port, name in (
+        (object_pose, "object_pose"),
+        (estimator.GetOutputPort("valid"), "object_valid"),
+        (estimator.GetOutputPort("velocity"), "object_velocity"),
+        (station.GetOutputPort("torso_pose"), "X_WT"),
+    ):
+        builder.Connect(port, source.GetInputPort(name))
+    return Perception(look_at, object_pose, estimator, source)
+
+
+def _add_goal_estimator(
+    builder: DiagramBuilder, station: PepperStation, marked: MarkedObject, look_at: LookAt
+) -> GoalEstimator:
+    """Adds the estimator on both colour cameras, of which the head switches on the better one."""
+    estimator = builder.AddNamedSystem(
+        "goal_estimator",
+        GoalEstimator(
+            marked,
+            # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
+            parameters=GoalFilterParameters(hand_on_angle=0.01),
+            expects_noise=station.config.noise,
+        ),
+    )
+    for camera in ("top", "bottom"):
+        ports = {
+            "image": f"color_image_{camera}",
+            "time_stamp": f"time_stamp_{camera}",
+            "pose": f"X_WC_{camera}",
+        }
+        _connect_camera(builder, station, f"camera_{camera}", estimator, ports)
+        builder.Connect(
+            look_at.GetOutputPort(f"{camera}_enabled"),
+            station.GetInputPort(f"camera_{camera}.enabled"),
+        )
+    builder.Connect(estimator.GetOutputPort("object_pose"), look_at.GetInputPort("object_pose"))
+    builder.Connect(estimator.GetOutputPort("valid"), look_at.GetInputPort("valid"))
+    return estimator
+
+
+def _connect_camera(
+    builder: DiagramBuilder,
+    station: PepperStation,
+    camera: str,
+    system: System,
+    ports: dict[str, str],
+) -> None:
+    for port, name in ports.items():
+        builder.Connect(station.GetOutputPort(f"{camera}.{port}"), system.GetInputPort(name))
