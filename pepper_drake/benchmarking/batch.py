@@ -1,0 +1,107 @@
+"""Many runs, each in a process of its own, kept as files: what is there is not run again."""
+
+import multiprocessing
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+
+from pepper_drake import cli
+from pepper_drake.benchmarking.case import Case
+from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.benchmarking.methods import method_named
+
+LONGEST_RUN = 600.0
+"""No run takes longer [s]; one that does is ended and counts as an error."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One method on one case."""
+
+    method: str
+    case: Case
+
+    def file(self, folder: Path) -> Path:
+        """Where the result is kept."""
+        return folder / "results" / self.case.name / f"{self.method}.json"
+
+
+def run_task(task: Task, folder: Path) -> MethodResult:
+    """Runs a task in this process and keeps its result."""
+    begin = time.perf_counter()
+    result = method_named(task.method).run(task.case)
+    result.method, result.case = task.method, task.case.name
+    result.wall_seconds = time.perf_counter() - begin
+    result.save(task.file(folder))
+    return result
+
+
+def run_tasks(
+    tasks: Sequence[Task],
+    folder: Path,
+    *,
+    jobs: int = 1,
+    progress: Callable[[MethodResult], object] = lambda result: None,
+) -> list[MethodResult]:
+    """Runs what has no result yet, and returns the results of all tasks in their order.
+
+    A run that breaks down, or takes too long, is an "error" in the results and disturbs no other;
+    it is tried again the next time.
+
+    Args:
+        tasks: What to run.
+        folder: Where results are kept.
+        jobs: How many runs at the same time.
+        progress: Called with each result, those that were there included.
+
+    Raises:
+        InputError: A file in the folder is no result.
+    """
+    results = {task: MethodResult.load(f) for task in tasks if (f := task.file(folder)).exists()}
+    results = {task: result for task, result in results.items() if result.outcome != "error"}
+    for result in results.values():
+        progress(result)
+    missing = [task for task in tasks if task not in results]
+    # A fresh process for each run, forked from one that has imported everything and done nothing.
+    processes = multiprocessing.get_context("forkserver")
+    processes.set_forkserver_preload([__name__])
+
+    def run(task: Task) -> MethodResult:
+        process = processes.Process(target=_in_process, args=(task, folder))
+        process.start()
+        process.join(LONGEST_RUN)
+        sentence = f"the run ended with exit code {process.exitcode}"
+        if process.is_alive():
+            process.kill()
+            process.join()
+            sentence = f"the run took longer than {LONGEST_RUN:g} s"
+        if task.file(folder).exists():
+            return MethodResult.load(task.file(folder))
+        broken = MethodResult(task.case.name, task.method, reason="broken", sentence=sentence)
+        broken.save(task.file(folder))
+        return broken
+
+    pool = ThreadPoolExecutor(jobs)
+    try:
+        running = {pool.submit(run, task): task for task in missing}
+        for future in as_completed(running):
+            results[running[future]] = future.result()
+            progress(future.result())
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return [results[task] for task in tasks]
+
+
+def _in_process(task: Task, folder: Path) -> None:
+    """Runs a task; what goes wrong becomes its result, for who reads the table."""
+    cli.quiet_libraries()
+    task.file(folder).unlink(missing_ok=True)
+    try:
+        run_task(task, folder)
+    except Exception as error:
+        sentence = f"{type(error).__name__}: {error}".splitlines()[0]
+        MethodResult(task.case.name, task.method, reason="broken", sentence=sentence).save(
+            task.file(folder)
+        )

@@ -1,0 +1,61 @@
+"""What a method is tried on: a scene, and the seed of what is random in its run."""
+
+from dataclasses import dataclass
+
+from pepper_drake.diagrams.reach_setup import prepare_scene
+from pepper_drake.models.random_scene import random_scene
+from pepper_drake.models.scene import Scene, load_scene
+
+
+@dataclass(frozen=True)
+class Case:
+    """One scene with one seed.
+
+    Attributes:
+        seed: Of the random scene, and of the sensors' noise and whatever else is random.
+        scene: A shipped scene's name or a file; left out, the random scene of the seed.
+        moving: Whether an obstacle of the random scene moves during the reach.
+        arm: "left" or "right"; the scene's if left out.
+        goal_motion: How the goal moves; see `prepare_scene`.
+    """
+
+    seed: int
+    scene: str | None = None
+    moving: bool = False
+    arm: str | None = None
+    goal_motion: str | None = None
+
+    def build(self) -> Scene:
+        """Returns the scene.
+
+        Raises:
+            InputError: There is no such scene.
+        """
+        scene = random_scene(self.seed) if self.scene is None else load_scene(self.scene)
+        return prepare_scene(scene, arm=self.arm, motion=self.goal_motion)
+
+    @property
+    def name(self) -> str:
+        """A name for files: `random_17`, `moving_17`, `table_seed_3`, `random_17_left_up`."""
+        if self.scene is None:
+            name = f"{'moving' if self.moving else 'random'}_{self.seed}"
+        else:
+            stem = self.scene.rpartition("/")[2].removesuffix(".yaml")
+            name = f"{stem}_seed_{self.seed}"
+        motion = self.goal_motion and self.goal_motion.rpartition("/")[2].partition(".")[0]
+        return "_".join(word for word in (name, self.arm, motion) if word)
+
+    @property
+    def reach_options(self) -> list[str]:
+        """The options of `reach.py` that give the same scene and the same noise."""
+        which = (
+            ["--random-scene", str(self.seed)] if self.scene is None else ["--scene", self.scene]
+        )
+        options = [*which, "--seed", str(self.seed)]
+        if self.moving:
+            options.append("--moving")
+        if self.arm is not None:
+            options += ["--arm", self.arm]
+        if self.goal_motion is not None:
+            options += ["--goal-motion", self.goal_motion]
+        return options

@@ -1,0 +1,142 @@
+"""One reach in the full diagram, with dynamics, cameras and noise, measured for the benchmark."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import Meshcat
+
+from pepper_drake.benchmarking.case import Case
+from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.benchmarking.metrics import likeness, path_length, rms_jerk
+from pepper_drake.diagrams.reach_run import ReachResult, ReachRun, RunOptions, save_result
+from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.scene import Scene
+from pepper_drake.planning.arm_geometry import ArmGeometry
+from pepper_drake.planning.control_model import (
+    arm_joints,
+    body_indices,
+    shared_control_model,
+)
+from pepper_drake.reporting.reach_log import ReachLog
+from pepper_drake.systems.reach_mode import ReachMode
+
+Array = npt.NDArray[np.float64]
+
+_STARTED = 1e-6
+"""A joint command that differs by this from the one at rest is motion, rad."""
+
+
+@dataclass(frozen=True)
+class DiagramReach:
+    """A reach as `apps/reach.py` does it.
+
+    Attributes:
+        coupling: Name of the obstacle coupling; None for the scene's, "none" to do without.
+        options: The options of `reach.py` that give the same.
+    """
+
+    coupling: str | None = None
+    options: tuple[str, ...] = ()
+
+    def __call__(self, case: Case) -> MethodResult:
+        """Runs the reach, unseen."""
+        scene = case.build()
+        result = ReachRun(self._build(case, scene), RunOptions(progress=False)).run()
+        return measure(result, make_primitive(None, scene.arm), scene.arm)
+
+    def replay(self, case: Case, folder: Path) -> MethodResult:
+        """Runs the reach again and leaves `reach.py`'s folder, `recording.html` with it."""
+        scene = case.build()
+        run = ReachRun(self._build(case, scene), RunOptions(meshcat=Meshcat(), record=True))
+        result = run.run()
+        save_result(result, folder)
+        return measure(result, make_primitive(None, scene.arm), scene.arm)
+
+    def _build(self, case: Case, scene: Scene) -> Reaching:
+        coupling = make_coupling(self.coupling or scene.coupling)
+        config = ReachingConfig(
+            station=StationConfig(
+                seed=case.seed,
+                goal_motion_port=case.goal_motion is not None,
+                obstacle_motion_ports=case.moving,
+            ),
+            safety=coupling is not None,
+        )
+        return Reaching(scene, make_primitive(None, scene.arm), coupling, config)
+
+
+def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> MethodResult:
+    """Takes the benchmark's numbers from a reach's report and log.
+
+    Args:
+        result: Of the reach.
+        primitive: Learned from the demonstration, for likeness.
+        arm: "left" or "right".
+    """
+    report, log = result.report, result.log
+    moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING, ReachMode.DONE))
+    measured = MethodResult(
+        outcome=outcome_of(report.outcome, float(log.clearance_m.min()), bool(moving.any())),
+        reason=report.reason,
+        sentence=report.sentence,
+        planning_seconds=report.planning_seconds,
+        clearance=report.minimum_clearance,
+        closest_pair=report.closest_pair,
+        position_error=report.final_position_error,
+        orientation_error=report.final_orientation_error,
+        wall_seconds=report.wall_seconds,
+    )
+    if not moving.any():
+        return measured
+    measured.first_motion_seconds = first_motion(log, moving, arm, report.planning_seconds)
+    if measured.outcome == "reached":
+        first = int(np.argmax(moving))
+        rested = int(np.argmax(log.mode == ReachMode.HOLDING))
+        step = float(log.time_s[1] - log.time_s[0])
+        measured.duration = float(log.time_s[rested] - log.time_s[first])
+        hand = commanded_hand(log.joint_command_rad[first:], arm)
+        measured.path_length = path_length(hand)
+        measured.jerk = rms_jerk(hand, step)
+        measured.likeness = likeness(primitive, hand, float(log.tau_s[-1]), step)
+    return measured
+
+
+def outcome_of(report_outcome: str, clearance: float, started: bool) -> str:
+    """One of `OUTCOMES`: touching counts before all else.
+
+    Args:
+        report_outcome: "reached" or "failed", as the reach's report has it.
+        clearance: Least true distance to an obstacle over the whole run [m].
+        started: Whether the arm was allowed to start.
+    """
+    if clearance <= 0.0:
+        return "touched"
+    if report_outcome == "reached":
+        return "reached"
+    return "failed" if started else "refused"
+
+
+def first_motion(log: ReachLog, moving: npt.NDArray[np.bool_], arm: str, planning: float) -> float:
+    """Time from when the arm may start to its first command [s].
+
+    The computer's time to plan, while the robot waits, and then the robot's time until a joint of
+    the arm is commanded to move.
+    """
+    first = int(np.argmax(moving))
+    commands = log.joint_command_rad[:, body_indices(arm_joints(arm))]
+    away = np.abs(commands[first:] - commands[first]).max(axis=1) > _STARTED
+    if not away.any():
+        return float("nan")
+    return planning + float(log.time_s[first + int(np.argmax(away))] - log.time_s[first])
+
+
+def commanded_hand(joint_commands: Array, arm: str) -> Array:
+    """The hand's positions (N, 3) in T [m] for commands (N, 15) of all joints [rad]."""
+    geometry = ArmGeometry(shared_control_model(), arm)
+    joints = joint_commands[:, body_indices(arm_joints(arm))]
+    return np.array([geometry.hand_pose(q).translation() for q in joints])

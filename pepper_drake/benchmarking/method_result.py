@@ -1,0 +1,78 @@
+"""What came of one method in one scene."""
+
+import json
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from pepper_drake.errors import InputError
+
+OUTCOMES = ("reached", "touched", "refused", "failed", "error")
+"""What can come of a run: the hand is at its goal and nothing was touched; a link touched an
+obstacle, whatever else happened; it was declined before the arm moved; it ended on the way, or
+elsewhere than at the goal; the run itself broke down."""
+
+
+@dataclass
+class MethodResult:
+    """One run. Lengths in m, angles in rad, times in s; None where there is no such number."""
+
+    case: str = ""
+    method: str = ""
+    """The method's letter."""
+    outcome: str = "error"
+    """One of `OUTCOMES`."""
+    reason: str = ""
+    sentence: str = ""
+    first_motion_seconds: float | None = None
+    """From when the arm may start to its first command: computing time and periods waited."""
+    planning_seconds: float | None = None
+    """All time spent on planning, places to stand included."""
+    duration: float | None = None
+    """From when the arm may start until the hand rests at its goal."""
+    path_length: float | None = None
+    jerk: float | None = None
+    """Root mean square of the commanded hand's [m/s³]."""
+    likeness: float | None = None
+    """Distance to the demonstration, equation 4.1."""
+    clearance: float | None = None
+    """Least true distance between Pepper and an obstacle, cut at 0.1."""
+    closest_pair: str = ""
+    position_error: float | None = None
+    orientation_error: float | None = None
+    wall_seconds: float = 0.0
+
+    def save(self, path: Path) -> None:
+        """Writes the result as JSON, whole or not at all; what is not finite becomes null."""
+        content = {
+            key: None if isinstance(value, float) and not np.isfinite(value) else value
+            for key, value in asdict(self).items()
+        }
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_suffix(".part")
+        unfinished.write_text(json.dumps(content, indent=2) + "\n")
+        unfinished.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Reads what `save` wrote.
+
+        Raises:
+            InputError: The file is not a result.
+        """
+        mend = "remove it and run again"
+        try:
+            content: dict[str, Any] = json.loads(path.read_text())
+            result = cls(**content)
+        except FileNotFoundError:
+            raise InputError(f"{path}: there is no such result") from None
+        except (ValueError, TypeError):
+            raise InputError(
+                f"{path}: this is no result with the fields "
+                f"{', '.join(field.name for field in fields(cls))}; {mend}"
+            ) from None
+        if result.outcome not in OUTCOMES:
+            raise InputError(f'{path}: outcome is "{result.outcome}"; {mend}')
+        return result

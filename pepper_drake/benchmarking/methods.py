@@ -1,0 +1,77 @@
+"""The methods that are compared, by letter."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from pepper_drake.benchmarking.case import Case
+from pepper_drake.benchmarking.diagram_reach import DiagramReach
+from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.errors import InputError
+
+
+class Run(Protocol):
+    """How a method is run."""
+
+    options: tuple[str, ...] | None
+    """The options of `reach.py` that give the same; None if it cannot."""
+
+    def __call__(self, case: Case) -> MethodResult:
+        """Runs the method, unseen."""
+        ...
+
+    def replay(self, case: Case, folder: Path) -> MethodResult:
+        """Runs it again and leaves `recording.html` and what else there is in a folder."""
+        ...
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to reach.
+
+    Attributes:
+        letter: What it is called on the command line.
+        name: What it is called in tables.
+        description: What it is, in a sentence.
+        run: How it is run.
+    """
+
+    letter: str
+    name: str
+    description: str
+    run: Run
+
+
+METHODS: tuple[Method, ...] = (
+    Method(
+        "a",
+        "demonstration as it is",
+        "the primitive without obstacle coupling, and nothing that stops it",
+        DiagramReach(coupling="none", options=("--no-avoidance",)),
+    ),
+    Method(
+        "b",
+        "the report's method",
+        "the hand pushed by the cloud's points, equation 2.7",
+        DiagramReach(coupling="report", options=("--coupling", "report")),
+    ),
+    Method(
+        "c",
+        "ours, reactive",
+        "the barrier around the cloud, no adaptation",
+        DiagramReach(),
+    ),
+)
+
+
+def method_named(letter: str) -> Method:
+    """Returns the method of a letter.
+
+    Raises:
+        InputError: There is none.
+    """
+    for method in METHODS:
+        if method.letter == letter:
+            return method
+    known = ", ".join(f"{m.letter} ({m.name})" for m in METHODS)
+    raise InputError(f'method "{letter}" is unknown; there are {known}')

@@ -1,0 +1,64 @@
+"""Numbers of one hand path: how long, how smooth, how like the demonstration."""
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import savgol_filter
+
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.comparison import trajectory_distance
+
+Array = npt.NDArray[np.float64]
+
+_WINDOW, _ORDER = 15, 5
+"""Of the local polynomials whose third derivative is the jerk: 0.15 s at 100 Hz."""
+
+
+def path_length(positions: Array) -> float:
+    """The length of a path through positions (N, 3) [m]."""
+    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
+
+
+def rms_jerk(positions: Array, time_step: float) -> float:
+    """The root mean square of the jerk of a path (N, 3) [m/s³].
+
+    The jerk is the third derivative of local polynomials (Savitzky and Golay 1964). A path with
+    fewer samples than they need has none: NaN.
+    """
+    if len(positions) < _WINDOW:
+        return float("nan")
+    jerk = savgol_filter(positions, _WINDOW, _ORDER, deriv=3, delta=time_step, axis=0)
+    return float(np.sqrt(np.mean(np.sum(jerk**2, axis=1))))
+
+
+def likeness(
+    primitive: MovementPrimitive, positions: Array, duration: float, time_step: float = 0.01
+) -> float:
+    """How far a path is from what the demonstration would look like here, equation 4.1 [m].
+
+    The demonstrated movement is rolled out from the path's start to its end, with nothing in the
+    way. Both paths are compared at equal fractions of their durations, at as many samples as the
+    demonstration has at that time step; what comes after the path's `duration` is left out.
+
+    Args:
+        primitive: Learned from the demonstration.
+        positions: (N, 3) of the hand, from the moment when it may move [m].
+        duration: Of the movement [s]; what follows is rest.
+        time_step: Of the positions [s].
+    """
+    count = round(primitive.duration / time_step) + 1
+    fractions = np.linspace(0.0, 1.0, count)
+    undisturbed = primitive.rollout(
+        time_step=primitive.duration / (count - 1),
+        start=positions[0],
+        goal=positions[-1],
+        start_velocity=np.zeros(3),
+    )
+    own = undisturbed.times / undisturbed.times[-1]
+    taken = np.arange(len(positions)) * time_step / duration
+    return trajectory_distance(
+        _at(fractions, own, undisturbed.positions), _at(fractions, taken, positions)
+    )
+
+
+def _at(fractions: Array, own: Array, positions: Array) -> Array:
+    return np.stack([np.interp(fractions, own, column) for column in positions.T], axis=1)

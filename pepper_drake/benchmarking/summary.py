@@ -1,0 +1,141 @@
+"""What many runs say together: rates with their uncertainty, and a table."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import binomtest
+
+from pepper_drake.benchmarking.method_result import OUTCOMES, MethodResult
+from pepper_drake.benchmarking.methods import method_named
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How often something happened."""
+
+    count: int
+    total: int
+
+    @property
+    def value(self) -> float:
+        """The share, 0 to 1; NaN of nothing."""
+        return self.count / self.total if self.total else float("nan")
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Wilson's confidence interval of the share."""
+        if not self.total:
+            return 0.0, 1.0
+        found = binomtest(self.count, self.total).proportion_ci(confidence, method="wilson")
+        return float(found.low), float(found.high)
+
+    def __str__(self) -> str:
+        if not self.total:
+            return "-"
+        low, high = self.interval()
+        return f"{100 * self.value:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+
+
+@dataclass(frozen=True)
+class MethodSummary:
+    """One method over all cases that can be solved.
+
+    Attributes:
+        method: Its letter.
+        rates: By outcome, of the cases that can be solved.
+        touched_elsewhere: Of the cases that no method solved.
+        medians: By field of `MethodResult`, over the runs that reached; NaN if none did.
+        first_motion_90: 90th percentile of the time to first motion, s, likewise.
+    """
+
+    method: str
+    rates: dict[str, Rate]
+    touched_elsewhere: Rate
+    medians: dict[str, float]
+    first_motion_90: float
+
+
+_MEDIANS = (
+    "first_motion_seconds",
+    "planning_seconds",
+    "duration",
+    "path_length",
+    "jerk",
+    "likeness",
+    "clearance",
+    "position_error",
+    "orientation_error",
+)
+
+
+def solvable(results: Iterable[MethodResult]) -> set[str]:
+    """The cases that can be solved: some method reached there and touched nothing."""
+    return {result.case for result in results if result.outcome == "reached"}
+
+
+def summarise(results: Sequence[MethodResult]) -> list[MethodSummary]:
+    """Adds up the runs of each method, in the order of the letters."""
+    possible = solvable(results)
+    summaries = []
+    for letter in sorted({result.method for result in results}):
+        mine = [result for result in results if result.method == letter]
+        counted = [result for result in mine if result.case in possible]
+        others = [result for result in mine if result.case not in possible]
+        reached = [result for result in counted if result.outcome == "reached"]
+        waits = _numbers(reached, "first_motion_seconds")
+        summaries.append(
+            MethodSummary(
+                method=letter,
+                rates={
+                    outcome: Rate(sum(r.outcome == outcome for r in counted), len(counted))
+                    for outcome in OUTCOMES
+                },
+                touched_elsewhere=Rate(sum(r.outcome == "touched" for r in others), len(others)),
+                medians={name: _median(_numbers(reached, name)) for name in _MEDIANS},
+                first_motion_90=float(np.percentile(waits, 90)) if waits else float("nan"),
+            )
+        )
+    return summaries
+
+
+def _numbers(results: Iterable[MethodResult], name: str) -> list[float]:
+    """The values of a field that are there."""
+    values = (getattr(result, name) for result in results)
+    return [value for value in values if value is not None and np.isfinite(value)]
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else float("nan")
+
+
+def markdown_table(summaries: Sequence[MethodSummary]) -> str:
+    """The summaries as a table in Markdown that is as readable in a terminal."""
+    header = [
+        *("method", "scenes", "reached", "touched", "refused", "failed"),
+        *("first motion (90 %) [ms]", "way [m]", "jerk [m/s³]", "likeness 4.1 [m]"),
+        "clearance [mm]",
+    ]
+    rows = [
+        [
+            f"{summary.method}: {method_named(summary.method).name}",
+            str(summary.rates["reached"].total),
+            *(str(summary.rates[name]) for name in ("reached", "touched", "refused", "failed")),
+            f"{_number(summary.medians['first_motion_seconds'], 1000, 0)}"
+            f" ({_number(summary.first_motion_90, 1000, 0)})",
+            _number(summary.medians["path_length"], 1, 2),
+            _number(summary.medians["jerk"], 1, 1),
+            _number(summary.medians["likeness"], 1, 3),
+            _number(summary.medians["clearance"], 1000, 0),
+        ]
+        for summary in summaries
+    ]
+    widths = [max(len(row[k]) for row in (header, *rows)) for k in range(len(header))]
+    lines = [
+        " | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        for row in (header, ["-" * width for width in widths], *rows)
+    ]
+    return "".join(f"| {line} |\n" for line in lines)
+
+
+def _number(value: float, factor: float, digits: int) -> str:
+    return f"{factor * value:.{digits}f}" if np.isfinite(value) else "-"

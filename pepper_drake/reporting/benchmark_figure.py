@@ -1,0 +1,87 @@
+"""The reaching benchmark for people who would rather look than read."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.benchmarking.methods import method_named
+from pepper_drake.benchmarking.summary import MethodSummary
+
+_COLORS = {
+    "reached": "#59a14f",
+    "refused": "#bab0ac",
+    "failed": "#f1ce63",
+    "error": "#b07aa1",
+    "touched": "#e15759",
+}
+_PANELS = (
+    ("first_motion_seconds", "time to first motion [s]", "log"),
+    ("path_length", "way of the hand [m]", "linear"),
+    ("jerk", "jerk of the hand, rms [m/s³]", "log"),
+    ("likeness", "likeness, equation 4.1 [m]", "linear"),
+    ("clearance", "least clearance, at most 0.1 [m]", "linear"),
+)
+
+
+def draw_benchmark(
+    summaries: Sequence[MethodSummary], results: Sequence[MethodResult], title: str
+) -> Figure:
+    """Draws what came of each method, and how its runs that reached are spread.
+
+    Args:
+        summaries: Of `summarise`.
+        results: What they were made of.
+        title: Of the figure.
+    """
+    figure = Figure(figsize=(14, 7.5), layout="constrained")
+    figure.suptitle(title)
+    grid = figure.add_gridspec(2, 3)
+    _draw_outcomes(figure.add_subplot(grid[0, 0]), summaries)
+    for index, (name, label, scale) in enumerate(_PANELS, start=1):
+        axes = figure.add_subplot(grid[divmod(index, 3)])
+        rows = [
+            [
+                value
+                for result in results
+                if result.method == summary.method and result.outcome == "reached"
+                if (value := getattr(result, name)) is not None
+            ]
+            for summary in summaries
+        ]
+        axes.boxplot(
+            [values or [np.nan] for values in rows],
+            orientation="horizontal",
+            showfliers=False,
+            medianprops={"color": "tab:orange"},
+        )
+        for height, values in enumerate(rows, start=1):
+            axes.plot(values, np.full(len(values), height), "|", color="tab:blue", alpha=0.4)
+        _label(axes, summaries)
+        axes.set(xlabel=label, xscale=scale)
+        axes.grid(axis="x", alpha=0.3)
+    return figure
+
+
+def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary]) -> None:
+    """Shares of the outcomes as bars, with the confidence interval of what reached."""
+    heights = np.arange(1, len(summaries) + 1)
+    left = np.zeros(len(summaries))
+    for outcome, color in _COLORS.items():
+        shares = np.array([np.nan_to_num(summary.rates[outcome].value) for summary in summaries])
+        if shares.any():
+            axes.barh(heights, shares, left=left, color=color, label=outcome)
+        left += shares
+    for height, summary in zip(heights, summaries, strict=True):
+        axes.plot(summary.rates["reached"].interval(), (height, height), "k-", lw=1.5)
+    _label(axes, summaries)
+    axes.set(xlabel="share of the scenes that can be solved (line: 95 %)", xlim=(0, 1))
+    axes.legend(fontsize=8, loc="lower right")
+
+
+def _label(axes: Axes, summaries: Sequence[MethodSummary]) -> None:
+    names = [f"{summary.method}: {method_named(summary.method).name}" for summary in summaries]
+    axes.set_yticks(np.arange(1, len(names) + 1), names, fontsize=8)
+    axes.invert_yaxis()
