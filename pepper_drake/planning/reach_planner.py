@@ -1,7 +1,6 @@
 """Can the hand get there, and from where? The whole reach, played through before the arm moves."""
 
-import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -172,18 +171,18 @@ class ReachPlanner:
         """
         params = self.params
         field = ObstacleField(cloud_W, extension=params.solid_depth)
-        tries: list[Iterator[Vector]] = []
-        for slack, count in ((params.slack, params.places_with_slack), (0.0, params.places_tried)):
-            places = np.array(list(self._places(base_pose, joint_position, X_WO, slack)))
-            if not len(places):
-                return ReachPlan(
-                    ReachVerdict.OUT_OF_REACH,
-                    "the goal is higher or lower than the arm can reach",
-                    base_pose,
-                )
-            tries.append(_spread(self._free(places, joint_position, field), count))
+        if next(self._places(base_pose, joint_position, X_WO, 0.0), None) is None:
+            return ReachPlan(
+                ReachVerdict.OUT_OF_REACH,
+                "the goal is higher or lower than the arm can reach",
+                base_pose,
+            )
+
+        def has_room(places: Vector) -> npt.NDArray[np.bool_]:
+            return self._body_clearances(places, joint_position, field) >= params.body_clearance
+
         best: ReachPlan | None = None
-        for pose in itertools.chain(*tries):
+        for pose in self.places_to_stand(base_pose, joint_position, X_WO, has_room):
             plan = self.check_reach(
                 base_pose=pose, joint_position=joint_position, X_WO=X_WO, cloud_W=cloud_W
             )
@@ -198,6 +197,26 @@ class ReachPlanner:
                 base_pose,
             )
         return best
+
+    def places_to_stand(
+        self,
+        base_pose: Vector,
+        joint_position: Vector,
+        X_WO: RigidTransform,
+        has_room: Callable[[Vector], npt.NDArray[np.bool_]],
+    ) -> Iterator[Vector]:
+        """Places (3,) from which a reach is tried, x, y, yaw in W, the most comfortable first.
+
+        Args:
+            base_pose: Where the base is.
+            joint_position: (15,) rad.
+            X_WO: The goal object's pose.
+            has_room: Says at which of some places (N, 3) the body has room, (N,).
+        """
+        params = self.params
+        for slack, count in ((params.slack, params.places_with_slack), (0.0, params.places_tried)):
+            places = np.array(list(self._places(base_pose, joint_position, X_WO, slack)))
+            yield from _spread(_free(places, has_room), count)
 
     def check_reach(
         self,
@@ -378,16 +397,6 @@ class ReachPlanner:
         side = 1.0 if self._arm == "left" else -1.0
         return np.array([params.hand_x, side * params.hand_y])
 
-    def _free(
-        self, places: Vector, joint_position: Vector, field: ObstacleField
-    ) -> Iterator[Vector]:
-        """Those of some places where the body has room, a few looked at ahead."""
-        ahead = 12
-        for first in range(0, len(places), ahead):
-            some = places[first : first + ahead]
-            room = self._body_clearances(some, joint_position, field)
-            yield from some[room >= self.params.body_clearance]
-
     def _body_clearances(
         self, base_poses: Vector, joint_position: Vector, field: ObstacleField
     ) -> Vector:
@@ -420,6 +429,14 @@ def _quality(plan: ReachPlan) -> tuple[bool, bool, float]:
         arrives,
         plan.clearance if arrives else -plan.position_error,
     )
+
+
+def _free(places: Vector, has_room: Callable[[Vector], npt.NDArray[np.bool_]]) -> Iterator[Vector]:
+    """Those of some places (N, 3) where there is room, a few looked at ahead."""
+    ahead = 12
+    for first in range(0, len(places), ahead):
+        some = places[first : first + ahead]
+        yield from some[has_room(some)]
 
 
 def _spread(poses: Iterable[Vector], count: int) -> Iterator[Vector]:
