@@ -1,5 +1,6 @@
 """PepperStation: the simulated robot in its scene, with the ports that the real robot has."""
 
+import functools
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -14,8 +15,8 @@ from pydrake.systems.primitives import (
     StateInterpolatorWithDiscreteDerivative,
     TrajectorySource,
 )
-from pydrake.systems.sensors import RgbdSensor
 
+from pepper_drake.diagrams.background_renderer import BackgroundRenderer
 from pepper_drake.diagrams.stereo_camera import StereoCamera
 from pepper_drake.models.objects import SceneModels, add_scene
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper
@@ -25,14 +26,13 @@ from pepper_drake.perception.camera import (
     CAMERA_DEPTH,
     CAMERA_TOP,
     CameraIntrinsics,
-    HeadCamera,
-    make_render_cameras,
 )
 from pepper_drake.perception.noise import ColorNoise, DepthNoise
 from pepper_drake.perception.obstacles import ObstacleParameters
 from pepper_drake.perception.solids import RobotSolids
 from pepper_drake.perception.stereo import STEREO_CLOUD
 from pepper_drake.planning.control_model import BODY_JOINTS, ControlModel
+from pepper_drake.systems.background_sensor import BackgroundSensor
 from pepper_drake.systems.base_servo import BaseServo
 from pepper_drake.systems.camera_model import CameraModel
 from pepper_drake.systems.robot_kinematics import RobotKinematics
@@ -61,6 +61,8 @@ class StationConfig:
     """Whether the cameras exist; without them a run is several times faster."""
     camera_period: float = 0.2
     """Time between images of each camera, s."""
+    camera_latency: float = 0.1
+    """From an image's capture until it is out, s; assumed for images that come over a network."""
     noise: bool = True
     """Whether the cameras have the noise of the real ones."""
     stereo: bool = False
@@ -158,7 +160,7 @@ class PepperStation(Diagram):
         )
         self.plant: MultibodyPlant = plant
         self.scene_graph: SceneGraph = scene_graph
-        if config.cameras:
+        if config.cameras and config.stereo:
             scene_graph.AddRenderer(RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
         self.pepper: ModelInstanceIndex = add_pepper(plant)
         for group in JOINT_GROUPS:
@@ -178,7 +180,7 @@ class PepperStation(Diagram):
         for name in ("robot_position", "torso_pose", *_HAND_PORTS):
             builder.ExportOutput(kinematics.GetOutputPort(name), name)
         if config.cameras:
-            self._add_cameras(builder, kinematics)
+            self._add_cameras(builder, kinematics, scene)
 
         builder.ExportOutput(scene_graph.get_query_output_port(), "ground_truth.query")
         builder.ExportOutput(plant.get_state_output_port(), "ground_truth.state")
@@ -304,65 +306,56 @@ class PepperStation(Diagram):
             )
             builder.Connect(source.get_output_port(), desired_state)
 
-    def _add_cameras(self, builder: DiagramBuilder, kinematics: RobotKinematics) -> None:
-        """Mounts the three cameras on the head."""
-        config = self.config
-        head = self.plant.GetBodyFrameIdOrThrow(self.plant.GetBodyByName("Head").index())
-        plan = [
-            ("camera_top", CAMERA_TOP, "color", 0.0),
-            ("camera_bottom", CAMERA_BOTTOM, "color", 0.0),
-        ]
-        if not config.stereo:
-            plan.append(("camera_depth", CAMERA_DEPTH, "depth", 0.5 * config.camera_period))
-        for number, (name, camera, kind, offset) in enumerate(plan):
-            self._add_camera(builder, kinematics, head, name, camera, kind, offset, number)
-        if config.stereo:
-            self._add_stereo(builder, kinematics, head)
-
-    def _add_camera(
-        self,
-        builder: DiagramBuilder,
-        kinematics: RobotKinematics,
-        head: object,
-        name: str,
-        camera: HeadCamera,
-        kind: str,
-        offset: float,
-        number: int,
+    def _add_cameras(
+        self, builder: DiagramBuilder, kinematics: RobotKinematics, scene: Scene
     ) -> None:
-        config = self.config
-        color_camera, depth_camera = make_render_cameras(camera.intrinsics, RENDERER)
-        sensor = builder.AddNamedSystem(
-            f"{name}_sensor",
-            RgbdSensor(
-                parent_id=head,
-                X_PB=camera.X_HeadC,
-                color_camera=color_camera,
-                depth_camera=depth_camera,
-            ),
+        """Mounts the three cameras on the head."""
+        config, plant = self.config, self.plant
+        half = 0.5 * config.camera_period
+        plan = {
+            "camera_top": (CAMERA_TOP, "color", 0.0),
+            "camera_bottom": (CAMERA_BOTTOM, "color", 0.0),
+        }
+        if not config.stereo:
+            plan["camera_depth"] = (CAMERA_DEPTH, "depth", half)
+        renderer = BackgroundRenderer(
+            scene, {name: (camera, kind) for name, (camera, kind, _) in plan.items()}
         )
-        builder.Connect(self.scene_graph.get_query_output_port(), sensor.query_object_input_port())
-        noise: ColorNoise | DepthNoise
-        if kind == "color":
-            noise = ColorNoise() if config.noise else ColorNoise(sigma=0.0)
-            image = sensor.color_image_output_port()
-        else:
-            noise = DepthNoise() if config.noise else NO_DEPTH_NOISE
-            image = sensor.depth_image_32F_output_port()
-        camera_model = builder.AddNamedSystem(
-            name,
-            CameraModel(
-                camera.intrinsics,
-                kind=kind,
-                period=config.camera_period,
-                offset=offset,
-                noise=noise,
-                seed=3 * config.seed + number,
-                num_positions=self.control_model.plant.num_positions(),
-            ),
+        positions = builder.AddNamedSystem(
+            "true_positions",
+            MatrixGain(D=np.eye(plant.num_positions(), plant.num_multibody_states())),
         )
-        builder.Connect(image, camera_model.get_image_input_port())
-        self._export_camera(builder, kinematics, name, camera_model, f"{kind}_image")
+        builder.Connect(plant.get_state_output_port(), positions.get_input_port())
+        for number, (name, (camera, kind, offset)) in enumerate(plan.items()):
+            sensor = builder.AddNamedSystem(
+                f"{name}_sensor",
+                BackgroundSensor(functools.partial(renderer.render, name), plant.num_positions()),
+            )
+            builder.Connect(positions.get_output_port(), sensor.get_input_port())
+            noise: ColorNoise | DepthNoise
+            if kind == "color":
+                noise = ColorNoise() if config.noise else ColorNoise(sigma=0.0)
+            else:
+                noise = DepthNoise() if config.noise else NO_DEPTH_NOISE
+            camera_model = builder.AddNamedSystem(
+                name,
+                CameraModel(
+                    camera.intrinsics,
+                    kind=kind,
+                    period=config.camera_period,
+                    offset=offset,
+                    latency=config.camera_latency,
+                    background=True,
+                    noise=noise,
+                    seed=3 * config.seed + number,
+                    num_positions=self.control_model.plant.num_positions(),
+                ),
+            )
+            builder.Connect(sensor.get_output_port(), camera_model.get_image_input_port())
+            self._export_camera(builder, kinematics, name, camera_model, f"{kind}_image")
+        if config.stereo:
+            head = plant.GetBodyFrameIdOrThrow(plant.GetBodyByName("Head").index())
+            self._add_stereo(builder, kinematics, head)
 
     def _add_stereo(
         self, builder: DiagramBuilder, kinematics: RobotKinematics, head: object

@@ -1,7 +1,7 @@
 """A camera as the robot has it: its own rate, lens, noise, and a time stamp on every image."""
 
+import functools
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from pydrake.systems.sensors import ImageDepth16U, ImageDepth32F, ImageRgba8U
 from pepper_drake.errors import InputError
 from pepper_drake.perception.camera import CameraIntrinsics
 from pepper_drake.perception.noise import ColorNoise, DepthNoise, degrade_color, degrade_depth
+from pepper_drake.perception.pending_image import PendingImage, Pixels, made, no_image
 
 
 @dataclass(frozen=True)
@@ -28,14 +29,14 @@ class Frame:
     """One captured image with all that was measured when it was taken. Never changed once made.
 
     Attributes:
-        image: (height, width, channels); empty when none was taken yet.
+        image: Pixels (height, width, channels), none when no image was taken yet.
         time: When it was taken, s; minus infinity when none was taken yet.
         number: How many images were taken before it.
         X_WC: The camera's measured pose.
         position: The robot's measured joint positions, (n,).
     """
 
-    image: npt.NDArray[Any]
+    image: PendingImage
     time: float
     number: int
     X_WC: RigidTransform
@@ -43,6 +44,17 @@ class Frame:
 
     def __deepcopy__(self, memo: dict) -> "Frame":
         """Returns itself: Drake copies the state at each event, and a frame never changes."""
+        return self
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """The frame that is out, and the one that was captured last and may still be under way."""
+
+    out: Frame
+    captured: Frame
+
+    def __deepcopy__(self, memo: dict) -> "_Frames":
         return self
 
 
@@ -63,23 +75,30 @@ class CameraModel(LeafSystem):
         - X_WC
         - position
 
-    `image` is an RgbdSensor's `color_image` (ImageRgba8U) or `depth_image_32f` (ImageDepth32F). It
-    is evaluated at captures only, and not at all while `enabled` is zero, so that nothing is
-    rendered that nobody looks at. `X_WC` (RigidTransform) and `position` (the robot's measured
-    joints) are captured with the image and handed on beside it: who uses the image can tell where
-    the camera was when it was taken. A camera whose `X_WC` is unconnected reports the identity.
+    `image` is an RgbdSensor's `color_image` (ImageRgba8U) or `depth_image_32f` (ImageDepth32F), or
+    a BackgroundSensor's PendingImage. It is evaluated at captures only, and not at all while
+    `enabled` is zero, so that nothing is rendered that nobody looks at. `X_WC` (RigidTransform) and
+    `position` (the robot's measured joints) are captured with the image and handed on beside it:
+    who uses the image can tell where the camera was when it was taken. A camera whose `X_WC` is
+    unconnected reports the identity.
 
     `color_image` is an ImageRgba8U, `depth_image` an ImageDepth16U in whole millimetres with 0
     where nothing came back. Before the first capture they are empty (0x0) and `time_stamp` is
     minus infinity. An empty image at the input counts as a dropped frame: the last one stays.
 
-    State: the last frame (abstract). Event: one periodic unrestricted update.
+    An image is out `latency` after its capture, as a real camera's that has to be read out and
+    sent; so long a renderer in the background has time.
+
+    State: the frame that is out and the one captured last (abstract). Events: two periodic
+    unrestricted updates, one to capture and one to hand out.
 
     Args:
         intrinsics: The camera; its distortion is applied to colour images.
         kind: "color" or "depth".
         period: Time between images, s.
         offset: Time of the first image, s.
+        latency: From an image's capture until it is out, s; less than the period.
+        background: Whether the input `image` is a PendingImage.
         noise: The sensor's noise; a ColorNoise or DepthNoise with its defaults when left out.
         seed: Seed of the noise; together with the frame's number it decides the noise.
         num_positions: Size of the input `position`.
@@ -92,6 +111,8 @@ class CameraModel(LeafSystem):
         kind: str,
         period: float = 0.2,
         offset: float = 0.0,
+        latency: float = 0.0,
+        background: bool = False,
         noise: ColorNoise | DepthNoise | None = None,
         seed: int = 0,
         num_positions: int = 0,
@@ -103,28 +124,35 @@ class CameraModel(LeafSystem):
         noise = expected() if noise is None else noise
         if not isinstance(noise, expected):
             raise InputError(f"CameraModel: a {kind} camera takes {expected.__name__} as noise.")
+        if not 0.0 <= latency < period:
+            raise InputError(
+                f"CameraModel: latency {latency} s must be within its period, {period} s."
+            )
         self.intrinsics = intrinsics
         self._noise = noise
         self._seed = seed
         is_color = isinstance(noise, ColorNoise)
         self._image_type = ImageRgba8U if is_color else ImageDepth16U
 
+        self._background = background
+        self._latency = latency
+        rendered = ImageRgba8U() if is_color else ImageDepth32F()
         self._image = self.DeclareAbstractInputPort(
-            "image", Value(ImageRgba8U() if is_color else ImageDepth32F())
+            "image", Value(no_image()) if background else Value(rendered)
         )
         self._X_WC = self.DeclareAbstractInputPort("X_WC", Value(RigidTransform()))
         self._position = self.DeclareVectorInputPort("position", num_positions)
         self._enabled = self.DeclareVectorInputPort("enabled", 1)
 
         none = Frame(
-            np.zeros((0, 0, 4 if is_color else 1), np.uint8 if is_color else np.uint16),
+            no_image(),
             -np.inf,
             0,
             RigidTransform(),
             np.zeros(num_positions),
         )
-        self._frame = self.DeclareAbstractState(Value(none))
-        ticket = {self.abstract_state_ticket(self._frame)}
+        self._frames = self.DeclareAbstractState(Value(_Frames(none, none)))
+        ticket = {self.abstract_state_ticket(self._frames)}
         self._image_out = self.DeclareAbstractOutputPort(
             f"{kind}_image",
             lambda: Value(self._image_type()),
@@ -144,6 +172,8 @@ class CameraModel(LeafSystem):
             "position", num_positions, self._calc_position, prerequisites_of_calc=ticket
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._capture)
+        if latency > 0.0:
+            self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset + latency, self._hand_out)
 
     def get_image_input_port(self) -> InputPort:
         """The rendered image."""
@@ -154,38 +184,59 @@ class CameraModel(LeafSystem):
         return self._image_out
 
     def last_frame(self, context: Context) -> Frame:
-        """Returns the last frame captured in this context."""
-        return context.get_abstract_state(int(self._frame)).get_value()
+        """Returns the last frame that is out in this context."""
+        return self._get_frames(context).out
+
+    def _get_frames(self, context: Context) -> _Frames:
+        return context.get_abstract_state(int(self._frames)).get_value()
 
     def _capture(self, context: Context, state: State) -> EventStatus:
         if self._enabled.HasValue(context) and self._enabled.Eval(context)[0] <= 0:
             return EventStatus.DidNothing()
-        last = self.last_frame(context)
-        pixels: npt.NDArray[Any] = self._image.Eval(context).data
-        if pixels.size == 0:
-            return EventStatus.DidNothing()
-        image: npt.NDArray[Any]
-        if isinstance(self._noise, ColorNoise):
-            image = degrade_color(
-                pixels, self.intrinsics, self._noise, seed=self._seed, frame=last.number
-            )
-        else:
-            image = degrade_depth(
-                pixels[..., 0], self.intrinsics, self._noise, seed=self._seed, frame=last.number
-            )[..., None]
-        image.setflags(write=False)
+        frames = self._get_frames(context)
+        last = frames.captured
+        rendered = self._image.Eval(context)
+        if not self._background:
+            if rendered.size() == 0:
+                return EventStatus.DidNothing()
+            rendered = made(rendered.data)
         frame = Frame(
-            image,
+            rendered.then(functools.partial(self._degrade, number=last.number)),
             context.get_time(),
             last.number + 1,
             RigidTransform(self._X_WC.Eval(context)) if self._X_WC.HasValue(context) else last.X_WC,
             self._position.Eval(context) if self._position.HasValue(context) else last.position,
         )
-        state.get_mutable_abstract_state(int(self._frame)).set_value(frame)
+        state.get_mutable_abstract_state(int(self._frames)).set_value(
+            _Frames(frames.out if self._latency > 0.0 else frame, frame)
+        )
+        return EventStatus.Succeeded()
+
+    def _degrade(self, pixels: Pixels, number: int) -> Pixels:
+        """What the sensor makes of a rendered image; the number decides its noise."""
+        image: Pixels
+        if isinstance(self._noise, ColorNoise):
+            image = degrade_color(
+                pixels, self.intrinsics, self._noise, seed=self._seed, frame=number
+            )
+        else:
+            image = degrade_depth(
+                pixels[..., 0], self.intrinsics, self._noise, seed=self._seed, frame=number
+            )[..., None]
+        image.setflags(write=False)
+        return image
+
+    def _hand_out(self, context: Context, state: State) -> EventStatus:
+        frames = self._get_frames(context)
+        if frames.out is frames.captured:
+            return EventStatus.DidNothing()
+        state.get_mutable_abstract_state(int(self._frames)).set_value(
+            _Frames(frames.captured, frames.captured)
+        )
         return EventStatus.Succeeded()
 
     def _calc_image(self, context: Context, output: Value) -> None:
-        pixels = self.last_frame(context).image
+        pixels = self.last_frame(context).image.pixels()
         image = output.get_mutable_value()
         height, width = pixels.shape[:2]
         if (image.width(), image.height()) != (width, height):

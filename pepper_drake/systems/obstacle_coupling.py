@@ -8,7 +8,7 @@ from pydrake.perception import PointCloud
 from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from pepper_drake.learning.coupling import Coupling, Push, make_coupling
-from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.systems.obstacle_field_cache import ObstacleFieldCache
 
 
 class ObstacleCoupling(LeafSystem):
@@ -59,15 +59,11 @@ class ObstacleCoupling(LeafSystem):
         self.tau_port = self.DeclareVectorInputPort("tau", 1)
         self.active_port = self.DeclareVectorInputPort("active", 1)
 
-        self._field = self.DeclareCacheEntry(
-            "obstacle field",
-            ValueProducer(allocate=lambda: Value({}), calc=self._calc_field),
-            prerequisites_of_calc={self.cloud_port.ticket()},
-        )
+        self._field = ObstacleFieldCache(self, self.cloud_port)
         self._clearance = self.DeclareCacheEntry(
             "clearance at the goal",
             ValueProducer(allocate=lambda: Value({}), calc=self._calc_clearance),
-            prerequisites_of_calc={self._field.ticket(), self.goal_position_port.ticket()},
+            prerequisites_of_calc={self._field.entry.ticket(), self.goal_position_port.ticket()},
         )
         self._push = self.DeclareCacheEntry(
             "push",
@@ -110,19 +106,8 @@ class ObstacleCoupling(LeafSystem):
         push: Push = self._push.Eval(context)["push"]
         return push
 
-    def _calc_field(self, context: Any, value: Any) -> None:
-        points: Any = np.zeros((0, 3), dtype=np.float32)
-        if self.cloud_port.HasValue(context):
-            points = self.cloud_port.Eval(context).xyzs().T
-        entry = value.get_mutable_value()
-        # A source that computes the same cloud again each time costs a comparison, not a tree.
-        content = points.tobytes()
-        if entry.get("content") != content:
-            entry["content"] = content
-            entry["field"] = ObstacleField(points)
-
     def _calc_clearance(self, context: Any, value: Any) -> None:
-        field = self._field.Eval(context)["field"]
+        field = self._field.eval(context)
         goal = self.goal_position_port.Eval(context)
         value.get_mutable_value()["clearance"] = self._coupling.clearance(field, goal)
 
@@ -131,8 +116,8 @@ class ObstacleCoupling(LeafSystem):
             value.get_mutable_value()["push"] = Push(np.zeros(3), np.array(0.0), np.array(np.inf))
             return
         value.get_mutable_value()["push"] = self._coupling.push(
-            self._field.Eval(context)["field"],
-            np.stack((self.position_port.Eval(context), self.velocity_port.Eval(context))),
+            self._field.eval(context),
+            np.array((self.position_port.Eval(context), self.velocity_port.Eval(context))),
             self.nominal_acceleration_port.Eval(context),
             self.goal_position_port.Eval(context),
             self._clearance.Eval(context)["clearance"],

@@ -3,11 +3,10 @@
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
 
-from pepper_drake.learning.obstacle_field import ObstacleField
-from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.planning.arm_geometry import ArmGeometry
+from pepper_drake.systems.obstacle_field_cache import ObstacleFieldCache
 
 
 class SeenClearance(LeafSystem):
@@ -47,26 +46,15 @@ class SeenClearance(LeafSystem):
         time_step: float = 0.04,
     ) -> None:
         super().__init__()
-        self._geometry, self._extension, self._lookahead = geometry, extension, lookahead
+        self._geometry, self._lookahead = geometry, lookahead
         self.cloud_input: InputPort = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
         self.joint_position_input: InputPort = self.DeclareVectorInputPort("joint_position", 5)
         self.joint_velocity_input: InputPort = self.DeclareVectorInputPort("joint_velocity", 5)
         self.active_input: InputPort = self.DeclareVectorInputPort("active", 1)
-        self._field = self.DeclareCacheEntry(
-            "distance field of the cloud",
-            ValueProducer(
-                allocate=lambda: Value[object](ObstacleField(np.zeros((0, 3)))),
-                calc=self._calc_field,
-            ),
-            prerequisites_of_calc={self.cloud_input.ticket()},
-        )
+        self._field = ObstacleFieldCache(self, self.cloud_input, extension)
         self._clearance = self.DeclareDiscreteState([np.inf])
         self.DeclareStateOutputPort("clearance", self._clearance)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
-
-    def _calc_field(self, context: Context, field: Value) -> None:
-        points = cloud_points(self.cloud_input.Eval(context))
-        field.set_value(ObstacleField(points, extension=self._extension))
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         if self.active_input.HasValue(context) and not self.active_input.Eval(context)[0]:
@@ -74,5 +62,5 @@ class SeenClearance(LeafSystem):
             return
         now = self.joint_position_input.Eval(context)
         later = now + self._lookahead * self.joint_velocity_input.Eval(context)
-        clearances = self._geometry.clearances(np.stack((now, later)), self._field.Eval(context))
+        clearances = self._geometry.clearances(np.stack((now, later)), self._field.eval(context))
         discrete_state.set_value(self._clearance, [clearances.min()])

@@ -13,6 +13,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.sensors import ImageDepth16U, ImageRgba8U
 
 from pepper_drake.perception.camera import CameraIntrinsics, HeadCamera
+from pepper_drake.perception.pending_image import made
 from pepper_drake.perception.segmentation import SegmentationParameters
 from pepper_drake.perception.solids import RobotSolids
 from pepper_drake.perception.stereo import StereoParameters, rectify
@@ -94,9 +95,7 @@ class StereoDepth(LeafSystem):
         self._X_WC = self.DeclareAbstractInputPort("X_WC", Value(RigidTransform()))
         self._position = self.DeclareVectorInputPort("position", num_positions)
 
-        none = Frame(
-            np.zeros((0, 0, 1), np.uint16), -np.inf, 0, RigidTransform(), np.zeros(num_positions)
-        )
+        none = Frame(no_image(), -np.inf, 0, RigidTransform(), np.zeros(num_positions))
         self._frame = self.DeclareAbstractState(Value(none))
         state = {self.abstract_state_ticket(self._frame)}
         self.DeclareAbstractOutputPort(
@@ -145,12 +144,12 @@ class StereoDepth(LeafSystem):
             self._segmentation,
         )
         millimetres = np.rint(1000 * view.depth).astype(np.uint16)[..., None]
-        frame = Frame(millimetres, time, last.number + 1, X_WC, position)
+        frame = Frame(made(millimetres), time, last.number + 1, X_WC, position)
         state.get_mutable_abstract_state(int(self._frame)).set_value(frame)
         return EventStatus.Succeeded()
 
     def _calc_image(self, context: Context, output: Value) -> None:
-        pixels = self._get_frame(context).image
+        pixels = self._get_frame(context).image.pixels()
         image = ImageDepth16U(*pixels.shape[1::-1]) if pixels.size else ImageDepth16U()
         if pixels.size:
             image.mutable_data[:] = pixels

@@ -1,3 +1,6 @@
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from pydrake.common.value import Value
@@ -9,6 +12,8 @@ from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 from pepper_drake.errors import InputError
 from pepper_drake.perception.camera import CameraIntrinsics
 from pepper_drake.perception.noise import ColorNoise, DepthNoise, degrade_color, degrade_depth
+from pepper_drake.perception.pending_image import PendingImage
+from pepper_drake.systems.background_sensor import BackgroundSensor
 from pepper_drake.systems.camera_model import CameraModel
 
 INTRINSICS = CameraIntrinsics.from_vertical_fov(32, 24, 0.8, near=0.4, far=8.0)
@@ -156,6 +161,59 @@ def test_two_contexts_of_one_camera_do_not_meet():
     other.AdvanceTo(0.1)
     assert stamp(camera, context) == pytest.approx(0.4)
     assert stamp(camera, camera.GetMyContextFromRoot(other.get_context())) == 0.0
+
+
+def test_a_frame_is_out_after_its_latency_with_what_was_measured_then():
+    simulator, renderer, camera, context = build(period=0.2, latency=0.15)
+    pose = simulator.get_system().GetInputPort("X_WC")
+    root = simulator.get_mutable_context()
+    pose.FixValue(root, RigidTransform([1.0, 0, 0]))
+    simulator.AdvanceTo(0.1)
+    assert renderer.count == 1
+    assert stamp(camera, context) == -np.inf
+    assert camera.get_image_output_port().Eval(context).size() == 0
+    pose.FixValue(root, RigidTransform([2.0, 0, 0]))
+    simulator.AdvanceTo(0.18)
+    assert stamp(camera, context) == 0.0
+    assert camera.get_image_output_port().Eval(context).data[0, 0, 0] == 50
+    X_WC = camera.GetOutputPort("X_WC").Eval(context)
+    np.testing.assert_array_equal(X_WC.translation(), [1, 0, 0])
+    simulator.AdvanceTo(0.34)
+    assert stamp(camera, context) == 0.0
+    simulator.AdvanceTo(0.36)
+    assert stamp(camera, context) == pytest.approx(0.2)
+
+
+def test_images_from_the_background_are_waited_for_when_they_are_looked_at():
+    executor = ThreadPoolExecutor(1)
+    release = threading.Event()
+
+    def render(positions):
+        pixels = np.full((24, 32, 4), int(positions[0]), np.uint8)
+        return PendingImage(executor.submit(lambda: release.wait(10) and pixels), executor)
+
+    builder = DiagramBuilder()
+    sensor = builder.AddSystem(BackgroundSensor(render, 1))
+    noise = ColorNoise(sigma=0.0)
+    camera = builder.AddSystem(
+        CameraModel(INTRINSICS, kind="color", latency=0.1, background=True, noise=noise)
+    )
+    builder.Connect(sensor.get_output_port(), camera.get_image_input_port())
+    builder.ExportInput(sensor.get_input_port(), "positions")
+    simulator = Simulator(builder.Build())
+    root = simulator.get_mutable_context()
+    context = camera.GetMyContextFromRoot(root)
+    simulator.get_system().GetInputPort("positions").FixValue(root, [70.0])
+    simulator.AdvanceTo(0.15)  # Does not wait: nobody looks yet.
+    assert stamp(camera, context) == 0.0
+    release.set()
+    assert camera.get_image_output_port().Eval(context).data[0, 0, 0] == 70
+    executor.shutdown()
+
+
+def test_a_latency_beyond_the_period_is_named():
+    with pytest.raises(InputError, match=r"latency 0\.3 s"):
+        CameraModel(INTRINSICS, kind="color", period=0.2, latency=0.3)
 
 
 def test_bad_kind_and_noise_are_named():

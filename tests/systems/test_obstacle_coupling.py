@@ -55,11 +55,11 @@ def test_without_obstacles_nothing_is_pushed(points):
 def test_the_tree_is_built_once_for_each_cloud(monkeypatch):
     built = []
 
-    def count(points):
+    def count(points, **options):
         built.append(len(points))
-        return ObstacleField(points)
+        return ObstacleField(points, **options)
 
-    monkeypatch.setattr("pepper_drake.systems.obstacle_coupling.ObstacleField", count)
+    monkeypatch.setattr("pepper_drake.systems.obstacle_field_cache.ObstacleField", count)
     system, context = fixed_coupling(np.zeros((4, 3)))
     for x in (0.0, 0.01, 0.02):
         system.position_port.FixValue(context, [x, 0.0, 0.06])
