@@ -75,7 +75,7 @@ class GoalState(NamedTuple):
     @classmethod
     def at(cls, position: Array) -> "GoalState":
         """Returns a goal at rest that the spring sees without delay."""
-        return cls(np.stack((position, np.zeros(len(position)))))
+        return cls(np.array((position, np.zeros(len(position)))))
 
     @property
     def position(self) -> Array:
@@ -91,14 +91,14 @@ class GoalState(NamedTuple):
         """Returns the goal after it was seen; moves under `GOAL_THRESHOLD` are ignored."""
         displacement = position - self.position
         if displacement @ displacement <= GOAL_THRESHOLD**2:
-            return GoalState(np.stack((self.position, velocity)), self.lag)
-        return GoalState(np.stack((position, velocity)), self.delayed - position)
+            return GoalState(np.array((self.position, velocity)), self.lag)
+        return GoalState(np.array((position, velocity)), self.delayed - position)
 
     def later(self, time_step: float, rate: Scalar) -> "GoalState":
         """Returns the goal `time_step` later; `rate` is the attractor's `goal_rate`."""
         position = self.line[0] + self.line[1] * time_step
         lag = None if self.lag is None else self.lag * np.exp(-rate * time_step)
-        return GoalState(np.stack((position, self.line[1])), lag)
+        return GoalState(np.array((position, self.line[1])), lag)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +155,8 @@ class Attractor:
         def forcing(phases: Array) -> Array:
             if weights is None or linear is None:
                 values = model(phases)
+            elif weights.ndim == 2 and phases.ndim == 1:
+                values = linear.with_weights(weights)(phases)  # Without making the features.
             else:
                 values = linear.features(phases.ravel()).reshape(*phases.shape, -1) @ weights
             values = scaled(values, matrix)
@@ -187,7 +189,7 @@ class Attractor:
         """
         seen = goal.line
         if goal.lag is not None:
-            seen = np.stack((goal.delayed, seen[1]))
+            seen = np.array((goal.delayed, seen[1]))
         return acceleration(state, seen, forcing, tau, self.alpha_z)
 
     def advance(

@@ -84,6 +84,9 @@ class ObstacleField:
         positions = np.asarray(positions, dtype=float)
         if self._tree is None:
             return np.full(positions.shape[:-1], np.inf), np.zeros(positions.shape)
+        if positions.ndim == 1:
+            away = positions - self.nearest(positions, _NEIGHBOURS)[0]
+            return _blended_one(away, squared_norm(away))
         indices = self._tree.query(positions, k=range(1, self._neighbours + 1))[1]
         away = positions[..., None, :] - self._solid[indices]
         return _blended(away, squared_norm(away))

@@ -95,7 +95,7 @@ class OrientationAttractor:
     def angular_velocity(self, coordinates: Array, rates: Array) -> Array:
         """Returns the angular velocity (..., 3) [rad/s] of coordinates and their rates."""
         if self.mode == "log_map":
-            return (so3.left_jacobian(coordinates) @ rates[..., None])[..., 0]
+            return so3.angular_velocity(coordinates, rates)
         return so3.angle_rates_to_angular_velocity(coordinates, rates)
 
     def rates(self, coordinates: Array, angular_velocity: Array) -> Array:
@@ -119,15 +119,19 @@ class OrientationAttractor:
         if tau is not None:
             target = self.goal_coordinates(goal)
             rates = self.attractor.start_velocity(coordinates, target, tau)
-        return OrientationState(np.stack((coordinates, rates)), coordinates, goal)
+        return OrientationState(np.array((coordinates, rates)), coordinates, goal)
 
     def pose(self, state: OrientationState) -> tuple[Array, Array]:
         """Returns the orientation (4,) and the angular velocity (3,) [rad/s] of a state."""
-        coordinates, rates = state.coordinates
-        return (
-            self.orientation(coordinates, state.goal),
-            self.angular_velocity(coordinates, rates),
-        )
+        return self.orientation_of(state), self.angular_velocity_of(state)
+
+    def orientation_of(self, state: OrientationState) -> Array:
+        """Returns the orientation (4,) of a state."""
+        return self.orientation(state.coordinates[0], state.goal)
+
+    def angular_velocity_of(self, state: OrientationState) -> Array:
+        """Returns the angular velocity (3,) [rad/s] of a state."""
+        return self.angular_velocity(*state.coordinates)
 
     def advance(
         self,
@@ -170,7 +174,7 @@ class OrientationAttractor:
             return coordinates
         position, rates = coordinates
         moved = self._coordinates_for(position, old_goal, new_goal)
-        return np.stack((moved, self.rates(moved, self.angular_velocity(position, rates))))
+        return np.array((moved, self.rates(moved, self.angular_velocity(position, rates))))
 
     def _coordinates_for(self, coordinates: Array, old_goal: Array, new_goal: Array) -> Array:
         """Returns the coordinates (3,) of the same orientation for another goal."""

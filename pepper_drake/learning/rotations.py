@@ -1,10 +1,13 @@
 """Unit quaternions (w, x, y, z): product, logarithm, exponential, angular velocity, angles.
 
-All functions are vectorised over leading axes. Rotation vectors and angular velocities are
+All functions are vectorised over leading axes; those that run at every tick treat one alone in
+plain numbers, which is many times as fast. Rotation vectors and angular velocities are
 expressed in the frame that the orientation is measured in (not in the body). References: Ude,
 Nemec, Petric, Morimoto 2014, doi:10.1109/ICRA.2014.6907291; Sola 2017, arXiv:1711.02508.
 """
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +22,7 @@ _SMALL = 1e-4
 def multiply(p: npt.ArrayLike, q: npt.ArrayLike) -> Array:
     """Returns the quaternion product p q, (..., 4)."""
     p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
-    if p.ndim == q.ndim == 1:  # Ten times as fast in plain numbers; this runs at every tick.
+    if p.ndim == q.ndim == 1:
         return np.array(_product(p.tolist(), q.tolist()))
     return np.stack(_product(np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)), axis=-1)
 
@@ -43,12 +46,19 @@ def conjugate(q: npt.ArrayLike) -> Array:
 def normalize(q: npt.ArrayLike) -> Array:
     """Returns q divided by its norm, (..., 4)."""
     q = np.asarray(q, dtype=float)
+    if q.ndim == 1:
+        return q / math.sqrt(q.dot(q))
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
 def exp_map(rotation_vector: npt.ArrayLike) -> Array:
     """Returns the quaternion (..., 4) of rotation vectors (..., 3) [rad]."""
     vector = np.asarray(rotation_vector, dtype=float)
+    if vector.ndim == 1:
+        half_angle = 0.5 * math.sqrt(vector.dot(vector))
+        factor = 0.5 * _sinc(half_angle)
+        x, y, z = vector.tolist()
+        return np.array((math.cos(half_angle), factor * x, factor * y, factor * z))
     half = 0.5 * np.linalg.norm(vector, axis=-1, keepdims=True)
     # sin(half) / (2 half), and numpy's sinc is sin(pi x) / (pi x).
     return np.concatenate((np.cos(half), 0.5 * np.sinc(half / np.pi) * vector), axis=-1)
@@ -57,6 +67,15 @@ def exp_map(rotation_vector: npt.ArrayLike) -> Array:
 def log_map(q: npt.ArrayLike) -> Array:
     """Returns the rotation vector (..., 3) [rad] of unit quaternions, at most pi long."""
     q = np.asarray(q, dtype=float)
+    if q.ndim == 1:
+        w, x, y, z = q.tolist()
+        length = math.sqrt(x * x + y * y + z * z)
+        if length < _SMALL:
+            scale = 2.0 + length**2 / 3.0
+        else:
+            scale = 2.0 * math.atan2(length, abs(w)) / length
+        scale = -scale if w < 0.0 else scale
+        return np.array((scale * x, scale * y, scale * z))
     q = np.where(q[..., :1] < 0.0, -q, q)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     half = np.arctan2(sine, q[..., :1])
@@ -72,7 +91,7 @@ def nearest_log(q: npt.ArrayLike, reference: npt.ArrayLike) -> Array:
     that a motion that turns by more than half a turn stays continuous.
     """
     vector = log_map(q)
-    angle = float(np.linalg.norm(vector))
+    angle = math.sqrt(vector.dot(vector))
     reference = np.asarray(reference, dtype=float)
     if angle < _SMALL:
         # The axis is free: whole turns about the reference's own axis are equally valid.
@@ -110,6 +129,32 @@ def left_jacobian(rotation_vector: npt.ArrayLike) -> Array:
     sine = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
     hat = _hat(vector)
     return np.eye(3) + cosine * hat + sine * (hat @ hat)
+
+
+def angular_velocity(rotation_vector: npt.ArrayLike, rates: npt.ArrayLike) -> Array:
+    """Returns the angular velocity (..., 3) [rad/s], J(v) dv/dt; see `left_jacobian`."""
+    vector, rates = np.asarray(rotation_vector, dtype=float), np.asarray(rates, dtype=float)
+    if vector.ndim == rates.ndim == 1:
+        angle = math.sqrt(vector.dot(vector))
+        cosine = 0.5 * _sinc(0.5 * angle) ** 2
+        if angle < _SMALL:
+            sine = 1.0 / 6.0 - angle**2 / 120.0
+        else:
+            sine = (angle - math.sin(angle)) / angle**3
+        v, u = vector.tolist(), rates.tolist()
+        once = _cross(v, u)
+        twice = _cross(v, once)
+        return np.array([u[k] + cosine * once[k] + sine * twice[k] for k in range(3)])
+    return (left_jacobian(vector) @ rates[..., None])[..., 0]
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def _sinc(x: float) -> float:
+    """sin(x) / x."""
+    return math.sin(x) / x if x > _SMALL else 1.0 - x * x / 6.0
 
 
 def inverse_left_jacobian(rotation_vector: npt.ArrayLike) -> Array:

@@ -46,7 +46,7 @@ class Step(NamedTuple):
 
 def make_step(tau: Scalar, time_step: float, alpha_z: float) -> Step:
     """Returns the matrices of a step of `time_step` [s]; tau [s] may be an AutoDiffXd."""
-    if type(tau) is float:
+    if isinstance(tau, float):  # numpy's too.
         return _cached_step(tau, time_step, alpha_z)
     return _make_step(tau, time_step, alpha_z)
 

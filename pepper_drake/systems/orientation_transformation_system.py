@@ -102,19 +102,27 @@ class OrientationTransformationSystem(LeafSystem):
             )
 
         self.orientation_port = output(
-            "orientation", 4, lambda c: self._learned.pose(self._state(c))[0], {state_ticket}
+            "orientation", 4, lambda c: self._learned.orientation_of(self._state(c)), {state_ticket}
         )
         self.angular_velocity_port = output(
-            "angular_velocity", 3, lambda c: self._learned.pose(self._state(c))[1], {state_ticket}
+            "angular_velocity",
+            3,
+            lambda c: self._learned.angular_velocity_of(self._state(c)),
+            {state_ticket},
         )
         cached = {self._next.ticket()}
         self.next_orientation_port = output(
-            "next_orientation", 4, lambda c: self._learned.pose(self._next_state(c))[0], cached
+            "next_orientation",
+            4,
+            lambda c: self._learned.orientation_of(self._next_state(c)),
+            cached,
         )
         self.next_angular_velocity_port = output(
             "next_angular_velocity",
             3,
-            lambda c: self._learned.pose(self._next_state(c))[1] * self.active_port.Eval(c)[0],
+            lambda c: (
+                self._learned.angular_velocity_of(self._next_state(c)) * self.active_port.Eval(c)[0]
+            ),
             cached | {self.active_port.ticket()},
         )
 

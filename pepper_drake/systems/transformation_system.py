@@ -206,7 +206,7 @@ def TransformationSystem_(T: type) -> type:
         def _goal(self, context: Any, state: Any) -> GoalState:
             velocity = self._optional(self.goal_velocity_port, context)
             lag = state[_DELAYED] - state[_GOAL]
-            goal = GoalState(np.stack((state[_GOAL], velocity)), lag)
+            goal = GoalState(np.array((state[_GOAL], velocity)), lag)
             if self._time_step == 0.0:
                 return goal
             return goal.seen(self.goal_position_port.Eval(context), velocity)

@@ -90,3 +90,21 @@ def test_nearest_logarithm_of_whole_turns():
 def test_unwrapped_logarithm_follows_more_than_half_a_turn():
     turn = np.linspace(5.0, 0.0, 200)[:, None] * np.array([0.0, 0.6, 0.8])
     np.testing.assert_allclose(so3.unwrapped_log(so3.exp_map(turn)), turn, atol=1e-12)
+
+
+@given(vectors, vectors)
+def test_one_alone_is_as_in_a_batch(v, rate):
+    q = so3.exp_map(v)
+    np.testing.assert_allclose(so3.exp_map(v[None])[0], q, atol=1e-15)
+    np.testing.assert_allclose(so3.log_map(np.array([q, -q])), [so3.log_map(q)] * 2, atol=1e-13)
+    np.testing.assert_allclose(so3.log_map(-q), so3.log_map(q), atol=1e-13)
+    np.testing.assert_allclose(so3.normalize(2 * q[None])[0], so3.normalize(2 * q), atol=1e-15)
+    batch = so3.angular_velocity(v[None], rate[None])[0]
+    np.testing.assert_allclose(so3.angular_velocity(v, rate), batch, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.0, 0.9e-4, 1.1e-4])
+def test_angular_velocity_of_small_rotations_loses_nothing(size):
+    v, rate = size * np.array([0.6, 0.0, -0.8]), np.array([0.3, -0.2, 0.5])
+    expected = so3.left_jacobian(v) @ rate
+    np.testing.assert_allclose(so3.angular_velocity(v, rate), expected, atol=1e-14)
