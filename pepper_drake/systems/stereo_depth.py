@@ -13,7 +13,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.sensors import ImageDepth16U, ImageRgba8U
 
 from pepper_drake.perception.camera import CameraIntrinsics, HeadCamera
-from pepper_drake.perception.pending_image import made
+from pepper_drake.perception.pending_image import made, no_image
 from pepper_drake.perception.segmentation import SegmentationParameters
 from pepper_drake.perception.solids import RobotSolids
 from pepper_drake.perception.stereo import StereoParameters, rectify
