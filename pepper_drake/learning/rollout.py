@@ -217,15 +217,26 @@ def undisturbed_motions(
     time_step: float,
     steps: int,
 ) -> PathBatch:
-    """Performs S motions with weights (S, K, D) at once; see `undisturbed_motion`."""
+    """Performs S motions with weights (S, K, D) at once; see `undisturbed_motion`.
+
+    Goals and start velocities are (D,), or (S, D): each motion's own.
+    """
     model = attractor.linear_model
     assert model is not None
     step = time_step / tau
-    weights = scaled(weights, attractor.matrix(start, goal))
     number, _, dimensions = weights.shape
     columns = response_matrix(model, steps, step, attractor.alpha_z)
-    rest = _other_causes(attractor, start, goal, start_velocity * tau)
-    stacked = np.concatenate((weights, np.broadcast_to(rest, (number, *rest.shape))), axis=1)
+    rate = start_velocity * tau
+    if goal.ndim == 1:
+        weights = scaled(weights, attractor.matrix(start, goal))
+        rest = _other_causes(attractor, start, goal, rate)
+        rest = np.broadcast_to(rest, (number, *rest.shape))
+    else:
+        own = zip(weights, goal, strict=True)
+        weights = np.stack([scaled(w, attractor.matrix(start, g)) for w, g in own])
+        pairs = zip(goal, rate, strict=True)
+        rest = np.stack([_other_causes(attractor, start, g, v) for g, v in pairs])
+    stacked = np.concatenate((weights, rest), axis=1)
     # Rows of coordinates, not of samples: the result is then a view of the product, not a copy.
     rows = np.moveaxis(stacked, 1, 2).reshape(number * dimensions, -1)
 
@@ -236,7 +247,7 @@ def undisturbed_motions(
         return values
 
     positions = derivative(0)
-    positions += goal
+    positions += goal[..., None, :]
     phases = phase_at(time_grid(steps, step), attractor.alpha_x)
     return PathBatch(
         time_grid(steps, time_step),

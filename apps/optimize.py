@@ -1,0 +1,359 @@
+"""Improve a movement primitive by trying variations of it: the report's algorithm 3, and others.
+
+  optimize.py my_motion/ --goal 0.30 -0.15 0.08         let the hand end at another place (in T)
+  optimize.py my_motion/ --goal-offset 0.06 0.06 0.05   the same, as seen from where it ends now
+  optimize.py primitive.yaml --goal-offset 0 0 0.1 --method cmaes --kernels 8 --updates 30
+  optimize.py my_motion/ --obstacles cloud.txt --cost hand_to_goal=1,hand_to_obstacles=10,jerk=0.01
+  optimize.py my_motion/ --cost my_cost.py:my_function --goal-offset 0 0 0.1
+  optimize.py my_motion/ --cost rating                  you rate each reproduction from 0 to 10
+  optimize.py my_motion/ --goal-offset 0.06 0.06 0.05 --compare   all methods in one figure
+
+The cost is a sum of terms with weights (as above, or in a YAML file), or a function in a Python
+file. Each update tries some variations and moves to what did well. Results: primitive.yaml (the
+cheapest movement found), cost.png (the cost of each update), ways.png, report.json, history.npz.
+Ctrl-C keeps what was done; the same command with --resume goes on, to the same result as if it
+had not been interrupted.
+"""
+
+import json
+import sys
+import time
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from pepper_drake import cli
+from pepper_drake.errors import InputError
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.text_files import write_atomically
+from pepper_drake.optimization.averaging import decay_over
+from pepper_drake.optimization.comparison import compare_methods
+from pepper_drake.optimization.cost import CostFunction, CostWeights, parse_cost
+from pepper_drake.optimization.cost_terms import Task
+from pepper_drake.optimization.fast_rollouts import FastRollouts
+from pepper_drake.optimization.history import History
+from pepper_drake.optimization.methods import METHODS, make_optimizer
+from pepper_drake.optimization.movement_problem import (
+    CLEARANCE,
+    EXPLORATION,
+    load_movement,
+    load_points,
+    make_task,
+    movement_problem,
+)
+from pepper_drake.optimization.parallel import dask_cluster, processes
+from pepper_drake.optimization.parameters import MovementParameters, all_weights, smooth_bumps
+from pepper_drake.optimization.problem import Problem
+from pepper_drake.optimization.ratings import Tutor, rated
+from pepper_drake.optimization.search import search
+from pepper_drake.reporting.optimization_figures import draw_comparison, draw_costs, draw_ways
+
+EXIT_INTERRUPTED = 130
+
+
+def make_parser() -> ArgumentParser:
+    """Makes the parser of this app's options."""
+    parser = cli.make_parser("optimize", __doc__)
+    add = parser.add_argument
+    add("movement", type=Path, metavar="DEMO", help="a demonstration, or a primitive.yaml")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--goal", nargs=3, type=float, metavar=("X", "Y", "Z"), help="where the hand should end [m]"
+    )
+    where.add_argument(
+        "--goal-offset",
+        nargs=3,
+        type=float,
+        metavar=("DX", "DY", "DZ"),
+        help="the same, from where it ends now [m]",
+    )
+    add("--obstacles", type=Path, metavar="FILE", help="points: rows of x y z, or a log.npz")
+    add(
+        "--clearance",
+        type=float,
+        default=CLEARANCE,
+        metavar="M",
+        help="distance to keep from obstacles [m] (default: %(default)s)",
+    )
+    add(
+        "--cost",
+        metavar="COST",
+        help="TERM=WEIGHT,... or a .yaml of them, or FILE.py:FUNCTION (default: hand_to_goal; "
+        "with obstacles hand_to_goal=1,hand_to_obstacles=10,deviation=0.1)",
+    )
+    add("--ratings", type=Path, metavar="FILE", help="the scores of the term rating, one a line")
+    add(
+        "--method",
+        default="algorithm3",
+        choices=tuple(METHODS),
+        help="how to search (default: %(default)s, the report's)",
+    )
+    add("--updates", type=int, default=7, metavar="N", help="how many (default: %(default)s)")
+    add("--samples", type=int, default=10, metavar="N", help="of each (default: %(default)s)")
+    add(
+        "--exploration",
+        type=float,
+        default=EXPLORATION**2,
+        metavar="R",
+        help="the exploration rate r of equation 3.2: variance of the parameters [m²] "
+        "(default: %(default)s)",
+    )
+    add(
+        "--decay",
+        type=float,
+        metavar="D",
+        help="the decay d of equation 3.2 (default: such that the last update looks a "
+        "thirtieth as far as the first)",
+    )
+    add(
+        "--kernels",
+        type=int,
+        metavar="N",
+        help="search N smooth changes of the way in place of all weights one by one",
+    )
+    add("--fixed-end", action="store_true", help="leave the end state as it is")
+    add("--jobs", type=int, default=1, metavar="N", help="processes (default: %(default)s)")
+    add("--dask", metavar="ADDRESS", help="a Dask cluster's scheduler: tcp://HOST:PORT")
+    add("--compare", action="store_true", help="compare all methods on this problem instead")
+    add("--seeds", type=int, default=20, metavar="N", help="to compare (default: %(default)s)")
+    add("--resume", action="store_true", help="go on with an interrupted search in --output")
+    return parser
+
+
+def make_parameters(options: Namespace, primitive: MovementPrimitive) -> MovementParameters:
+    """Chooses what is searched."""
+    end_state = not options.fixed_end
+    if options.kernels is None:
+        return all_weights(primitive, end_state=end_state)
+    return smooth_bumps(primitive, options.kernels, end_state=end_state)
+
+
+def chosen_cost(options: Namespace) -> CostWeights | CostFunction:
+    """Chooses the cost, and says when it makes no sense."""
+    if options.cost is not None:
+        cost = parse_cost(options.cost)
+    elif options.obstacles is not None:
+        cost = CostWeights(hand_to_goal=1.0, hand_to_obstacles=10.0, deviation=0.1)
+    else:
+        cost = CostWeights(hand_to_goal=1.0)
+    if options.ratings is not None and not (isinstance(cost, CostWeights) and cost.rating > 0.0):
+        raise InputError("--ratings: the cost has no rating; give --cost rating")
+    return cost
+
+
+def chosen_task(
+    options: Namespace, primitive: MovementPrimitive, cost: CostWeights | CostFunction
+) -> Task:
+    """Chooses what the movement is for."""
+    goal = options.goal
+    if options.goal_offset is not None:
+        goal = primitive.goal + options.goal_offset
+    only_goal = isinstance(cost, CostWeights) and not any(
+        weight for name, weight in asdict(cost).items() if name != "hand_to_goal"
+    )
+    if goal is None and only_goal:
+        x, y, z = primitive.goal
+        raise InputError(
+            f"--goal: the hand ends at {x:.3f} {y:.3f} {z:.3f} and nothing else is asked for; "
+            "say where it should end, or what else counts (--cost, --obstacles)"
+        )
+    if not options.clearance >= 0.0:
+        raise InputError(f"--clearance: {options.clearance} m is negative")
+    obstacles = None if options.obstacles is None else load_points(options.obstacles)
+    return make_task(primitive, goal=goal, obstacles=obstacles, clearance=options.clearance)
+
+
+def method_settings(options: Namespace, method: str) -> dict[str, Any]:
+    """What a method is told beside samples and seed."""
+    settings = {"rate": options.exploration}
+    return settings | {"decay": options.decay} if method == "algorithm3" else settings
+
+
+def started(options: Namespace) -> History:
+    """A new history, or the one that is to be resumed."""
+    history = History()
+    if options.resume:
+        history = History.load(options.output / "history.npz")
+        options.decay = options.decay or history.settings.get("decay")
+    options.decay = options.decay or decay_over(options.updates)
+    names = (
+        "movement goal goal_offset obstacles clearance cost method samples exploration decay "
+        "kernels fixed_end seed"
+    )
+    given = {name: getattr(options, name) for name in names.split()}
+    settings = {k: str(value) if isinstance(value, Path) else value for k, value in given.items()}
+    if options.resume:
+        history.check_settings(settings)
+    history.settings = settings
+    return history
+
+
+@contextmanager
+def workers(options: Namespace) -> Iterator[Executor | None]:
+    """Whoever does the work."""
+    where = dask_cluster(options.dask) if options.dask is not None else processes(options.jobs)
+    with where as executor:
+        yield executor
+
+
+def ask_tutor(
+    options: Namespace, evaluate: FastRollouts, weight: float, history: History, problem: Problem
+) -> Problem:
+    """Lets a tutor rate the samples of each update."""
+    tutor = Tutor(
+        evaluate.parameters,
+        options.output / "reproductions",
+        options.ratings or options.output / "ratings.txt",
+        ask=input if options.ratings is None else None,
+        rated=history.rollouts,
+    )
+    if options.ratings is None and not options.resume:
+        tutor.forget()
+    return replace(problem, evaluate=rated(evaluate, tutor, weight), chunk=options.samples)
+
+
+def write_results(
+    options: Namespace, history: History, evaluate: FastRollouts, seconds: float, converged: bool
+) -> None:
+    """Writes what was found so far."""
+    folder, task, parameters = options.output, evaluate.task, evaluate.parameters
+    best, cost = history.best()
+    history.save(folder / "history.npz")
+    found = parameters.primitive_at(best)
+    found.save(folder / "primitive.yaml")
+    terms = {}
+    if isinstance(evaluate.cost, CostWeights):
+        terms = evaluate.cost.terms(evaluate.outcome(best[None]), task)
+    known = [None if cost != cost else cost for cost in [*history.mean_costs, cost]]
+    report = {
+        "settings": history.settings,
+        "parameters": parameters.size,
+        "updates": history.updates,
+        "rollouts": history.rollouts,
+        "converged": converged,
+        "costs": known[:-1],
+        "best_cost": known[-1],
+        "best_terms": terms,
+        "seconds": seconds,
+    }
+    write_atomically(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    title = f"{options.method}: {options.samples} samples in each update"
+    if history.updates:
+        figure = draw_costs(history.totals, history.mean_costs, title)
+        figure.savefig(folder / "cost.png", dpi=110)
+    points = None if task.obstacles is None else task.obstacles.points
+    figure = draw_ways(parameters.primitive, found, task.goal, points, task.clearance)
+    figure.savefig(folder / "ways.png", dpi=110)
+    if not options.quiet:
+        first = f"{history.mean_costs[0]:.4g}" if known[0] is not None else "not known"
+        print(f"cost {first} before, {cost:.4g} for the best of {history.rollouts} rollouts")
+        for name, value in terms.items():
+            print(f"  {name:18} {value:.4g}")
+        print(f"wrote primitive.yaml, report.json, history.npz, cost.png and ways.png to {folder}")
+
+
+def run_search(options: Namespace, problem: Problem, evaluate: FastRollouts) -> int:
+    """Searches, and leaves what was found, also when it is interrupted."""
+    history = started(options)
+    rating = evaluate.cost.rating if isinstance(evaluate.cost, CostWeights) else 0.0
+    if rating > 0.0:
+        problem = ask_tutor(options, evaluate, rating, history, problem)
+    optimizer = make_optimizer(
+        options.method,
+        problem,
+        samples=options.samples,
+        seed=options.seed,
+        **method_settings(options, options.method),
+    )
+    begin = time.perf_counter()
+    bar = tqdm(
+        total=options.updates * options.samples,
+        initial=history.rollouts,
+        unit=" rollouts",
+        disable=options.quiet or rating > 0.0,
+    )
+    interrupted = False
+    try:
+        with workers(options) as executor, bar:
+            search(
+                problem,
+                optimizer,
+                options.updates,
+                history=history,
+                executor=executor,
+                evaluate_means=rating == 0.0,
+                progress=bar.update,
+                on_update=lambda h: bar.set_postfix_str(f"cost {h.mean_costs[-1]:.4g}"),
+            )
+    except (KeyboardInterrupt, EOFError):
+        interrupted = True
+    finally:
+        if history.means:
+            history.save(options.output / "history.npz")
+    if history.means:
+        seconds = time.perf_counter() - begin
+        write_results(options, history, evaluate, seconds, optimizer.converged)
+    if interrupted:
+        print(
+            f"interrupted after {history.updates} of {options.updates} updates; run the same "
+            "command with --resume to go on",
+            file=sys.stderr,
+        )
+        return EXIT_INTERRUPTED
+    return cli.EXIT_DONE
+
+
+def run_comparison(options: Namespace, problem: Problem) -> int:
+    """Compares the methods on this problem."""
+    options.decay = options.decay or decay_over(options.updates)
+    methods = {name: method_settings(options, name) for name in METHODS}
+    with tqdm(total=len(methods) * options.seeds, unit=" searches", disable=options.quiet) as bar:
+        comparison = compare_methods(
+            problem,
+            methods,
+            updates=options.updates,
+            samples=options.samples,
+            seeds=options.seeds,
+            progress=bar.update,
+        )
+    title = f"{len(problem.guess)} parameters, {options.samples} samples in each update"
+    figure = draw_comparison(comparison.costs, comparison.rollouts, title)
+    options.output.mkdir(parents=True, exist_ok=True)
+    figure.savefig(options.output / "comparison.png", dpi=110)
+    summary = comparison.summary()
+    table = {
+        "rollouts": comparison.rollouts.tolist(),
+        "final": summary,
+        "costs": {name: costs.tolist() for name, costs in comparison.costs.items()},
+    }
+    write_atomically(options.output / "comparison.json", json.dumps(table) + "\n")
+    if not options.quiet:
+        for name, row in summary.items():
+            print(f"{name:12} " + "  ".join(f"{word} {v:.4g}" for word, v in row.items()))
+        print(f"wrote comparison.png and comparison.json to {options.output}")
+    return cli.EXIT_DONE
+
+
+def main() -> int:
+    """Runs the app and returns its exit code."""
+    options = make_parser().parse_args()
+    if options.updates < 1 or options.seeds < 1:
+        raise InputError("--updates, --seeds: use at least 1")
+    primitive = load_movement(options.movement)
+    cost = chosen_cost(options)
+    parameters = make_parameters(options, primitive)
+    evaluate = FastRollouts(parameters, chosen_task(options, primitive, cost), cost)
+    problem = movement_problem(parameters, evaluate)
+    if options.compare:
+        return run_comparison(options, problem)
+    return run_search(options, problem, evaluate)
+
+
+if __name__ == "__main__":
+    cli.run(main)

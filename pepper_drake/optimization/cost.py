@@ -1,0 +1,163 @@
+"""A cost as a sum of named terms, and where a user writes one down."""
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.models.typed_yaml import line_of_field, load_yaml
+from pepper_drake.optimization.cost_terms import TERMS, Task
+from pepper_drake.optimization.outcome import Outcome
+
+Array = npt.NDArray[np.float64]
+
+Cost = Callable[[Outcome, Task], Array]
+"""Gives costs (S,), or (S, N) of each step."""
+
+
+@dataclass
+class CostWeights:
+    """How much each term counts; what a cost file holds. Zero leaves a term out."""
+
+    hand_to_goal: float = 0.0
+    """For each metre between hand and goal at the end."""
+    hand_to_obstacles: float = 0.0
+    """For each metre that the hand lacks of the clearance."""
+    arm_to_obstacles: float = 0.0
+    """The same for the whole arm."""
+    deviation: float = 0.0
+    """For each metre of the mean distance to the demonstrated way."""
+    jerk: float = 0.0
+    """For as much jerk as before the search."""
+    joint_limits: float = 0.0
+    """For one joint at its limit all the time."""
+    rating: float = 0.0
+    """For the worst rating that a tutor can give."""
+
+    def check(self) -> None:
+        """Raises InputError unless some term counts and none counts negatively."""
+        for name, weight in asdict(self).items():
+            if weight < 0.0 or not np.isfinite(weight):
+                raise InputError(f"{name}: {weight} is negative or not finite")
+        if not any(asdict(self).values()):
+            raise InputError("every term has weight 0; give one that counts")
+
+    @property
+    def needs_arm(self) -> bool:
+        """Whether it asks about more than the hand."""
+        return self.arm_to_obstacles > 0.0 or self.joint_limits > 0.0
+
+    def __call__(self, outcome: Outcome, task: Task) -> Array:
+        """Returns the costs (S, N) of each step; the tutor's rating is not among them."""
+        costs = np.zeros(outcome.positions.shape[:2])
+        for name, term in TERMS.items():
+            weight = getattr(self, name)
+            if weight > 0.0:
+                costs += weight * term(outcome, task)
+        return costs
+
+    def terms(self, outcome: Outcome, task: Task) -> dict[str, float]:
+        """Returns by name what the first movement of an outcome costs, before the weights."""
+        return {
+            name: float(term(outcome, task)[0].sum())
+            for name, term in TERMS.items()
+            if getattr(self, name) > 0.0
+        }
+
+
+@dataclass(frozen=True)
+class CostFunction:
+    """A user's own function of an outcome and a task, in a file; it travels to other processes.
+
+    Attributes:
+        path: A Python file.
+        name: Of the function in it.
+    """
+
+    path: Path
+    name: str
+
+    def __call__(self, outcome: Outcome, task: Task) -> Array:
+        """Returns what the function gives: (S,), or (S, N) of each step."""
+        costs = np.asarray(_function(self.path, self.name)(outcome, task), dtype=float)
+        count, steps = outcome.positions.shape[:2]
+        if costs.shape not in ((count,), (count, steps)):
+            raise InputError(
+                f"{self.path}: {self.name} gave costs of shape {costs.shape};"
+                f" it must give ({count},) or ({count}, {steps})"
+            )
+        return costs
+
+
+@lru_cache(maxsize=8)
+def _function(path: Path, name: str) -> Any:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path}: not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"{path}: {type(error).__name__}: {error}") from None
+    function = getattr(module, name, None)
+    if not callable(function):
+        raise InputError(f"{path}: has no function {name}")
+    return function
+
+
+def parse_cost(text: str) -> CostWeights | CostFunction:
+    """Reads a cost from the command line.
+
+    Args:
+        text: `term=weight,term=weight`, where a term without a weight counts 1; or a YAML file of
+            weights; or `file.py:function`.
+
+    Raises:
+        InputError: It is none of these.
+    """
+    if text.endswith((".yaml", ".yml")):
+        return load_cost(Path(text))
+    file, _, name = text.rpartition(":")
+    if file.endswith(".py"):
+        path = Path(file).resolve()
+        if not path.is_file():
+            raise InputError(f"--cost {file}: no such file; check the path")
+        function = CostFunction(path, name)
+        _function(path, name)
+        return function
+    weights = CostWeights()
+    known = [field.name for field in fields(CostWeights)]
+    for part in text.split(","):
+        term, _, number = (word.strip() for word in part.partition("="))
+        if term not in known:
+            raise InputError(f"--cost: '{term}' is no term; use some of {', '.join(known)}")
+        try:
+            setattr(weights, term, float(number) if number else 1.0)
+        except ValueError:
+            raise InputError(f"--cost: {term}={number} is not a number") from None
+    try:
+        weights.check()
+    except InputError as error:
+        raise InputError(f"--cost: {error}") from None
+    return weights
+
+
+def load_cost(path: Path) -> CostWeights:
+    """Loads the weights of a cost from a YAML file.
+
+    Raises:
+        InputError: With file, line and field.
+    """
+    weights = load_yaml(CostWeights, path)
+    try:
+        weights.check()
+    except InputError as error:
+        field = str(error).partition(":")[0]
+        raise InputError(f"{path} line {line_of_field(path, field)}: {error}") from None
+    return weights

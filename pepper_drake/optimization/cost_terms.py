@@ -1,0 +1,118 @@
+"""The named terms of a cost: each says for every step of a movement what it costs.
+
+What is asked for at the end is charged to the last step, the worst moment to the step where it
+is; so the sum over the steps is the cost, and what is left of it from a step on is what policy
+search wants to know.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.optimization.outcome import Outcome
+
+Array = npt.NDArray[np.float64]
+
+HAND_RADIUS = 0.05
+"""Of the sphere that stands for the hand where there is no arm [m]."""
+
+LIMIT_MARGIN = 0.1
+"""How near to its limit a joint begins to cost [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a movement is for, in the torso frame T.
+
+    Attributes:
+        goal: (3,) where the hand should end [m].
+        demonstrated: (M, 3) the way before the search, at even times [m].
+        jerk: Mean of the squared jerk of that way [m²/s⁶].
+        obstacles: What to keep away from, or None.
+        clearance: How far to keep away [m].
+        hand_radius: Of the sphere that stands for the hand where there is no arm [m].
+    """
+
+    goal: Array
+    demonstrated: Array
+    jerk: float
+    obstacles: ObstacleField | None = None
+    clearance: float = 0.02
+    hand_radius: float = HAND_RADIUS
+
+
+Term = Callable[[Outcome, Task], Array]
+"""Gives (S, N): what each step costs."""
+
+
+def hand_to_goal(outcome: Outcome, task: Task) -> Array:
+    """Distance of the hand to the goal at the end [m]."""
+    costs = np.zeros(outcome.positions.shape[:2])
+    costs[:, -1] = np.linalg.norm(outcome.positions[:, -1] - task.goal, axis=1)
+    return costs
+
+
+def hand_to_obstacles(outcome: Outcome, task: Task) -> Array:
+    """What the hand lacks of the clearance, at its worst and on average [m]."""
+    if task.obstacles is None:
+        raise InputError("cost: hand_to_obstacles needs obstacles")
+    gaps = task.obstacles.distance(outcome.positions) - task.hand_radius
+    return shortage(gaps, task.clearance)
+
+
+def arm_to_obstacles(outcome: Outcome, task: Task) -> Array:
+    """What any part of the arm lacks of the clearance, at its worst and on average [m]."""
+    if task.obstacles is None:
+        raise InputError("cost: arm_to_obstacles needs obstacles")
+    return shortage(outcome.arm_gaps, task.clearance)
+
+
+def deviation(outcome: Outcome, task: Task) -> Array:
+    """Mean distance to the demonstrated way at the same time [m]."""
+    count = outcome.positions.shape[1]
+    here = np.linspace(0.0, len(task.demonstrated) - 1.0, count)
+    grid = np.arange(len(task.demonstrated))
+    way = np.column_stack([np.interp(here, grid, axis) for axis in task.demonstrated.T])
+    return np.linalg.norm(outcome.positions - way, axis=2) / count
+
+
+def jerk(outcome: Outcome, task: Task) -> Array:
+    """Mean of the squared jerk, as a multiple of that before the search."""
+    squares = np.sum(outcome.jerks**2, axis=2)
+    return squares / (squares.shape[1] * task.jerk)
+
+
+def joint_limits(outcome: Outcome, task: Task) -> Array:
+    """How deep joints are in the last 0.1 rad before their limits, mean of time, 1 at a limit."""
+    if outcome.joints is None or outcome.joint_limits is None:
+        raise InputError(
+            "cost: joint_limits needs the arm; use kinematics in place of fast rollouts"
+        )
+    lower, upper = outcome.joint_limits
+    room = np.minimum(outcome.joints - lower, upper - outcome.joints)
+    depth = np.maximum(0.0, 1.0 - room / LIMIT_MARGIN)
+    return depth.sum(axis=2) / depth.shape[1]
+
+
+def shortage(gaps: Array, clearance: float) -> Array:
+    """Returns (S, N): what gaps (S, N) lack, as a mean, and once more where it is worst [m]."""
+    lacking = np.maximum(0.0, clearance - gaps)
+    costs = lacking / lacking.shape[1]
+    rows = np.arange(len(costs))
+    worst = lacking.argmax(axis=1)
+    costs[rows, worst] += lacking[rows, worst]
+    return costs
+
+
+TERMS: dict[str, Term] = {
+    "hand_to_goal": hand_to_goal,
+    "hand_to_obstacles": hand_to_obstacles,
+    "arm_to_obstacles": arm_to_obstacles,
+    "deviation": deviation,
+    "jerk": jerk,
+    "joint_limits": joint_limits,
+}

@@ -1,0 +1,50 @@
+"""Rollouts of the equations alone: thousands a second, the hand as a point or a sphere."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.learning.rollout import PathBatch, number_of_steps, undisturbed_motions
+from pepper_drake.optimization.cost import Cost
+from pepper_drake.optimization.cost_terms import Task
+from pepper_drake.optimization.outcome import Outcome
+from pepper_drake.optimization.parameters import MovementParameters
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FastRollouts:
+    """Costs of parameters, by performing the primitive without robot and without coupling.
+
+    Attributes:
+        parameters: What the numbers mean.
+        task: What the movement is for.
+        cost: Of an outcome.
+        time_step: Between samples [s].
+    """
+
+    parameters: MovementParameters
+    task: Task
+    cost: Cost
+    time_step: float = 0.01
+
+    def __call__(self, samples: Array) -> Array:
+        """Returns the costs (S,) or (S, N) of parameters (S, n)."""
+        return self.cost(self.outcome(samples), self.task)
+
+    def outcome(self, samples: Array) -> Outcome:
+        """Returns what parameters (S, n) lead to."""
+        paths = roll_out(self.parameters, samples, self.time_step)
+        return Outcome(paths.times, paths.positions, accelerations=lambda: paths.accelerations)
+
+
+def roll_out(parameters: MovementParameters, samples: Array, time_step: float) -> PathBatch:
+    """Performs the movements (S, N, 3) of parameters (S, n), each from its start to its end."""
+    weights, goals = parameters.weights_and_goals(samples)
+    primitive = parameters.primitive
+    attractor, tau, start = primitive.translation, primitive.duration, primitive.start
+    velocities = np.stack([attractor.start_velocity(start, goal, tau) for goal in goals])
+    steps = number_of_steps(tau, time_step)
+    return undisturbed_motions(attractor, weights, start, goals, velocities, tau, time_step, steps)

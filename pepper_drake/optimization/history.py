@@ -1,0 +1,129 @@
+"""What a search asked and was told: its whole state, in one file."""
+
+import io
+import json
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.text_files import write_atomically
+from pepper_drake.optimization.problem import total_costs
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass
+class History:
+    """All samples and costs of a search, update by update.
+
+    Attributes:
+        settings: What the search was started with; plain data.
+        samples: (S, n) of each update.
+        costs: (S,) or (S, T) of each update.
+        means: (n,) before the first update and after each.
+        mean_costs: The costs of the means; NaN where they were not evaluated.
+        pending: Costs of an update that was interrupted, by the number of updates before it and
+            the first sample of their chunk.
+
+    It may be left anywhere: an update counts from the moment when its costs are there.
+    """
+
+    settings: dict[str, Any] = field(default_factory=dict)
+    samples: list[Array] = field(default_factory=list)
+    costs: list[Array] = field(default_factory=list)
+    means: list[Array] = field(default_factory=list)
+    mean_costs: list[float] = field(default_factory=list)
+    pending: dict[int, dict[int, Array]] = field(default_factory=dict)
+
+    @property
+    def updates(self) -> int:
+        """How many updates were made."""
+        return len(self.costs)
+
+    @property
+    def totals(self) -> list[Array]:
+        """(S,) total costs of each update's samples."""
+        return [total_costs(costs) for costs in self.costs]
+
+    @property
+    def rollouts(self) -> int:
+        """How many samples were evaluated in whole updates; the means are not counted."""
+        return sum(len(costs) for costs in self.costs)
+
+    def best(self) -> tuple[Array, float]:
+        """Returns the cheapest parameters (n,) evaluated so far, and their cost.
+
+        Where nothing was evaluated, the last mean, and NaN.
+        """
+        found = list(zip(self.means, self.mean_costs, strict=False))
+        for samples, totals in zip(self.samples, self.totals, strict=False):
+            least = int(np.argmin(totals))
+            found.append((samples[least], float(totals[least])))
+        known = [(parameters, cost) for parameters, cost in found if np.isfinite(cost)]
+        if not known:
+            return self.means[-1], float("nan")
+        return min(known, key=lambda pair: pair[1])
+
+    def check_settings(self, settings: dict[str, Any]) -> None:
+        """Raises InputError when a search was started with other settings than these."""
+        for name, now in settings.items():
+            before = self.settings.get(name)
+            if before != now:
+                raise InputError(
+                    f"--resume: {name.replace('_', '-')} was {before} and is {now} now;"
+                    " give the same options, or start anew without --resume"
+                )
+
+    def save(self, path: Path) -> None:
+        """Writes the history as numpy's npz; a crash leaves the file as it was before.
+
+        Raises:
+            InputError: The path cannot be written to.
+        """
+        arrays: dict[str, Any] = {
+            "settings": json.dumps(self.settings),
+            "means": np.array(self.means[: len(self.mean_costs)]),
+            "mean_costs": np.array(self.mean_costs),
+        }
+        for name, rows in (("samples", self.samples), ("costs", self.costs)):
+            arrays |= {f"{name}_{k}": row for k, row in enumerate(rows[: self.updates])}
+        pending = self.pending.get(self.updates, {})
+        arrays |= {f"pending_{k}": costs for k, costs in pending.items()}
+        content = io.BytesIO()
+        np.savez_compressed(content, **arrays)
+        write_atomically(path, content.getvalue())
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Reads a history.
+
+        Raises:
+            InputError: The file is missing or is no history.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                data = {name: file[name] for name in file.files}
+            updates = sum(name.startswith("costs_") for name in data)
+            return cls(
+                settings=json.loads(str(data["settings"])),
+                samples=[data[f"samples_{k}"] for k in range(updates)],
+                costs=[data[f"costs_{k}"] for k in range(updates)],
+                means=list(data["means"]),
+                mean_costs=data["mean_costs"].tolist(),
+                pending={
+                    updates: {
+                        int(name.removeprefix("pending_")): costs
+                        for name, costs in data.items()
+                        if name.startswith("pending_")
+                    }
+                },
+            )
+        except FileNotFoundError:
+            raise InputError(f"{path}: no such file; there is nothing to resume") from None
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError):
+            raise InputError(f"{path}: not a history of a search; start anew") from None

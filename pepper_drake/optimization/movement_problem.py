@@ -1,0 +1,124 @@
+"""From a demonstration or a primitive, and a task, to a problem that any method can search."""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning import Demonstration, MovementPrimitive
+from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.learning.text_files import read_text
+from pepper_drake.optimization.cost_terms import HAND_RADIUS, Task
+from pepper_drake.optimization.fast_rollouts import FastRollouts
+from pepper_drake.optimization.outcome import Outcome
+from pepper_drake.optimization.parameters import MovementParameters
+from pepper_drake.optimization.problem import Evaluate, Problem
+
+Array = npt.NDArray[np.float64]
+
+EXPLORATION = 0.02
+"""Default standard deviation of each parameter [m]: r = 4e-4 m² in equation 3.2."""
+
+CLEARANCE = 0.02
+"""Default distance to keep from obstacles [m]."""
+
+_AT_ONCE = 64
+"""Samples in one batch of fast rollouts."""
+
+
+def make_task(
+    primitive: MovementPrimitive,
+    *,
+    goal: npt.ArrayLike | None = None,
+    obstacles: npt.ArrayLike | ObstacleField | None = None,
+    clearance: float = CLEARANCE,
+    hand_radius: float = HAND_RADIUS,
+) -> Task:
+    """Makes the task of a primitive's movement.
+
+    Args:
+        primitive: As it is before the search: what is deviated from, and whose jerk counts one.
+        goal: (3,) where the hand should end, in T [m]; the primitive's own end if left out.
+        obstacles: (P, 3) points in T [m], or a field of them.
+        clearance: How far to keep away from them [m].
+        hand_radius: Of the sphere that stands for the hand in fast rollouts [m].
+
+    Raises:
+        InputError: The goal is not three finite numbers.
+    """
+    path = primitive.rollout()
+    target = primitive.goal if goal is None else np.array(goal, dtype=float)
+    if target.shape != (3,) or not np.isfinite(target).all():
+        raise InputError(f"goal: {goal!r} must be 3 finite numbers")
+    shown = Outcome(
+        path.times, path.positions[None], accelerations=lambda: path.accelerations[None]
+    )
+    jerk = float(np.mean(np.sum(shown.jerks**2, axis=2)))
+    field = None
+    if obstacles is not None:
+        field = obstacles if isinstance(obstacles, ObstacleField) else ObstacleField(obstacles)
+    return Task(target, path.positions, max(jerk, 1e-12), field, clearance, hand_radius)
+
+
+def movement_problem(
+    parameters: MovementParameters,
+    evaluate: Evaluate,
+    *,
+    exploration: float = EXPLORATION,
+    chunk: int | None = None,
+) -> Problem:
+    """Makes the problem of finding better parameters of a movement.
+
+    Args:
+        parameters: What is searched.
+        evaluate: Their cost.
+        exploration: Standard deviation with which the search starts [m].
+        chunk: How many samples one call takes; many for fast rollouts, else one.
+    """
+    if chunk is None:
+        chunk = _AT_ONCE if isinstance(evaluate, FastRollouts) else 1
+    return Problem(np.zeros(parameters.size), exploration, evaluate, chunk, parameters.features)
+
+
+def load_movement(path: Path) -> MovementPrimitive:
+    """Loads a primitive, or learns one from a demonstration.
+
+    Args:
+        path: A primitive's YAML file, or a demonstration.
+
+    Raises:
+        InputError: It is neither.
+    """
+    if path.suffix in (".yaml", ".yml"):
+        return MovementPrimitive.load(path)
+    return MovementPrimitive.fit(Demonstration.load(path))
+
+
+def load_points(path: Path) -> Array:
+    """Loads obstacle points (P, 3) [m]: rows of x y z, or the cloud in a reach's log.npz.
+
+    Raises:
+        InputError: With file and line.
+    """
+    if path.suffix == ".npz":
+        try:
+            with np.load(path, allow_pickle=False) as log:
+                return np.asarray(log["cloud_torso_m"])
+        except (OSError, ValueError, KeyError):
+            raise InputError(f"{path}: holds no cloud_torso_m; give a reach's log.npz") from None
+    rows = []
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            row = []
+        if len(row) != 3 or not np.isfinite(row).all():
+            raise InputError(f"{path}, line {number}: '{line.strip()}' is not x y z, in metres")
+        rows.append(row)
+    if not rows:
+        raise InputError(f"{path}: holds no points; write rows of x y z, in metres")
+    return np.array(rows)

@@ -1,0 +1,67 @@
+"""What every search method is: it asks for costs and is told them."""
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+
+Array = npt.NDArray[np.float64]
+
+
+class Optimizer(Protocol):
+    """A search that is at a mean and explores around it.
+
+    Everything that a method does follows from its settings, its seed and the costs it was told,
+    in order. So a search is saved as what it asked and was told (`history`), and goes on bit for
+    bit after it was told the same again.
+    """
+
+    @property
+    def mean(self) -> Array:
+        """(n,) where the search is."""
+        ...
+
+    @property
+    def deviations(self) -> Array:
+        """(n,) standard deviations of the exploration."""
+        ...
+
+    @property
+    def converged(self) -> bool:
+        """Whether the exploration no longer changes, and the search may end."""
+        ...
+
+    def ask(self) -> Array:
+        """Returns (S, n) samples whose costs it wants; the same until it was told them."""
+        ...
+
+    def tell(self, costs: Array) -> None:
+        """Takes the costs of the samples, (S,) or (S, T), and makes one update."""
+        ...
+
+
+def generator(seed: int, update: int) -> np.random.Generator:
+    """Returns the randomness of one update: nothing that came before has a hand in it."""
+    return np.random.default_rng([seed, update])
+
+
+def check_samples(samples: int, least: int = 2) -> None:
+    """Raises InputError unless an update has enough samples."""
+    if samples < least:
+        raise InputError(f"samples: {samples} in each update; use at least {least}")
+
+
+def check_positive(**values: float) -> None:
+    """Raises InputError for the first value that is not a positive number."""
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"{name}: {value} is not a positive number")
+
+
+def check_share(**values: float) -> None:
+    """Raises InputError for the first value that is not above 0 and at most 1."""
+    for name, value in values.items():
+        if not 0.0 < value <= 1.0:
+            raise InputError(f"{name}: {value} is not above 0 and at most 1")

@@ -1,0 +1,66 @@
+"""What came of performing several movements: all that a cost may ask about."""
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+
+Array = npt.NDArray[np.float64]
+
+
+class Outcome:
+    """S movements of N steps each; what takes time is computed when it is first asked for.
+
+    Attributes:
+        times: (N,) [s].
+        positions: (S, N, 3) of the hand, in T [m].
+        joints: (S, N, J) of the arm [rad], where there is an arm.
+        joint_limits: (2, J) lower and upper limits [rad], where there is an arm.
+    """
+
+    def __init__(
+        self,
+        times: Array,
+        positions: Array,
+        *,
+        accelerations: Callable[[], Array] | None = None,
+        joints: Array | None = None,
+        joint_limits: Array | None = None,
+        arm_gaps: Callable[[], Array] | None = None,
+    ) -> None:
+        """Takes the attributes, and how to compute the rest; see the properties."""
+        self.times = times
+        self.positions = positions
+        self.joints = joints
+        self.joint_limits = joint_limits
+        self._accelerations = accelerations
+        self._arm_gaps = arm_gaps
+
+    @cached_property
+    def accelerations(self) -> Array:
+        """(S, N, 3) [m/s²]; differences of the positions where nothing better is known."""
+        if self._accelerations is not None:
+            return self._accelerations()
+        step = self.times[1] - self.times[0]
+        return np.gradient(np.gradient(self.positions, step, axis=1), step, axis=1)
+
+    @cached_property
+    def jerks(self) -> Array:
+        """(S, N, 3) [m/s³]."""
+        return np.gradient(self.accelerations, self.times[1] - self.times[0], axis=1)
+
+    @cached_property
+    def arm_gaps(self) -> Array:
+        """(S, N) from the whole arm to the nearest obstacle [m]; negative inside one.
+
+        Raises:
+            InputError: These movements have no arm.
+        """
+        if self._arm_gaps is None:
+            raise InputError(
+                "cost: arm_to_obstacles needs the arm; use kinematics in place of fast rollouts"
+            )
+        return self._arm_gaps()

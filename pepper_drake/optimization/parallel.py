@@ -1,0 +1,123 @@
+"""Costs of many parameters, on one core, on several, or on a cluster: the same numbers."""
+
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from multiprocessing import get_context
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.optimization.problem import Evaluate, Problem
+
+Array = npt.NDArray[np.float64]
+
+
+def evaluate_all(
+    problem: Problem,
+    samples: Array,
+    executor: Executor | None = None,
+    known: dict[int, Array] | None = None,
+    progress: Callable[[int], object] = lambda count: None,
+) -> Array:
+    """Returns the costs (S,) or (S, T) of samples (S, n).
+
+    Args:
+        problem: Whose costs, and in what chunks.
+        samples: (S, n).
+        executor: Who does the work; None: the caller.
+        known: Costs by the first sample of their chunk; what is in there is not computed again,
+            and what is computed is put there, so that an interruption loses little.
+        progress: Called with the number of samples whenever some are done.
+
+    Raises:
+        InputError: A cost is not finite.
+    """
+    known = {} if known is None else known
+    chunks = {k: samples[k : k + problem.chunk] for k in range(0, len(samples), problem.chunk)}
+    todo = {k: chunk for k, chunk in chunks.items() if k not in known}
+    progress(sum(len(chunks[k]) for k in known))
+    for k, costs in _results(problem.evaluate, todo, executor):
+        known[k] = costs
+        progress(len(chunks[k]))
+    return np.concatenate([known[k] for k in chunks])
+
+
+def _results(
+    evaluate: Evaluate, todo: dict[int, Array], executor: Executor | None
+) -> Iterator[tuple[int, Array]]:
+    if executor is None:
+        for k, chunk in todo.items():
+            yield k, costs_of(evaluate, chunk)
+        return
+    futures = {executor.submit(costs_of, evaluate, chunk): k for k, chunk in todo.items()}
+    try:
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def costs_of(evaluate: Evaluate, samples: Array) -> Array:
+    """Returns what one call gives, checked: finite costs, one or a row for each sample."""
+    costs = np.asarray(evaluate(samples), dtype=float)
+    if costs.ndim not in (1, 2) or len(costs) != len(samples):
+        raise InputError(
+            f"cost: shape {costs.shape} for {len(samples)} samples; give one or a row for each"
+        )
+    if not np.isfinite(costs).all():
+        raise InputError("cost: a sample's cost is not finite; a cost must be a number")
+    return costs
+
+
+@contextmanager
+def processes(jobs: int) -> Iterator[Executor | None]:
+    """Gives processes to work with, and ends them; None for one job.
+
+    They are spawned: Drake, VTK and Python's threads do not survive a fork. Ctrl-C is for the
+    caller, who ends them.
+
+    Raises:
+        InputError: The number of jobs is not positive.
+    """
+    if jobs < 1:
+        raise InputError(f"jobs: {jobs}; use at least 1")
+    if jobs == 1:
+        yield None
+        return
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_ignore_interrupt)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _ignore_interrupt() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def dask_cluster(address: str) -> Iterator[Executor]:
+    """Gives the workers of a Dask cluster to work with.
+
+    Args:
+        address: Of its scheduler, such as tcp://10.0.0.1:8786.
+
+    Raises:
+        InputError: Dask is not installed, or nobody answers at the address.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError(
+            "--dask: Dask is not installed; install it with pip install pepper-drake[dask]"
+        ) from None
+    try:
+        client = Client(address, timeout="5s", set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--dask {address}: no scheduler answers ({error})") from None
+    with client:
+        yield client.get_executor(pure=False)

@@ -1,0 +1,184 @@
+"""Which numbers of a primitive are searched, as one vector whose entries are metres.
+
+Weights of a forcing term differ in size by a factor of 10000: late ones act while the phase is
+nearly zero. Here a parameter of one metre is a change of weights that moves the hand by one metre
+where it moves it most, so that one exploration rate suits all, as equation 3.2 wants it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import BSpline
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.approximators import LinearForcingModel
+from pepper_drake.learning.phase import gate, phase_at
+from pepper_drake.learning.primitive import MovementPrimitive
+from pepper_drake.learning.rollout import response_matrix
+from pepper_drake.learning.scaling import scaled, scaling_matrix, unscaled
+
+Array = npt.NDArray[np.float64]
+
+_STEPS = 200
+"""Steps of the grid on which changes are measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class MovementParameters:
+    """The part of a primitive that is searched.
+
+    A vector x has `size` numbers; as a matrix (rows, 3) its rows are changes in x, y and z: first
+    one for each of `directions`, then, if `end_state` is free, the displacement of the end.
+
+    Attributes:
+        primitive: Where the search starts: x = 0.
+        directions: (K, M) columns: the change of weights for one metre.
+        end_state: Whether the primitive's goal is searched, too.
+    """
+
+    primitive: MovementPrimitive
+    directions: Array
+    end_state: bool = True
+
+    @property
+    def rows(self) -> int:
+        """Searched numbers of each coordinate."""
+        return self.directions.shape[1] + self.end_state
+
+    @property
+    def size(self) -> int:
+        """Searched numbers."""
+        return 3 * self.rows
+
+    def weights_and_goals(self, samples: npt.ArrayLike) -> tuple[Array, Array]:
+        """Returns weights (S, K, 3) and goals (S, 3) [m] of parameters (S, size).
+
+        They are those of rollouts of `primitive`; see `primitive_at` for a primitive that has
+        them as its own.
+
+        Raises:
+            InputError: The parameters have another shape.
+        """
+        x = np.asarray(samples, dtype=float)
+        if x.ndim != 2 or x.shape[1] != self.size:
+            raise InputError(f"parameters: shape {x.shape}; give (S, {self.size})")
+        changes = x.reshape(len(x), self.rows, 3)
+        number = self.directions.shape[1]
+        weights = self.primitive.weights + self.directions @ changes[:, :number]
+        goals = np.broadcast_to(self.primitive.goal, (len(x), 3))
+        return weights, goals + changes[:, -1] if self.end_state else goals
+
+    def primitive_at(self, parameters: npt.ArrayLike) -> MovementPrimitive:
+        """Returns the primitive with these parameters (size,): start and end are its own."""
+        weights, goals = self.weights_and_goals(np.asarray(parameters, dtype=float)[None])
+        changed = self.primitive.with_weights(weights[0])
+        return with_end(changed, goals[0]) if self.end_state else changed
+
+    def features(self, steps: int) -> Array:
+        """Returns (steps, rows): what a change of one metre adds to the acceleration.
+
+        That is tau² y'' before the spring answers, at `steps` times from the start to the end:
+        psi in the policy of equation D.4.
+        """
+        attractor = self.primitive.translation
+        phases = phase_at(np.linspace(0.0, 1.0, steps), attractor.alpha_x)
+        columns = [_linear_model(self.primitive).features(phases) @ self.directions]
+        if self.end_state:
+            pull = np.ones(steps)
+            if attractor.scaling == "gradual":
+                pull = pull - gate(phases, attractor.alpha_x)
+            columns.append(0.25 * attractor.alpha_z**2 * pull[:, None])
+        return np.concatenate(columns, axis=1)
+
+
+def all_weights(primitive: MovementPrimitive, *, end_state: bool = True) -> MovementParameters:
+    """Frees all weights of a primitive, one by one: the report's choice.
+
+    Raises:
+        InputError: The primitive's forcing term is not linear in weights.
+    """
+    response = _position_response(primitive)[:, : len(primitive.weights)]
+    peaks = np.abs(response).max(axis=0)
+    peaks = np.where(peaks > 0.0, peaks, 1.0)
+    return MovementParameters(primitive, np.diag(1.0 / peaks), end_state)
+
+
+def smooth_bumps(
+    primitive: MovementPrimitive, count: int, *, end_state: bool = True
+) -> MovementParameters:
+    """Frees a few smooth changes of the way, which leave start and end as they are.
+
+    Each is a cubic B-spline of the time with its peak at one metre; the weights are those whose
+    motion is nearest to it. A search over few parameters needs fewer rollouts.
+
+    Raises:
+        InputError: The count is not positive, or the forcing term is not linear in weights.
+    """
+    if count < 1:
+        raise InputError(f"kernels: {count}; use at least 1")
+    spacing = 1.0 / (count + 3)
+    times = np.linspace(0.0, 1.0, _STEPS + 1)
+    knots = spacing * np.arange(5)
+    bumps = np.column_stack(
+        [
+            np.nan_to_num(BSpline.basis_element(knots + k * spacing, extrapolate=False)(times))
+            for k in range(count)
+        ]
+    )
+    response = _position_response(primitive)[:, : len(primitive.weights)]
+    peaks = np.abs(response).max(axis=0)
+    peaks = np.where(peaks > 0.0, peaks, 1.0)
+    fitted = np.linalg.lstsq(response / peaks, bumps / bumps.max(axis=0), rcond=1e-6)[0]
+    return MovementParameters(primitive, fitted / peaks[:, None], end_state)
+
+
+def with_end(primitive: MovementPrimitive, goal: Array) -> MovementPrimitive:
+    """Returns a primitive whose own end is `goal` (3,), and that moves there as it would have.
+
+    Its rollouts are those of `primitive` to `goal`: what the scaling would add is taken into the
+    weights.
+
+    Raises:
+        InputError: The primitive's forcing term is not linear in weights.
+    """
+    attractor, weights = primitive.translation, primitive.weights
+    model = _linear_model(primitive)
+    start, scaling = attractor.frame.start, attractor.scaling
+    frame = replace(attractor.frame, goal=goal)
+    offset = attractor.offset(start, goal)
+    if offset is not None:
+        weights = weights + np.outer(_gate_weights(primitive), offset)
+    matrix = scaling_matrix(scaling, frame, start, goal)
+    weights = scaled(weights, attractor.matrix(start, goal))
+    if matrix is not None:
+        weights = unscaled(weights, matrix, scaling)
+    moved = replace(
+        attractor,
+        frame=frame,
+        model=model.with_weights(weights),
+        start_rate=attractor.start_velocity(start, goal, 1.0),
+    )
+    return replace(primitive, translation=moved)
+
+
+def _linear_model(primitive: MovementPrimitive) -> LinearForcingModel:
+    _ = primitive.weights  # Says in one sentence when there are none.
+    model = primitive.translation.linear_model
+    assert model is not None
+    return model
+
+
+def _position_response(primitive: MovementPrimitive) -> Array:
+    """Returns (steps + 1, K + 3): the way that each weight causes; see `response_matrix`."""
+    alpha_z = primitive.translation.alpha_z
+    return response_matrix(_linear_model(primitive), _STEPS, 1.0 / _STEPS, alpha_z)[: _STEPS + 1]
+
+
+def _gate_weights(primitive: MovementPrimitive) -> Array:
+    """Returns weights (K,) that make the forcing term equal to its gate."""
+    phases = phase_at(np.linspace(0.0, 1.0, _STEPS + 1), primitive.translation.alpha_x)
+    features = _linear_model(primitive).features(phases)
+    # Relative to the gate, which falls by a factor of thousands.
+    size = gate(phases, primitive.translation.alpha_x)[:, None]
+    return np.asarray(np.linalg.lstsq(features / size, np.ones(len(phases)))[0])

@@ -1,0 +1,90 @@
+"""The loop of every search: ask, evaluate, tell."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.optimization.history import History
+from pepper_drake.optimization.optimizer import Optimizer
+from pepper_drake.optimization.parallel import costs_of, evaluate_all
+from pepper_drake.optimization.problem import Problem, total_costs
+
+Array = npt.NDArray[np.float64]
+
+
+def search(
+    problem: Problem,
+    optimizer: Optimizer,
+    updates: int,
+    *,
+    history: History | None = None,
+    executor: Executor | None = None,
+    evaluate_means: bool = True,
+    progress: Callable[[int], object] = lambda count: None,
+    on_update: Callable[[History], object] = lambda history: None,
+) -> History:
+    """Minimises a cost.
+
+    Args:
+        problem: What is minimised.
+        optimizer: A fresh one: it is told all that the history holds first.
+        updates: How many there should be in all, unless the search converges before.
+        history: Of a search that was interrupted; it is carried on in place. Whenever this
+            function is left, by Ctrl-C, too, it holds all that was evaluated.
+        executor: Who evaluates; None: the caller.
+        evaluate_means: Whether the cost of the mean is evaluated after each update. It is for the
+            record: no method is told it.
+        progress: Called with the number of samples whenever some are evaluated.
+        on_update: Called with the history after each update.
+
+    Returns:
+        The history.
+
+    Raises:
+        InputError: A cost is unusable, or the history is of another search.
+    """
+    history = History() if history is None else history
+    replay(optimizer, history)
+    if len(history.mean_costs) == history.updates:
+        # It has not begun yet, or was interrupted while the last mean was evaluated.
+        _add_mean(history, problem, optimizer, evaluate_means)
+    while history.updates < updates and not optimizer.converged:
+        samples = optimizer.ask()
+        known = history.pending.setdefault(history.updates, {})
+        costs = evaluate_all(problem, samples, executor, known, progress)
+        optimizer.tell(costs)
+        del history.samples[history.updates :]
+        history.samples.append(samples)
+        history.costs.append(costs)
+        history.pending.pop(history.updates - 1)
+        _add_mean(history, problem, optimizer, evaluate_means)
+        on_update(history)
+    return history
+
+
+def replay(optimizer: Optimizer, history: History) -> None:
+    """Tells a fresh optimizer all that another was told, which makes it the same.
+
+    Raises:
+        InputError: It asks for other samples than the history holds.
+    """
+    for samples, costs in zip(history.samples, history.costs, strict=False):
+        asked = optimizer.ask()
+        if asked.shape != samples.shape or not np.allclose(asked, samples, rtol=1e-6, atol=1e-9):
+            raise InputError(
+                "resume: the search was started with other settings; give the same, or start anew"
+            )
+        optimizer.tell(costs)
+
+
+def _add_mean(history: History, problem: Problem, optimizer: Optimizer, evaluate: bool) -> None:
+    mean = np.array(optimizer.mean)
+    cost = float("nan")
+    if evaluate:
+        cost = float(total_costs(costs_of(problem.evaluate, mean[None]))[0])
+    del history.means[len(history.mean_costs) :]
+    history.means.append(mean)
+    history.mean_costs.append(cost)

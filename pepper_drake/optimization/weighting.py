@@ -1,0 +1,31 @@
+"""From costs to weights: the cheaper a sample, the more it counts."""
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+ELITENESS = 10.0
+"""How much the best sample of a normalised batch counts above the worst: exp(10) to 1."""
+
+
+def normalized(costs: Array, axis: int = 0) -> Array:
+    """Returns the costs on a scale from -1 (the worst) to 0 (the best); 0 where all are equal.
+
+    It is the "normalize" of algorithm 3, with the sign that makes exp(c) of equation 3.1 prefer
+    what is cheap. Neither a shift nor a scale of the costs changes it.
+    """
+    least, most = costs.min(axis=axis, keepdims=True), costs.max(axis=axis, keepdims=True)
+    spread = most - least
+    return np.where(spread > 0.0, (least - costs) / np.where(spread > 0.0, spread, 1.0), 0.0)
+
+
+def exponential_weights(costs: Array, eliteness: float = ELITENESS, axis: int = 0) -> Array:
+    """Returns weights exp(h c) of normalised costs c, h the eliteness; they add up to one."""
+    weights = np.exp(eliteness * normalized(costs, axis))
+    return np.asarray(weights / weights.sum(axis=axis, keepdims=True))
+
+
+def best(costs: Array, count: int) -> npt.NDArray[np.intp]:
+    """Returns the indices of the cheapest, the cheapest first; the earlier one where they tie."""
+    return np.argsort(costs, kind="stable")[:count]

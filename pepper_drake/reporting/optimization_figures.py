@@ -1,0 +1,124 @@
+"""Figures of a search: the cost of each update, and what became of the movement."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from pepper_drake.learning.primitive import MovementPrimitive
+
+Array = npt.NDArray[np.float64]
+
+_AXES = ("x", "y", "z")
+
+
+def draw_costs(
+    totals: Sequence[Array], mean_costs: Sequence[float], title: str, unit: str = ""
+) -> Figure:
+    """Draws the cost of each update, as the report's figure 4.7.
+
+    Args:
+        totals: (S,) costs of each update's samples.
+        mean_costs: The costs of the mean before the first update and after each; may be NaN.
+        title: Of the figure.
+        unit: Of the cost.
+    """
+    figure = Figure(figsize=(8, 4.5), layout="constrained")
+    axes: Axes = figure.add_subplot()
+    for update, costs in enumerate(totals, start=1):
+        label = "samples" if update == 1 else None
+        axes.plot(np.full(len(costs), update), costs, ".", color="0.7", label=label)
+    if np.isfinite(mean_costs).any():
+        axes.plot(range(len(mean_costs)), mean_costs, "o-", color="tab:blue", label="movement")
+    else:
+        means = [costs.mean() for costs in totals]
+        axes.plot(range(1, len(means) + 1), means, "o-", color="tab:blue", label="mean of samples")
+    axes.set(xlabel="update", ylabel=f"cost{unit}", title=title, ylim=(0, None))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.grid(alpha=0.3)
+    axes.legend()
+    return figure
+
+
+def draw_ways(
+    before: MovementPrimitive,
+    after: MovementPrimitive,
+    goal: Array,
+    obstacles: Array | None,
+    clearance: float,
+) -> Figure:
+    """Draws the hand's way before and after a search.
+
+    Args:
+        before: What the search started with.
+        after: What it found.
+        goal: (3,) where the hand should end [m].
+        obstacles: (P, 3) points [m], or None.
+        clearance: Of the whole way, wanted [m].
+    """
+    figure = Figure(figsize=(13, 7), layout="constrained")
+    grid = figure.add_gridspec(3, 2, width_ratios=(1.4, 1.0))
+    space: Any = figure.add_subplot(grid[:, 0], projection="3d")
+    old, new = before.rollout(), after.rollout()
+    if obstacles is not None:
+        near = obstacles[np.linalg.norm(obstacles - goal, axis=1) < 0.6]
+        space.plot(*near[:: max(1, len(near) // 1500)].T, ".", color="tab:orange", ms=1.5)
+    space.plot(*old.positions.T, color="0.6", lw=3, label="before")
+    space.plot(*new.positions.T, color="tab:blue", lw=1.8, label="after")
+    space.plot(*goal[:, None], "*", color="tab:purple", ms=13, label="goal")
+    title = "the hand's way"
+    if obstacles is not None:
+        title += f", {1000 * clearance:g} mm of clearance wanted"
+    space.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=title)
+    space.set_aspect("equal")
+    for axis in (space.xaxis, space.yaxis, space.zaxis):
+        axis.set_major_locator(MaxNLocator(5))
+    space.legend(loc="upper left")
+    for k, name in enumerate(_AXES):
+        axes: Axes = figure.add_subplot(grid[k, 1])
+        axes.plot(old.times, old.positions[:, k], color="0.6", lw=3)
+        axes.plot(new.times, new.positions[:, k], color="tab:blue", lw=1.5)
+        axes.axhline(goal[k], color="tab:purple", lw=1.0, ls=":")
+        axes.set_ylabel(f"{name} [m]")
+        axes.grid(alpha=0.3)
+        if k == 2:
+            axes.set_xlabel("time [s]")
+    return figure
+
+
+def draw_reproduction(
+    before: MovementPrimitive, primitive: MovementPrimitive, title: str
+) -> Figure:
+    """Draws one reproduction beside the movement that it varies, for a tutor to rate."""
+    figure = Figure(figsize=(6, 5), layout="constrained")
+    axes: Any = figure.add_subplot(projection="3d")
+    axes.plot(*before.rollout().positions.T, color="0.7", lw=3, label="before")
+    axes.plot(*primitive.rollout().positions.T, color="tab:blue", label="reproduction")
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=title)
+    axes.set_aspect("equal")
+    axes.legend()
+    return figure
+
+
+def draw_comparison(curves: Mapping[str, Array], rollouts: Array, title: str) -> Figure:
+    """Draws the cost of several methods against the number of rollouts.
+
+    Args:
+        curves: By method, the cost (seeds, updates + 1) of the movement after each update.
+        rollouts: (updates + 1,) how many rollouts there were by then.
+        title: Of the figure.
+    """
+    figure = Figure(figsize=(9, 5.5), layout="constrained")
+    axes: Axes = figure.add_subplot()
+    for k, (name, costs) in enumerate(curves.items()):
+        lower, middle, upper = np.quantile(costs, (0.25, 0.5, 0.75), axis=0)
+        axes.plot(rollouts, middle, "o-", ms=3.5, color=f"C{k}", label=name)
+        axes.fill_between(rollouts, lower, upper, color=f"C{k}", alpha=0.15)
+    axes.set(xlabel="rollouts", ylabel="cost", title=title, yscale="log")
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(title="median, and the middle half of the seeds")
+    return figure
