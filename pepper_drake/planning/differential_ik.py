@@ -77,13 +77,18 @@ def leading_pose(
         next_rotation: (4,) the same one tick later.
         gain: In (0, 1].
     """
+    p, R = leading_poses(position, next_position, rotation, next_rotation, gain)
+    return RigidTransform(Quaternion(R), p)
+
+
+def leading_poses(
+    position: Vector, next_position: Vector, rotation: Vector, next_rotation: Vector, gain: float
+) -> tuple[Vector, Vector]:
+    """What `leading_pose` gives, for many ticks at once: positions (..., 3), rotations (..., 4)."""
     lead = (1.0 - gain) / gain
     turn = rotations.log_map(rotations.multiply(next_rotation, rotations.conjugate(rotation)))
-    orientation = rotations.multiply(rotations.exp_map(lead * turn), next_rotation)
-    return RigidTransform(
-        Quaternion(orientation / np.linalg.norm(orientation)),
-        next_position + lead * (next_position - position),
-    )
+    asked = rotations.multiply(rotations.exp_map(lead * turn), next_rotation)
+    return next_position + lead * (next_position - position), rotations.normalize(asked)
 
 
 def strictest_elbow_roll(arm: str) -> tuple[float, float]:

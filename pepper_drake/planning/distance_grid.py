@@ -114,7 +114,9 @@ class DistanceGrid:
             [region.counts[1] * region.counts[2], region.counts[2], 1], dtype=np.int32
         )
 
-    def distance(self, points: Vector, layer: npt.NDArray[np.intp] | int = 0) -> Vector:
+    def distance(
+        self, points: Vector, layer: npt.NDArray[np.intp] | int = 0
+    ) -> npt.NDArray[np.float32]:
         """Distances (...) [m] at points (3, ...); outside the region, those at its border.
 
         Args:

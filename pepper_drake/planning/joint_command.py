@@ -39,13 +39,16 @@ def step_arm_command(
         The next command (5,), and its velocity (5,): the difference of the commands over the step.
     """
     limit = limits.velocity
-    wish = np.clip(desired_velocity, -limit, limit)
     change = limits.acceleration * time_step
-    wish = np.clip(wish, velocity - change, velocity + change)
-    up = np.sqrt(2 * limits.acceleration * np.maximum(limits.position_upper - position, 0))
-    down = np.sqrt(2 * limits.acceleration * np.maximum(position - limits.position_lower, 0))
-    wish = np.clip(wish, -down, up)
-    following = np.clip(position + time_step * wish, limits.position_lower, limits.position_upper)
+    # Minima and maxima of numpy's, which cost a fifth of its clip for so few numbers.
+    wish = np.minimum(np.maximum(desired_velocity, -limit), limit)
+    wish = np.minimum(np.maximum(wish, velocity - change), velocity + change)
+    braking = 2.0 * limits.acceleration
+    up = np.sqrt(braking * np.maximum(limits.position_upper - position, 0.0))
+    down = np.sqrt(braking * np.maximum(position - limits.position_lower, 0.0))
+    wish = np.minimum(np.maximum(wish, -down), up)
+    following = position + time_step * wish
+    following = np.minimum(np.maximum(following, limits.position_lower), limits.position_upper)
     lower, upper = elbow_roll_limits(following[_ELBOW_YAW], arm)
     following[_ELBOW_ROLL] = min(max(following[_ELBOW_ROLL], lower), upper)
     return following, (following - position) / time_step

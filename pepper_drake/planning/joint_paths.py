@@ -37,6 +37,14 @@ def shifted(paths: Vector, start: Vector, goals: Vector) -> Vector:
     return paths + (1.0 - m) * before + m * after
 
 
+def resampled(paths: Vector, samples: int) -> Vector:
+    """Paths (..., N, 5) at another number of even times, (..., samples, 5)."""
+    place = np.linspace(0.0, paths.shape[-2] - 1, samples)
+    before = np.minimum(place.astype(int), paths.shape[-2] - 2)
+    share = (place - before)[:, None]
+    return (1.0 - share) * paths[..., before, :] + share * paths[..., before + 1, :]
+
+
 @lru_cache(maxsize=8)
 def bumps(count: int, samples: int) -> Vector:
     """Smooth bumps (samples, count) at even relative times, of peak 1.
@@ -53,18 +61,19 @@ def bumps(count: int, samples: int) -> Vector:
     return values
 
 
-def needed_duration(path: Vector, velocity: Vector, acceleration: Vector) -> float:
-    """The shortest duration [s] in which a path keeps limits, timed as it is.
+def needed_duration(paths: Vector, velocity: Vector, acceleration: Vector) -> Vector:
+    """The shortest durations (...) [s] in which paths keep limits, timed as they are.
 
     Args:
-        path: (N, 5) at even relative times, rad.
+        paths: (..., N, 5) at even relative times, rad.
         velocity: (5,) rad/s.
         acceleration: (5,) rad/s².
     """
-    step = 1.0 / (len(path) - 1)
-    speed = np.abs(np.diff(path, axis=0)).max(axis=0) / step
-    bend = np.abs(np.diff(path, n=2, axis=0)).max(axis=0) / step**2
-    return float(max((speed / velocity).max(), np.sqrt((bend / acceleration).max())))
+    count = paths.shape[-2] - 1
+    rates = np.diff(paths, axis=-2)
+    speed = (np.abs(rates) / velocity).max(axis=(-2, -1)) * count
+    bend = (np.abs(np.diff(rates, axis=-2)) / acceleration).max(axis=(-2, -1)) * count**2
+    return np.maximum(speed, np.sqrt(bend))
 
 
 def evenly_timed(waypoints: Vector, samples: int) -> Vector:

@@ -1,12 +1,14 @@
 """What an arm must not touch, in the torso frame: what was seen, the goal object, and the body."""
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 
 from pepper_drake.learning.obstacle_field import ObstacleField
-from pepper_drake.planning.arm_kinematics import ArmKinematics
+from pepper_drake.planning.arm_kinematics import ArmKinematics, ArmPoses
 from pepper_drake.planning.arm_spheres import LinkSpheres
 from pepper_drake.planning.distance_grid import DistanceGrid, Region, sample
 from pepper_drake.planning.placed_solids import PlacedSolids
@@ -35,10 +37,11 @@ class Surroundings:
 
     Args:
         kinematics: Of the arm.
-        field: What was seen, in T.
+        field: What was seen, in any frame F.
+        X_FT: The torso's pose in F.
         object_solids: The goal object in T.
-        body_layer: (N,) distance of the body at the nodes of `arm_region`, m (see
-            `sample_body`).
+        body_layer: Gives the distance (N,) of the body at the nodes of `arm_region`, m (see
+            `sample_body`), if it is asked for.
         body_allowance: How much nearer than obstacles the body may be, m.
     """
 
@@ -46,37 +49,57 @@ class Surroundings:
         self,
         kinematics: ArmKinematics,
         field: ObstacleField,
+        X_FT: RigidTransform,
         object_solids: PlacedSolids,
-        body_layer: Vector,
+        body_layer: Callable[[], Vector],
         body_allowance: float,
     ) -> None:
         self.kinematics = kinematics
         self._field, self._object = field, object_solids
+        self._R_FT, self._p_FT = X_FT.rotation().matrix(), X_FT.translation()
         self._body_layer, self._allowance = body_layer, body_allowance
         self._watched = watched_spheres(kinematics.spheres)
 
+    def seen_distance(self, points: Vector) -> Vector:
+        """Distances (...) of points (..., 3) in T to what was seen, m."""
+        return self._field.distance(points @ self._R_FT.T + self._p_FT)
+
     def clearances(self, joints: Vector) -> Vector:
         """Least distance (N,) of the arm's spheres at joints (N, 5) to what was seen, m."""
-        return self.gaps(joints).min(axis=0)
+        centers, radii = self._centers(joints, self.kinematics.spheres)
+        return (self.seen_distance(centers) - radii).min(axis=0)
 
     def gaps(self, joints: Vector) -> Vector:
         """Distances (S, N) of the arm's spheres to what was seen and the goal object, m."""
-        kinematics = self.kinematics
-        centers = kinematics.sphere_centers(kinematics.poses(joints)).transpose(1, 2, 0)
-        distance = self._field.distance(centers)
+        return self._gaps(joints, self.kinematics.spheres)
+
+    def hand_gaps(self, joints: Vector) -> Vector:
+        """Distances (S', N) as of `gaps`, of the spheres below the upper arm."""
+        return self._gaps(joints, self._moving[0])
+
+    def _gaps(self, joints: Vector, spheres: LinkSpheres) -> Vector:
+        centers, radii = self._centers(joints, spheres)
+        distance = self.seen_distance(centers)
         if len(self._object):
             distance = np.minimum(distance, self._object.distance(centers, cap=0.2))
-        return distance - kinematics.spheres.radii[:, None]
+        return distance - radii
+
+    def _centers(self, joints: Vector, spheres: LinkSpheres) -> tuple[Vector, Vector]:
+        """Centres (S, N, 3) in T and radii (S, 1) of spheres, m."""
+        poses = self.kinematics.poses(joints)
+        centers = self.kinematics.sphere_centers(poses, spheres).transpose(1, 2, 0)
+        return centers, spheres.radii[:, None]
 
     @cached_property
     def _grid(self) -> DistanceGrid:
         region = arm_region(self.kinematics.arm)
-        cloud = sample(region, self._field.distance, self._field.solid_points, GRID_CAP)
+        seen_T = (self._field.solid_points - self._p_FT) @ self._R_FT
+        cloud = sample(region, self.seen_distance, seen_T, GRID_CAP)
         if len(self._object):
             nodes = region.nodes()
             cloud = np.minimum(cloud, self._object.distance(nodes, cap=GRID_CAP))
         return DistanceGrid(
-            region, np.stack((cloud, np.minimum(cloud, self._body_layer + self._allowance)))
+            region, np.stack((cloud, np.minimum(cloud, self._body_layer() + self._allowance)))
         )
 
     @cached_property
@@ -93,10 +116,16 @@ class Surroundings:
         Within a few millimetres of the truth, and at most `GRID_CAP` less the sphere's radius;
         forearm and hand see the body, too, `body_allowance` farther away than it is.
         """
+        return self.quick_gaps_and_poses(joints)[0]
+
+    def quick_gaps_and_poses(self, joints: Vector) -> tuple[Vector, ArmPoses]:
+        """What `quick_gaps` gives, and the poses that it came from."""
         spheres, layers = self._moving
-        centers = self.kinematics.sphere_centers(self.kinematics.poses(joints), spheres)
-        radii = spheres.radii.astype(np.float32)
-        return self._grid.distance(centers, layers[:, None]) - radii[:, None]
+        poses = self.kinematics.poses(joints)
+        centers = self.kinematics.sphere_centers(poses, spheres)
+        gaps = self._grid.distance(centers, layers[:, None])
+        gaps -= spheres.radii.astype(np.float32)[:, None]
+        return gaps, poses
 
 
 def sample_body(arm: str, body: PlacedSolids) -> Vector:

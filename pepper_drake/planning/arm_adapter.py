@@ -1,0 +1,243 @@
+"""Adapts a demonstrated movement of the whole arm to a scene."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.planning.arm_kinematics import arm_kinematics
+from pepper_drake.planning.control_model import ControlModel, arm_joints
+from pepper_drake.planning.differential_ik import strictest_elbow_roll
+from pepper_drake.planning.goal_postures import GoalPostures
+from pepper_drake.planning.joint_paths import needed_duration, resampled, shifted
+from pepper_drake.planning.path_cost import PathCost, PathCostParams
+from pepper_drake.planning.path_search import PathSearchParams, SearchResult, search_path
+from pepper_drake.planning.surroundings import Surroundings
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass
+class AdaptationParams:
+    """How a demonstration is adapted; m, rad, s."""
+
+    cost: PathCostParams = field(default_factory=PathCostParams)
+    search: PathSearchParams = field(default_factory=PathSearchParams)
+    samples: int = 50
+    """Of a path."""
+    starts: int = 150
+    """Postures of the library from which goal postures are solved for."""
+    goals_kept: int = 3
+    """Goal postures per demonstration."""
+    turn: float = 0.6
+    """Turn of the hand from the wanted goal orientation that costs 1, rad."""
+    posture: float = 1.0
+    """Distance of the joints from the demonstration's end that costs 1, rad."""
+    goal_clearance: float = 0.014
+    """Wanted at the goal posture, m."""
+    least_goal_clearance: float = 0.006
+    """With less a goal posture is none, m."""
+    limit_margin: float = 0.02
+    """Kept to joint limits, rad."""
+    candidates: int = 3
+    """How many paths are searched from at most."""
+    accepted_slack: float = -0.005
+    """Lack of clearance with which a path is taken, m."""
+    speed_share: float = 0.4
+    """Share of the rated joint velocities that a path may use."""
+    acceleration_share: float = 0.8
+    """Share of the joints' acceleration limit that it may use."""
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptedPath:
+    """A path of the arm's joints through a scene.
+
+    Attributes:
+        joints: (N, 5) at even times, rad.
+        duration: s.
+        slack: Least clearance less the wanted one, m.
+        origin: Which demonstration it came from.
+        generations: Of the search.
+    """
+
+    joints: Vector
+    duration: float
+    slack: float
+    origin: int
+    generations: int
+
+
+class ArmAdapter:
+    """Finds clear paths of an arm from demonstrated ones.
+
+    Args:
+        model: Pepper.
+        arm: "left" or "right".
+        demonstrations: (D, N, 5) joints at even relative times, rad; the first is the one to be
+            like.
+        duration: Of the demonstrations, s.
+        params: Weights and sizes.
+    """
+
+    def __init__(
+        self,
+        model: ControlModel,
+        arm: str,
+        demonstrations: Vector,
+        duration: float,
+        params: AdaptationParams,
+    ) -> None:
+        self._duration, self.params = duration, params
+        self._demonstrations = resampled(demonstrations, params.samples)
+        self._kinematics = arm_kinematics(model, arm)
+        limits = model.command_limits(arm_joints(arm), speed_fraction=params.speed_share)
+        lower, upper = limits.position_lower.copy(), limits.position_upper.copy()
+        lower[3], upper[3] = strictest_elbow_roll(arm)
+        self._lower, self._upper = lower + params.limit_margin, upper - params.limit_margin
+        self._limits = limits.velocity, params.acceleration_share * limits.acceleration
+        self._postures = GoalPostures(self._kinematics, self._lower, self._upper)
+
+    def adapt(
+        self,
+        start: Vector,
+        X_TG: RigidTransform,
+        surroundings: Surroundings,
+        played: Vector | None = None,
+    ) -> AdaptedPath | None:
+        """Looks for a clear path from a posture to a hand goal.
+
+        Args:
+            start: (5,) rad.
+            X_TG: Where the hand's position should end, and how it should be turned there if
+                that can be had.
+            surroundings: What is around the arm.
+            played: (K, 5) what the demonstration alone would make of it, one more to start from.
+
+        Returns:
+            The best path found, whether it is clear or not; None if no clear posture reaches the
+            goal.
+        """
+        params = self.params
+        demonstrations = self._demonstrations
+        if played is not None:
+            own = resampled(played, params.samples)[None]
+            demonstrations = np.concatenate((own, demonstrations))
+        goals, discomfort = self.goal_postures(X_TG, surroundings, demonstrations[:, -1])
+        if not len(goals):
+            return None
+        paths, cost, origins = self._candidates(
+            start, demonstrations, goals, discomfort, surroundings
+        )
+        best: AdaptedPath | None = None
+        for number in _different(paths, cost, params.candidates):
+            found = self._search(paths[number], surroundings)
+            if best is None or found.slack > best.slack:
+                duration = float(needed_duration(found.path, *self._limits))
+                best = AdaptedPath(
+                    found.path,
+                    max(duration, self._duration),
+                    found.slack,
+                    int(origins[number]),
+                    found.generations,
+                )
+            if best.slack > params.accepted_slack:
+                break
+        return best
+
+    def goal_postures(
+        self, X_TG: RigidTransform, surroundings: Surroundings, ends: Vector | None = None
+    ) -> tuple[Vector, Vector]:
+        """Clear postures with the hand at the goal, and what each costs after each demonstration.
+
+        Args:
+            X_TG: The hand's goal.
+            surroundings: What is around the arm.
+            ends: (D, 5) the demonstrations' last postures, rad; if left out those of our own.
+
+        Returns:
+            The best postures (G, 5) for each demonstration, rad; and (G, D) their costs.
+        """
+        params = self.params
+        ends = self._demonstrations[:, -1] if ends is None else ends
+        p_TG = X_TG.translation()
+        starts = np.concatenate((ends, self._postures.near(p_TG, params.starts)))
+        q, there = self._postures.solve(p_TG, starts)
+        q = q[there]
+        if len(q):
+            least = surroundings.hand_gaps(q).min(axis=0)
+            q, least = (
+                q[least >= params.least_goal_clearance],
+                least[least >= params.least_goal_clearance],
+            )
+        if not len(q):
+            return q, np.zeros((0, len(ends)))
+        turn = hand_turn(self._kinematics.poses(q).hand_rotation, X_TG.rotation().matrix())
+        lack = np.maximum(1.0 - least / params.goal_clearance, 0.0)
+        near_limit = np.maximum(
+            1.0 - np.minimum(q - self._lower, self._upper - q).min(axis=1) / 0.1, 0.0
+        )
+        shared = (turn / params.turn) ** 2 + 5.0 * lack**2 + 2.0 * near_limit**2
+        away = np.sum((q[:, None] - ends) ** 2, axis=2) / params.posture**2
+        cost = shared[:, None] + away
+        kept = np.unique(np.argsort(cost, axis=0, kind="stable")[: params.goals_kept])
+        return q[kept], cost[kept]
+
+    def _candidates(
+        self,
+        start: Vector,
+        demonstrations: Vector,
+        goals: Vector,
+        discomfort: Vector,
+        surroundings: Surroundings,
+    ) -> tuple[Vector, Vector, Vector]:
+        """Each demonstration from the start to each goal posture: paths, costs, demonstration."""
+        shape = len(demonstrations), len(goals)
+        origins, ends = (index.ravel() for index in np.indices(shape))
+        paths = shifted(demonstrations[origins], start, goals[ends])
+        paths = np.clip(paths, *self._bounds(start))
+        rate = self._rate(paths, surroundings)
+        return paths, rate(paths).cost + discomfort[ends, origins], origins
+
+    def _bounds(self, start: Vector) -> tuple[Vector, Vector]:
+        """Limits of a path: the joints', and where the arm already is."""
+        return np.minimum(self._lower, start), np.maximum(self._upper, start)
+
+    def _rate(self, references: Vector, surroundings: Surroundings) -> PathCost:
+        return PathCost(
+            surroundings,
+            references,
+            duration=self._duration,
+            velocity=self._limits[0],
+            acceleration=self._limits[1],
+            params=self.params.cost,
+        )
+
+    def _search(self, reference: Vector, surroundings: Surroundings) -> SearchResult:
+        lower, upper = self._bounds(reference[0])
+        return search_path(
+            reference,
+            self._rate(reference[None], surroundings),
+            lower=lower,
+            upper=upper,
+            params=self.params.search,
+        )
+
+
+def hand_turn(R_TH: Vector, R_TG: Vector) -> Vector:
+    """Angles (M,) [rad] between hand orientations (M, 3, 3) and a wanted one (3, 3)."""
+    trace = np.einsum("mij,ij->m", R_TH, R_TG)
+    return np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
+
+
+def _different(paths: Vector, cost: Vector, count: int) -> list[int]:
+    """The cheapest path, and then others that differ from those before it by 0.2 rad (rms)."""
+    chosen: list[int] = []
+    for number in np.argsort(cost, kind="stable"):
+        off = [np.sqrt(np.mean((paths[number] - paths[other]) ** 2)) for other in chosen]
+        if all(distance > 0.2 for distance in off):
+            chosen.append(int(number))
+            if len(chosen) == count:
+                break
+    return chosen

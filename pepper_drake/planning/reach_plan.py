@@ -1,0 +1,95 @@
+"""What the reach planner is asked for, and what it answers."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.planning.movement import Movement
+
+Vector = npt.NDArray[np.float64]
+
+
+class ReachVerdict(StrEnum):
+    """What playing the reach through says of it."""
+
+    CLEAR = "clear"
+    OUT_OF_REACH = "out_of_reach"
+    NO_CLEAR_PATH = "no_clear_path"
+    CANNOT_FOLLOW = "cannot_follow"
+    SELF_COLLISION = "self_collision"
+    NO_STANDING_ROOM = "no_standing_room"
+
+
+@dataclass
+class ReachPlannerParams:
+    """What counts as a good reach, m and rad."""
+
+    hand_x: float = 0.26
+    """Where the hand's goal should be in the torso frame, ahead, if the demonstration's own end is
+    not a place that the arm can reach (because it was recorded in another frame)."""
+    hand_y: float = 0.20
+    """The same to the arm's side."""
+    reach: float = 0.39
+    """Farthest distance of the hand from the shoulder."""
+    slack: float = 0.08
+    """How far the goal may move away and should still be within reach, if that can be had."""
+    body_clearance: float = 0.02
+    """Between the body (all but the reaching arm) and the cloud."""
+    wanted_clearance: float = 0.016
+    """Between the arm and the cloud: with this a place to stand is taken at once."""
+    least_clearance: float = 0.006
+    """With less the arm does not start."""
+    position_tolerance: float = 0.006
+    """Of the hand at the end of the motion played through."""
+    following_error: float = 0.12
+    """Farthest distance of the hand to the primitive's path on the way."""
+    self_clearance: float = -0.012
+    """Between the arm's spheres and the body (see `SelfClearance`)."""
+    solid_depth: float = 0.03
+    """How far what is seen is taken to reach down, for clearances."""
+    settle: float = 0.4
+    """How long the motion played through goes on after its end, in tau."""
+    places_with_slack: int = 3
+    """How many places with slack are played through at most."""
+    places_tried: int = 8
+    """How many others, at most."""
+    adapt: bool = True
+    """Whether a movement that would not pass is adapted to the scene, as a whole arm; needs a
+    `BarrierCoupling`."""
+    places_adapted: int = 4
+    """How many places to stand are adapted to at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReachPlan:
+    """A reach, played through.
+
+    Attributes:
+        verdict: Whether the robot may do it.
+        sentence: Why not.
+        base_pose: (3,) where the base stands, x, y, yaw in W.
+        position_error: Of the hand at the end, m.
+        clearance: Least distance of the arm to the cloud, m.
+        joint_path: (N, 5) the arm's joints, rad, every 10 ms.
+        movement: What was played through, and is to be performed.
+    """
+
+    verdict: ReachVerdict
+    sentence: str
+    base_pose: Vector
+    position_error: float = np.inf
+    clearance: float = -np.inf
+    joint_path: Vector | None = None
+    movement: Movement | None = None
+
+
+def quality(plan: ReachPlan) -> tuple[bool, bool, float]:
+    """Order of plans: clear ones, then those that get there, then the most room."""
+    arrives = plan.verdict in (ReachVerdict.CLEAR, ReachVerdict.NO_CLEAR_PATH)
+    return (
+        plan.verdict == ReachVerdict.CLEAR,
+        arrives,
+        plan.clearance if arrives else -plan.position_error,
+    )
