@@ -1,0 +1,125 @@
+"""Play recorded runs back in a browser, from their files: nothing is simulated.
+
+  play.py out/reach                     a run of reach.py: pause, step, scrub, change the speed
+  play.py out/reach out/other           several runs over one another, and their figures
+  play.py my_motion/ primitive.yaml     demonstrations and primitives, too
+  play.py out/reach --html run.html     a page that opens in any browser, without a network
+  play.py out/reach --video run.mp4     a film
+
+The window stays when the app has ended, and what is played next appears in it; play.py --stop ends
+it. Keys in the window: space plays and pauses, the arrows step, - and + change the speed.
+"""
+
+import sys
+import time
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from pathlib import Path
+from subprocess import Popen
+from typing import TYPE_CHECKING
+
+from pepper_drake import cli
+from pepper_drake.errors import InputError
+from pepper_drake.playback import server
+
+if TYPE_CHECKING:
+    from pepper_drake.playback.bodies import Frames
+
+
+def make_parser() -> ArgumentParser:
+    """Makes the parser of this app's options."""
+    parser = cli.make_parser("play", __doc__)
+    add = parser.add_argument
+    add(
+        "runs",
+        nargs="*",
+        type=Path,
+        metavar="RUN",
+        help="a run's folder, a demonstration, or a primitive's YAML file",
+    )
+    add("--from-arm", action="store_true", help="begin when the arm starts: runs keep in step")
+    add(
+        "--zmq-url",
+        default=server.DEFAULT_URL,
+        metavar="URL",
+        help="the meshcat server to draw into; started if there is none (default: %(default)s)",
+    )
+    add("--html", type=Path, metavar="FILE", help="write a page instead, into the output folder")
+    add("--video", type=Path, metavar="FILE", help="write a film (.mp4), into the output folder")
+    add("--stop", action="store_true", help="end the server that play.py started, and its window")
+    return parser
+
+
+def load(paths: Sequence[Path], *, from_arm: bool) -> "list[Frames]":
+    """Loads what is to be played back."""
+    # Imported here, while the server starts: this is most of the time until something is seen.
+    from pepper_drake.playback.bodies import frames_of
+    from pepper_drake.playback.loading import load_motion
+
+    return [frames_of(load_motion(path), from_arm=from_arm) for path in paths]
+
+
+def show_in_window(options: Namespace) -> "tuple[list[Frames], str]":
+    """Draws the runs into the server's window; returns them and the browser's address."""
+    started: Popen[bytes] | None = None
+    if not server.is_listening(options.zmq_url):
+        started = server.start_server(options.zmq_url)
+    try:
+        runs = load(options.runs, from_arm=options.from_arm)
+        from pepper_drake.playback.drawing import draw
+
+        commands = draw(runs)
+        if started is not None:
+            server.wait_for_server(options.zmq_url, started)
+        return runs, server.send(commands, options.zmq_url)
+    except BaseException:
+        if started is not None:
+            started.terminate()
+        raise
+
+
+def write_files(options: Namespace) -> "list[Frames]":
+    """Writes the page, the film, or both."""
+    runs = load(options.runs, from_arm=options.from_arm)
+    folder: Path = options.output
+    if options.html is not None:
+        from pepper_drake.learning.text_files import write_atomically
+        from pepper_drake.playback.drawing import draw
+        from pepper_drake.playback.page import standalone_page
+
+        title = ", ".join(run.motion.name for run in runs)
+        write_atomically(folder / options.html, standalone_page(draw(runs), title))
+    if options.video is not None:
+        from pepper_drake.playback.video import write_video
+
+        hidden = options.quiet or not sys.stderr.isatty()
+        write_video(runs, folder / options.video, progress=not hidden)
+    return runs
+
+
+def main() -> int:
+    """Runs the app."""
+    begin = time.perf_counter()
+    options = make_parser().parse_args()
+    if options.stop:
+        server.quit_server(options.zmq_url)
+        return cli.EXIT_DONE
+    if not options.runs:
+        raise InputError("no RUN to play back; give the folder of one, such as out/reach")
+    if options.html is None and options.video is None:
+        runs, web_url = show_in_window(options)
+        result = f"Watch it at {web_url} (play.py --stop ends it)"
+    else:
+        runs = write_files(options)
+        written = [options.output / f for f in (options.html, options.video) if f is not None]
+        result = f"Wrote {' and '.join(map(str, written))}"
+    if not options.quiet:
+        from pepper_drake.playback.comparison import table
+
+        print(table([run.motion for run in runs]))
+        print(f"{result}; {time.perf_counter() - begin:.1f} s")
+    return cli.EXIT_DONE
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,1 @@
+"""Playback of what was recorded: runs, demonstrations and primitives, from their files alone."""

@@ -1,0 +1,256 @@
+"""Motions as commands to meshcat's viewer: shapes, ways, clouds, one animation, a control bar."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
+
+import meshcat.geometry as mg
+import numpy as np
+import umsgpack
+from meshcat.animation import Animation, AnimationClip, AnimationTrack
+from meshcat.commands import Delete, SetAnimation, SetObject, SetProperty, SetTransform
+from meshcat.path import Path as MeshcatPath
+
+from pepper_drake.playback.bodies import FRAME_RATE, Frames, MovingBody
+from pepper_drake.playback.comparison import compare
+from pepper_drake.playback.meshcat_shapes import Tube, material, meshcat_object
+from pepper_drake.playback.motion import Vector
+
+ROOT = "/pepper_drake"
+"""The path below which everything is drawn."""
+
+RUN_COLORS = ("#1668b0", "#d9601a", "#2f8f46", "#8a4fb0", "#c23a4b", "#0f8f96", "#8a6a3a")
+"""A colour for each motion, again from the start when there are more."""
+
+_GHOST_OPACITY = 0.38
+_GHOST_TINT = 0.6
+_WAY_RADIUS = 0.003
+_SHOWN_RADIUS = 0.002
+_SHOWN_COLOR = (0.05, 0.05, 0.05)
+_WAY_STEP = 0.002
+_CONTROL = "show / hide figures"
+_CLOUD_COLOR = (0.85, 0.33, 0.10)
+_CLOUD_POINT = 0.008
+_TOP, _BOTTOM = (0.97, 0.98, 0.99), (0.80, 0.84, 0.88)
+_KEY_TOLERANCE = 2e-4
+_HALVINGS = 8
+
+
+@dataclass(frozen=True)
+class Command:
+    """One message to the viewer: its type and path, and its msgpack form."""
+
+    kind: str
+    path: str
+    data: bytes
+
+
+def draw(runs: Sequence[Frames]) -> list[Command]:
+    """Draws motions over one another.
+
+    The first has its own colours; further ones are ghosts in the colour of their way. What stands
+    in a further scene just as in the first one is not drawn again.
+
+    Args:
+        runs: The motions' frames.
+    """
+    commands = [_message(Delete(MeshcatPath(()).append(ROOT))), *_background()]
+    animation = Animation(default_framerate=int(FRAME_RATE))
+    for index, run in enumerate(runs):
+        color = run_color(index)
+        prefix = f"{ROOT}/{index + 1}"
+        for body in run.bodies:
+            if index > 0 and any(_same(body, other) for other in runs[0].bodies):
+                continue
+            commands += _body(body, f"{prefix}/{body.name}", color if index > 0 else None)
+            _animate(animation, f"{prefix}/{body.name}", body)
+        commands += _ways(run, prefix, color, first=index == 0)
+    commands.append(_message(SetAnimation(animation, play=True, repetitions=1)))
+    commands.append(_control_bar(runs))
+    return commands
+
+
+def run_color(index: int) -> tuple[float, float, float]:
+    """The colour (RGB, 0 to 1) of the motion with this index."""
+    code = RUN_COLORS[index % len(RUN_COLORS)]
+    red, green, blue = (int(code[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    return red, green, blue
+
+
+def _message(command: Any) -> Command:
+    lowered = command.lower()
+    return Command(lowered["type"], lowered["path"], umsgpack.packb(lowered))
+
+
+def _path(path: str) -> MeshcatPath:
+    return MeshcatPath(()).append(path)
+
+
+def _background() -> list[Command]:
+    commands = [
+        SetProperty("visible", False, _path("/Grid")),
+        SetProperty("visible", False, _path("/Axes")),
+        SetProperty("top_color", list(_TOP), _path("/Background")),
+        SetProperty("bottom_color", list(_BOTTOM), _path("/Background")),
+    ]
+    return [_message(command) for command in commands]
+
+
+def _view(run: Frames) -> dict[str, list[float]]:
+    """Where one looks from, and to: from the arm's side, past the hand to the robot, in W."""
+    side = 1.0 if run.motion.arm == "left" else -1.0
+    target = run.hand_W.mean(axis=0) + [-0.15, 0.0, -0.12]
+    return {"eye": (target + [0.85, 1.9 * side, 0.75]).tolist(), "target": target.tolist()}
+
+
+def _body(body: MovingBody, path: str, ghost: tuple[float, float, float] | None) -> list[Command]:
+    commands = [SetTransform(_matrix(body.translations[0], body.quaternions[0]), _path(path))]
+    for part in body.parts:
+        color = part.color
+        if ghost is not None:
+            mixed = (1 - _GHOST_TINT) * np.array(color[:3]) + _GHOST_TINT * np.array(ghost)
+            color = (*mixed.tolist(), _GHOST_OPACITY)
+        shape, X = meshcat_object(part.shape, color)
+        where = _path(f"{path}/{part.name}")
+        commands += [SetObject(shape, path=where), SetTransform(part.X_BS @ X, where)]
+    return [_message(command) for command in commands]
+
+
+def _matrix(translation: Vector, quaternion: Vector) -> Vector:
+    w, x, y, z = quaternion
+    X = np.eye(4)
+    X[:3, 3] = translation
+    X[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return X
+
+
+def _same(one: MovingBody, other: MovingBody) -> bool:
+    """Whether two things of a scene look the same and are at the same place all the time."""
+    if one.is_robot or one.name != other.name or len(one.parts) != len(other.parts):
+        return False
+    count = min(len(one.translations), len(other.translations))
+    return (
+        all(
+            repr(p.shape) == repr(q.shape) and p.color == q.color and np.allclose(p.X_BS, q.X_BS)
+            for p, q in zip(one.parts, other.parts, strict=True)
+        )
+        and np.allclose(one.translations[:count], other.translations[:count], atol=1e-4)
+        and np.allclose(one.quaternions[:count], other.quaternions[:count], atol=1e-4)
+    )
+
+
+def _animate(animation: Animation, path: str, body: MovingBody) -> None:
+    """Adds a body's way to the animation, with no more key frames than it takes."""
+    tracks = {}
+    for name, kind, values in (
+        ("position", "vector3", body.translations),
+        ("quaternion", "quaternion", np.roll(body.quaternions, -1, axis=1)),
+    ):
+        keys = key_frames(values)
+        if len(keys) > 2 or not np.allclose(values[0], values[-1], rtol=0.0, atol=_KEY_TOLERANCE):
+            tracks[name] = AnimationTrack(name, kind, keys.tolist(), values[keys].tolist())
+    if tracks:
+        animation.clips[_path(path)] = AnimationClip(tracks, fps=int(FRAME_RATE))
+
+
+def key_frames(values: Vector, tolerance: float = _KEY_TOLERANCE) -> Vector:
+    """Returns the frames from which linear interpolation gives the others.
+
+    Every second frame goes if its neighbours give it within `tolerance`; then every second of what
+    is left, and so on, with half the tolerance each time: no value is off by more than its double.
+
+    Args:
+        values: (F, n) a track's values, F of at least 2.
+        tolerance: In the values' units.
+
+    Returns:
+        Increasing indices, the first and the last frame among them.
+    """
+    keys = np.arange(len(values))
+    for halvings in range(_HALVINGS):
+        middle = keys[1:-1:2]
+        before, after = keys[0:-2:2], keys[2::2]
+        share = ((middle - before) / (after - before))[:, None]
+        guess = (1 - share) * values[before] + share * values[after]
+        off = np.max(np.abs(guess - values[middle]), axis=1, initial=0.0)
+        keys = np.setdiff1d(keys, middle[off < tolerance / 2**halvings])
+    return keys
+
+
+def _ways(
+    run: Frames, prefix: str, color: tuple[float, float, float], *, first: bool
+) -> list[Command]:
+    commands = _tube(run.hand_W, f"{prefix}/way of the hand", color, _WAY_RADIUS)
+    if first and run.motion.hand_T is None:
+        commands += _tube(run.shown_W, f"{prefix}/demonstration", _SHOWN_COLOR, _SHOWN_RADIUS)
+    if first and len(run.cloud_W):
+        colors = np.tile(np.array(_CLOUD_COLOR)[:, None], len(run.cloud_W))
+        cloud = mg.PointCloud(
+            run.cloud_W.T.astype(np.float32), colors.astype(np.float32), size=_CLOUD_POINT
+        )
+        commands.append(_message(SetObject(cloud, path=_path(f"{prefix}/cloud"))))
+    return commands
+
+
+def _tube(
+    points: Vector, path: str, color: tuple[float, float, float], radius: float
+) -> list[Command]:
+    """A way as a tube; nothing where the way is too short to be seen."""
+    apart = points[:1]
+    for point in points:
+        # A curve through points that coincide has no direction there.
+        if np.linalg.norm(point - apart[-1]) > _WAY_STEP:
+            apart = np.vstack((apart, point))
+    if len(apart) < 2:
+        return []
+    return [_message(SetObject(Tube(apart, radius), material((*color, 1.0)), path=_path(path)))]
+
+
+def _control_bar(runs: Sequence[Frames]) -> Command:
+    """The bar with play, step, speed and time, and the table: a control of meshcat's own panel.
+
+    Its callback is the script `player.js`, which the viewer runs once when it gets the control.
+    """
+    rows = compare([run.motion for run in runs])
+    data = {
+        "frameRate": FRAME_RATE,
+        "view": _view(runs[0]),
+        "runs": [
+            {
+                "name": run.motion.name,
+                "color": RUN_COLORS[index % len(RUN_COLORS)],
+                "frames": len(run.times),
+                "stages": _stages(run),
+                "signals": {
+                    name: {
+                        "unit": signal.unit,
+                        "values": np.round(run.at_frames(signal.values), 3).tolist(),
+                    }
+                    for name, signal in run.motion.signals.items()
+                },
+                "figures": {name: texts[index] for name, texts in rows.items()},
+            }
+            for index, run in enumerate(runs)
+        ],
+    }
+    script = files("pepper_drake.playback").joinpath("player.js").read_text(encoding="utf-8")
+    function = script[script.index("function") :].rstrip()
+    callback = f"({function})(this, {json.dumps(data)})"
+    control = {"type": "set_control", "name": _CONTROL, "callback": callback}
+    return Command("set_control", f"{ROOT}/control", umsgpack.packb(control))
+
+
+def _stages(run: Frames) -> list[tuple[int, str, int]]:
+    """For each stage the frame where it begins, its name, and its place among the stages."""
+    names = list(dict.fromkeys(name for _, name in run.motion.stages))
+    begins = [int(np.searchsorted(run.clock, time)) for time, _ in run.motion.stages]
+    return [
+        (begin, name, names.index(name))
+        for begin, (_, name) in zip(begins, run.motion.stages, strict=True)
+    ]

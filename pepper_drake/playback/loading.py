@@ -1,0 +1,189 @@
+"""From files to motions: a run's folder, a demonstration, a primitive."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pepper_drake.errors import InputError
+from pepper_drake.models.objects import GOAL_OBJECT
+from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS
+from pepper_drake.models.scene import Scene, load_scene
+from pepper_drake.playback.motion import Motion, Signal, Vector
+from pepper_drake.reporting.reach_log import ReachLog
+from pepper_drake.systems.reach_mode import ReachMode
+
+LOG, REPORT, SCENE = "log.npz", "report.json", "scene.yaml"
+
+
+def load_motion(path: str | Path) -> Motion:
+    """Loads whatever can be played back.
+
+    Args:
+        path: The folder of a run of `apps/reach.py`; a demonstration, a folder or a text file; or
+            a primitive's YAML file, which is rolled out as it was learned.
+
+    Raises:
+        InputError: There is no such file, or it is broken; one sentence that says what to do.
+    """
+    path = Path(path)
+    if path.name == LOG:
+        path = path.parent
+    if (path / LOG).exists():
+        return _load_run(path)
+    if path.suffix in (".yaml", ".yml"):
+        return _load_primitive(path)
+    if path.suffix == ".txt" or (path / "translation.txt").exists():
+        return _load_demonstration(path)
+    raise InputError(
+        f"{path}: nothing to play back; give the folder of a run (with {LOG}), a demonstration "
+        "(a folder with translation.txt, or a text file) or a primitive's YAML file"
+    )
+
+
+def _load_run(folder: Path) -> Motion:
+    log = ReachLog.load(folder / LOG)
+    if not (folder / SCENE).exists():
+        raise InputError(f"{folder}: the run lacks {SCENE}; record the run again")
+    scene = load_scene(folder / SCENE)
+    report = _load_report(folder / REPORT)
+    positions = {
+        **dict(zip(BODY_JOINTS, log.joint_position_rad.T, strict=True)),
+        **dict(zip(JOINT_GROUPS["base"], log.base_pose_m_m_rad.T, strict=True)),
+        **_object_positions(folder, scene, log.object_offset_m),
+    }
+    for name, values in positions.items():
+        if not np.all(np.isfinite(values)):
+            raise InputError(f"{folder / LOG}: {name} is not finite; record the run again")
+    reaching = np.flatnonzero(log.mode == ReachMode.REACHING)
+    return Motion(
+        name=folder.name,
+        arm=scene.arm,
+        times=log.time_s,
+        positions=positions,
+        scene=scene,
+        arm_starts=float(log.time_s[reaching[0]] if len(reaching) else log.time_s[-1]),
+        shown_T=log.demonstration_m,
+        cloud_T=log.cloud_torso_m,
+        stages=_stages(log),
+        signals={
+            "hand to goal": Signal("mm", 1000 * log.goal_distance_m),
+            "clearance": Signal("mm", 1000 * log.clearance_m),
+            "phase": Signal("", log.phase),
+        },
+        figures=_run_figures(log, report),
+    )
+
+
+def _object_positions(folder: Path, scene: Scene, offsets: Vector) -> dict[str, Vector]:
+    """The positions of the joints that `add_scene` gives to what has a path, in its order."""
+    moving = [obstacle.name for obstacle in scene.obstacles if obstacle.path]
+    moving += [GOAL_OBJECT] if scene.goal.path else []
+    names = [f"{name}_{axis}" for name in moving for axis in "xyz"]
+    if len(names) != offsets.shape[1]:
+        raise InputError(
+            f"{folder / LOG}: object_offset_m has {offsets.shape[1]} columns, but in {SCENE} "
+            f"{len(moving)} things have a path; record the run again"
+        )
+    return dict(zip(names, offsets.T, strict=True))
+
+
+def _stages(log: ReachLog) -> tuple[tuple[float, str], ...]:
+    changes = [0, *(np.flatnonzero(np.diff(log.mode)) + 1)]
+    names = {int(mode): mode.name.lower() for mode in ReachMode}
+    return tuple(
+        (float(log.time_s[row]), names.get(int(log.mode[row]), "unknown")) for row in changes
+    )
+
+
+def _run_figures(log: ReachLog, report: dict[str, Any]) -> dict[str, str | float]:
+    """What is worth comparing: of the report, and of the way that the hand took."""
+    moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
+    hand, times = log.hand_position_torso_m[moving], log.time_s[moving]
+    figures: dict[str, str | float] = {
+        "outcome": str(report["outcome"]),
+        "reason": str(report.get("reason", "")),
+        "scene": str(report.get("scene", "")),
+        "coupling": str(report.get("coupling", "")),
+        "whole run [s]": float(log.time_s[-1]),
+    }
+    if len(hand) > 1:
+        figures["arm moves [s]"] = float(times[-1] - times[0])
+        figures["way of the hand [m]"] = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
+    scales = {
+        "hand to goal [mm]": ("final_position_error", 1000.0),
+        "orientation error [deg]": ("final_orientation_error", np.degrees(1.0)),
+        "least clearance [mm]": ("minimum_clearance", 1000.0),
+        "tracking error [mm]": ("tracking_error_rms", 1000.0),
+    }
+    for name, (key, scale) in scales.items():
+        value = report.get(key)
+        if isinstance(value, int | float):
+            figures[name] = scale * value
+    return figures
+
+
+def _load_report(path: Path) -> dict[str, Any]:
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: the report is missing; record the run again") from None
+    except (OSError, ValueError):
+        raise InputError(f"{path}: this is no report of a run; record the run again") from None
+    if not isinstance(report, dict) or "outcome" not in report:
+        raise InputError(f"{path}: the report says no outcome; record the run again")
+    return report
+
+
+def _load_demonstration(path: Path) -> Motion:
+    # Imported here: learning brings SciPy, and a run needs none.
+    from pepper_drake.learning.demonstration import Demonstration
+
+    demo = Demonstration.load(path)
+    joints = demo.joints if demo.joints is not None else np.zeros((len(demo.times), 0))
+    return Motion(
+        name=demo.name,
+        arm=_arm_of(demo.joint_names, demo.positions),
+        times=demo.times,
+        positions=dict(zip(demo.joint_names, joints.T, strict=True)),
+        arm_starts=float(demo.times[0]),
+        hand_T=demo.positions if demo.joints is None else None,
+        hand_rotations_T=demo.rotations if demo.joints is None else None,
+        shown_T=demo.positions,
+        figures={
+            "outcome": "demonstration",
+            "arm moves [s]": demo.duration,
+            "way of the hand [m]": demo.path_length,
+        },
+    )
+
+
+def _load_primitive(path: Path) -> Motion:
+    from pepper_drake.learning.primitive import MovementPrimitive
+
+    primitive = MovementPrimitive.load(path)
+    rollout = primitive.rollout()
+    names = primitive.posture.names if primitive.posture is not None else ()
+    way = np.linalg.norm(np.diff(rollout.positions, axis=0), axis=1).sum()
+    return Motion(
+        name=path.stem,
+        arm=_arm_of(names, rollout.positions),
+        times=rollout.times,
+        # Its joints are only where the arm tends to: the hand is drawn where it is told to be.
+        hand_T=rollout.positions,
+        hand_rotations_T=rollout.rotations,
+        shown_T=rollout.positions,
+        figures={
+            "outcome": "primitive",
+            "arm moves [s]": float(rollout.times[-1]),
+            "way of the hand [m]": float(way),
+        },
+    )
+
+
+def _arm_of(joint_names: tuple[str, ...], positions_T: Vector) -> str:
+    """Whose motion it is: the joints tell, else on which side of the body the hand is."""
+    if joint_names:
+        return "left" if any(name.startswith("L") for name in joint_names) else "right"
+    return "left" if float(positions_T[:, 1].mean()) > 0.0 else "right"

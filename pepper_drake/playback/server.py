@@ -1,0 +1,151 @@
+"""meshcat's own server as a process that outlives the app, so that its window stays open.
+
+Run as a module it serves until it is told to quit. An app draws into whatever meshcat server
+answers at its address, be it this one or a stock `meshcat-server`.
+"""
+
+import contextlib
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import zmq
+
+from pepper_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from pepper_drake.playback.drawing import Command
+
+DEFAULT_URL = "tcp://127.0.0.1:6000"
+"""Where a meshcat server listens if nobody says otherwise."""
+
+_ANSWER_MS = 3000
+_START_SECONDS = 20.0
+_QUIT = b"quit"
+
+
+def is_listening(url: str) -> bool:
+    """Whether something listens at an address such as tcp://127.0.0.1:6000.
+
+    Raises:
+        InputError: This is no such address.
+    """
+    parts = urlsplit(url)
+    try:
+        address = (parts.hostname, parts.port)
+    except ValueError:
+        address = (None, None)
+    if parts.scheme != "tcp" or None in address:
+        raise InputError(f'--zmq-url is "{url}"; it must be like {DEFAULT_URL}')
+    with contextlib.suppress(OSError), socket.create_connection(address, timeout=1.0):
+        return True
+    return False
+
+
+def start_server(url: str) -> subprocess.Popen[bytes]:
+    """Starts a server at an address, as a process of its own, and does not wait for it."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "pepper_drake.playback.server", url],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+def wait_for_server(url: str, server: subprocess.Popen[bytes]) -> None:
+    """Waits until a server that was just started listens.
+
+    Raises:
+        InputError: It does not; the address can be the reason.
+    """
+    deadline = time.monotonic() + _START_SECONDS
+    while not is_listening(url):
+        if server.poll() is not None or time.monotonic() > deadline:
+            raise InputError(f"{url}: no meshcat server can be started here; try another --zmq-url")
+        time.sleep(0.02)
+
+
+def send(commands: "Sequence[Command]", url: str) -> str:
+    """Sends commands to a running server.
+
+    Args:
+        commands: What `draw` returned.
+        url: The server's address.
+
+    Returns:
+        The address for the browser.
+
+    Raises:
+        InputError: No meshcat server answers.
+    """
+    web_url = _ask(url, [b"url"]).decode()
+    with _connection(url) as connection:
+        for command in commands:
+            # The stock server does not know controls. It hands on and keeps what is sent as a
+            # property, and leaves it to the viewer to read what it is.
+            kind = "set_property" if command.kind == "set_control" else command.kind
+            answer = _exchange(connection, [kind.encode(), command.path.encode(), command.data])
+            if answer != b"ok":
+                raise InputError(f"{url}: the server says {answer.decode(errors='replace')}")
+    return web_url
+
+
+def quit_server(url: str) -> None:
+    """Ends a server that `start_server` started.
+
+    Raises:
+        InputError: There is none, or it was started by other means.
+    """
+    if not is_listening(url):
+        raise InputError(f"{url}: there is no server to stop")
+    if _ask(url, [_QUIT]) != b"ok":
+        raise InputError(f"{url}: this server was not started by play.py; end it where it began")
+
+
+def _ask(url: str, message: list[bytes]) -> bytes:
+    with _connection(url) as connection:
+        return _exchange(connection, message)
+
+
+def _connection(url: str) -> zmq.Socket:
+    connection = zmq.Context.instance().socket(zmq.REQ)
+    connection.linger = 0
+    connection.rcvtimeo = connection.sndtimeo = _ANSWER_MS
+    connection.connect(url)
+    return connection
+
+
+def _exchange(connection: zmq.Socket, message: list[bytes]) -> bytes:
+    try:
+        connection.send_multipart(message)
+        return bytes(connection.recv())
+    except zmq.ZMQError:
+        url = connection.last_endpoint.decode()
+        raise InputError(f"{url}: no meshcat server answers here; try another --zmq-url") from None
+
+
+def serve(url: str) -> None:
+    """Serves at an address until told to quit."""
+    from meshcat.servers.zmqserver import ZMQWebSocketBridge
+
+    class Bridge(ZMQWebSocketBridge):
+        """meshcat's server, which can also be told to quit."""
+
+        def handle_zmq(self, frames: list[bytes]) -> None:
+            """Answers one message."""
+            if frames == [_QUIT]:
+                self.zmq_socket.send(b"ok")
+                self.ioloop.call_later(0.1, self.ioloop.stop)
+            else:
+                super().handle_zmq(frames)
+
+    Bridge(zmq_url=url).run()
+
+
+if __name__ == "__main__":
+    serve(sys.argv[1])
