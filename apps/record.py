@@ -1,72 +1,164 @@
-"""Record a demonstration: a scripted guide leads the limp arm by the hand, in simulation.
+"""Record a demonstration, in simulation, in one of the ways to teach an arm a movement.
+
+  --way guided    a person leads the limp arm by the hand, along a script of via points
+  --way joints    a person drags the arm's joints, one after the other
+  --way gamepad   a person steers the hand with a game pad's sticks and buttons
 
 Writes a folder with translation.txt, rotation.txt and joints.csv (the demonstration), report.json
-and recording.html (a stand-alone page that shows the motion).
+and recording.html (a stand-alone page that shows the motion). What is recorded is on the disk
+within a second: Ctrl-C ends in order and keeps it; after a crash the folder can be used as it is,
+and --recover makes it a finished demonstration.
+
+  record.py --guide reach                     the script that ships
+  record.py --guide my_guide.yaml --arm left  a script of your own, mirrored for the left arm
+  record.py --way joints                      as it ships; --guide FILE for your own
+  record.py --recover out/record              keep what an interrupted recording left
 """
 
+import argparse
 import json
-import logging
 import time
+from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Meshcat
 
-from pepper_drake.cli import EXIT_DONE, EXIT_FAILED, make_parser, run
-from pepper_drake.diagrams.teaching import record_guided
+from pepper_drake.cli import (
+    EXIT_DONE,
+    EXIT_FAILED,
+    make_parser,
+    quiet_libraries,
+    run,
+    stop_on_interrupt,
+)
+from pepper_drake.diagrams.recording import (
+    Recording,
+    RecordOptions,
+    record_guided,
+    record_joints,
+    record_pad,
+)
+from pepper_drake.learning import Demonstration
+from pepper_drake.learning.recording import recover
 from pepper_drake.models.guide import GUIDES, load_guide
+from pepper_drake.models.joint_script import JOINT_SCRIPTS, load_joint_script
+from pepper_drake.models.pad_script import PAD_SCRIPTS, load_pad_script
 
 MAX_FINAL_DISTANCE = 0.02
-"""Farther from the guide [m] than this at the end, the hand did not follow it."""
+"""Farther from where the script has it [m] than this at the end, the hand did not follow."""
+SHIPPED = {"guided": GUIDES, "joints": JOINT_SCRIPTS, "gamepad": PAD_SCRIPTS}
+"""The names of the scripts that ship, by the way to teach; the first is the default."""
 
 
 def main() -> int:
     """Runs the app and returns its exit code."""
     parser = make_parser("record", __doc__)
     parser.add_argument(
+        "--way",
+        choices=tuple(SHIPPED),
+        default="guided",
+        help="how the movement is shown (default: %(default)s)",
+    )
+    names = "; ".join(f"{way}: {', '.join(shipped)}" for way, shipped in SHIPPED.items())
+    parser.add_argument(
         "--guide",
-        default="reach",
         metavar="NAME|FILE",
-        help=f"guide script: {', '.join(GUIDES)} or a YAML file (default: %(default)s)",
+        help=f"script: one that ships ({names}) or a YAML file (default: the way's first)",
     )
     parser.add_argument(
         "--arm", choices=("left", "right"), help="mirror the script for this arm if need be"
     )
+    parser.add_argument(
+        "--live", action="store_true", help="show it in a browser while it is recorded"
+    )
+    parser.add_argument(
+        "--recover",
+        type=Path,
+        metavar="DIR",
+        help="finish the recording that was interrupted in this folder, and do nothing else",
+    )
     arguments = parser.parse_args()
-    script = load_guide(arguments.guide)
-    if arguments.arm not in (None, script.arm):
-        script = script.mirrored()
+    if arguments.recover is not None:
+        return keep(arguments.recover, quiet=arguments.quiet)
+    return record(arguments)
 
-    logging.getLogger("drake").setLevel(logging.WARNING)  # Not where meshcat could be watched.
+
+def keep(folder: Path, *, quiet: bool) -> int:
+    """Makes an interrupted recording a demonstration."""
+    demonstration = recover(folder)
+    if not quiet:
+        print(f"recovered: {summary(demonstration)} in {folder}")
+    return EXIT_DONE
+
+
+def record(arguments: argparse.Namespace) -> int:
+    """Records a script and reports how it went."""
+    quiet_libraries()
     meshcat = Meshcat()
+    if arguments.live:
+        print(f"open {meshcat.web_url()}", flush=True)
     start = time.perf_counter()
-    recording = record_guided(script, meshcat)
+    with stop_on_interrupt() as should_stop:
+        options = RecordOptions(
+            folder=arguments.output,
+            should_stop=should_stop,
+            meshcat=meshcat,
+            realtime=arguments.live,
+            progress=not arguments.quiet,
+        )
+        arm, recording = perform(arguments, options)
     wall_seconds = time.perf_counter() - start
     demonstration = recording.demonstration
 
-    followed = recording.final_distance <= MAX_FINAL_DISTANCE
+    followed = recording.final_distance <= MAX_FINAL_DISTANCE or recording.stopped
     report = {
         "outcome": "recorded" if followed else "failed",
-        "reason": "" if followed else "the hand did not follow the guide to its last via point",
-        "arm": script.arm,
+        "reason": "" if followed else "the hand did not follow the script to its end",
+        "stopped_by_user": recording.stopped,
+        "way": arguments.way,
+        "arm": arm,
         "samples": len(demonstration.times),
         "duration": demonstration.duration,
         "path_length": demonstration.path_length,
         "max_speed": float(np.linalg.norm(demonstration.velocities, axis=1).max()),
-        "guide_distance_rms": recording.guide_distance_rms,
+        "derivation": demonstration.derivation,
+        "guide_distance_rms": recording.distance_rms,
         "final_guide_distance": recording.final_distance,
         "wall_seconds": wall_seconds,
         "seed": arguments.seed,
     }
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    demonstration.save(arguments.output)
     (arguments.output / "report.json").write_text(json.dumps(report, indent=2) + "\n")
     (arguments.output / "recording.html").write_text(meshcat.StaticHtml())
     if not arguments.quiet:
-        print(
-            f"{report['outcome']}: {report['samples']} samples, {report['duration']:.2f} s, "
-            f"{report['path_length']:.2f} m of the {script.arm} hand in {arguments.output}"
-        )
+        ending = "stopped" if recording.stopped else report["outcome"]
+        print(f"{ending}: {summary(demonstration)} of the {arm} hand in {arguments.output}")
     return EXIT_DONE if followed else EXIT_FAILED
+
+
+def perform(arguments: argparse.Namespace, options: RecordOptions) -> tuple[str, Recording]:
+    """Loads the way's script and records it; returns the arm as well."""
+    way = arguments.way
+    name = arguments.guide or SHIPPED[way][0]
+    mirror = arguments.arm
+    if way == "joints":
+        joints = load_joint_script(name)
+        joints = joints if mirror in (None, joints.arm) else joints.mirrored()
+        return joints.arm, record_joints(joints, options)
+    if way == "gamepad":
+        pad = load_pad_script(name)
+        pad = pad if mirror in (None, pad.arm) else pad.mirrored()
+        return pad.arm, record_pad(pad, options)
+    guide = load_guide(name)
+    guide = guide if mirror in (None, guide.arm) else guide.mirrored()
+    return guide.arm, record_guided(guide, options)
+
+
+def summary(demonstration: Demonstration) -> str:
+    """What was recorded, in a few words."""
+    return (
+        f"{len(demonstration.times)} samples, {demonstration.duration:.2f} s, "
+        f"{demonstration.path_length:.2f} m"
+    )
 
 
 if __name__ == "__main__":

@@ -1,29 +1,21 @@
 """Kinesthetic teaching in simulation: a limp arm, a hand that guides it, and a recorder."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PdControllerGains
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from pepper_drake.diagrams.lone_pepper import LIMP, add_lone_pepper
-from pepper_drake.learning import Demonstration
-from pepper_drake.models.guide import GuideScript
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
-from pepper_drake.models.scene import make_pose
 from pepper_drake.systems.hand_guide import HandGuide, HandGuideParams
 from pepper_drake.systems.motion_recorder import MotionRecorder
-from pepper_drake.systems.scripted_guide import GuidePath, ScriptedGuide
 
 _HELD = PdControllerGains(p=40.0, d=3.0)
 """A person's hold on the joints that are dragged: they follow within the motors' rated efforts."""
-_REST_SPEED, _REST_TURN_RATE = 0.005, 0.06
-"""Below these [m/s, rad/s] the hand rests."""
 
 
 class Teaching(Diagram):
@@ -123,55 +115,3 @@ class Teaching(Diagram):
         builder.ExportInput(guide.guide_pose_input, "guide_pose")
         builder.ExportInput(guide.guide_velocity_input, "guide_velocity")
         builder.ExportOutput(guide.force_output, "guide_force")
-
-
-@dataclass(frozen=True)
-class GuidedRecording:
-    """What came of guiding a hand through a script."""
-
-    demonstration: Demonstration
-    """The motion without the rest before and after it, from time 0."""
-    guide_distance_rms: float
-    """Distance of the hand from the guide over the whole time [m]."""
-    final_distance: float
-    """Distance of the hand from the guide when it comes to rest [m]."""
-
-
-def record_guided(script: GuideScript, meshcat: Meshcat | None = None) -> GuidedRecording:
-    """Guides the limp arm through a script in simulation and records it.
-
-    Args:
-        script: A guide script that passes its check.
-        meshcat: Where to record the robot's motion as an animation, if anywhere.
-    """
-    builder = DiagramBuilder()
-    teaching = builder.AddNamedSystem(
-        "teaching", Teaching(script.arm, script.positions(), meshcat=meshcat)
-    )
-    plant = teaching.plant
-    plant_context = plant.CreateDefaultContext()
-    X_WT = plant.GetFrameByName("torso").CalcPoseInWorld(plant_context)
-    X_WH = plant.GetFrameByName(hand_frame(script.arm)).CalcPoseInWorld(plant_context)
-    path = GuidePath(
-        [script.rest, *(script.rest + via.time for via in script.via_points)],
-        [X_WH, *(X_WT @ make_pose(via.position, via.rpy) for via in script.via_points)],
-    )
-    guide = builder.AddNamedSystem("scripted_guide", ScriptedGuide(path))
-    builder.Connect(guide.guide_pose_output, teaching.GetInputPort("guide_pose"))
-    builder.Connect(guide.guide_velocity_output, teaching.GetInputPort("guide_velocity"))
-    simulator = Simulator(builder.Build())
-    if meshcat is not None:
-        meshcat.StartRecording(set_visualizations_while_recording=False)
-    simulator.AdvanceTo(path.end_time + script.rest)
-    if meshcat is not None:
-        meshcat.PublishRecording()
-
-    recorded = teaching.recorder.demonstration(simulator.get_context(), name=script.name)
-    guided = [(X_WT.inverse() @ path.pose(time)).translation() for time in recorded.times]
-    distances = np.linalg.norm(recorded.positions - guided, axis=1)
-    motion = recorded.trimmed(speed=_REST_SPEED, turn_rate=_REST_TURN_RATE)
-    return GuidedRecording(
-        demonstration=replace(motion, times=np.round(motion.times - motion.times[0], 9)),
-        guide_distance_rms=float(np.sqrt(np.mean(distances**2))),
-        final_distance=float(distances[-1]),
-    )

@@ -4,7 +4,8 @@ Four forms are read; all have one row per sample, separated by white space, `#` 
 
 - a folder with `translation.txt` (time, 3 positions, 3 velocities, 3 accelerations) and, if the
   orientation is known, `rotation.txt` (time, roll, pitch, yaw, their rates, their accelerations),
-  and `joints.csv` (a header `time,NAME,...`) where joints were recorded;
+  and `joints.csv` (a header `time,NAME,...`) where joints were recorded; or one in which a
+  recording was interrupted (see `recording`);
 - a text file with the ten columns of `translation.txt`; an orientation is taken from
   `NAME_pose.txt` beside `NAME.txt` if there is one;
 - a file `NAME_pose.txt`: time, position, unit quaternion w, x, y, z.
@@ -20,7 +21,8 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.demonstration import Demonstration
+from pepper_drake.learning.demonstration import RECORDED, Demonstration
+from pepper_drake.learning.recording import read_partial
 from pepper_drake.learning.text_files import format_table, parse_table, read_text, write_atomically
 
 Array = npt.NDArray[np.float64]
@@ -43,7 +45,7 @@ def read_demonstration(path: Path) -> Demonstration:
         InputError: With file, line and how to mend it.
     """
     if path.is_dir():
-        return _read_folder(path)
+        return read_partial(path) or _read_folder(path)
     if path.name.endswith(POSE_SUFFIX):
         table, quaternions = _read_pose(path)
         return Demonstration.from_positions(
@@ -173,7 +175,10 @@ def _translation_text(demonstration: Demonstration) -> str:
             demonstration.accelerations,
         )
     )
-    return "# time [s], position [m], velocity [m/s], acceleration [m/s^2]\n" + format_table(table)
+    header = "# time [s], position [m], velocity [m/s], acceleration [m/s^2]"
+    if demonstration.derivation != RECORDED:
+        header += f"; {demonstration.derivation}"
+    return header + "\n" + format_table(table)
 
 
 def _write_pose(demonstration: Demonstration, path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from pepper_drake.errors import InputError
 from pepper_drake.learning.demonstration import Demonstration
 from pepper_drake.learning.demonstration_files import JOINTS, POSE_SUFFIX, ROTATION, TRANSLATION
+from pepper_drake.learning.recording import PARTIAL
 from pepper_drake.learning.text_files import read_text
 
 
@@ -22,9 +23,9 @@ def load_all(paths: Sequence[str | Path]) -> list[Demonstration]:
 
 
 def _find(path: Path) -> list[Path]:
-    if not path.is_dir() or (path / TRANSLATION).exists():
+    if not path.is_dir() or any((path / name).exists() for name in (TRANSLATION, PARTIAL)):
         return [path]
-    folders = [file.parent for file in path.rglob(TRANSLATION)]
+    folders = {file.parent for name in (TRANSLATION, PARTIAL) for file in path.rglob(name)}
     files = [
         file
         for file in path.rglob("*.txt")
@@ -32,7 +33,7 @@ def _find(path: Path) -> list[Path]:
         and not _is_companion(file)
         and _starts_with_numbers(file)
     ]
-    found = sorted(folders + files)
+    found = sorted([*folders, *files])
     if not found:
         raise InputError(
             f"{path}: no demonstration in or below this folder; it takes text files with rows "

@@ -3,12 +3,16 @@
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput
 
 from pepper_drake.learning import Demonstration
+from pepper_drake.learning.recording import CUTOFF, recorded_demonstration
+
+Array = npt.NDArray[np.float64]
 
 
 class MotionSampler(LeafSystem):
@@ -60,7 +64,11 @@ class MotionRecorder(Diagram):
         - joint_position
 
     The ports are MotionSampler's: those of a station, simulated or real. The record lives in the
-    context.
+    context; who runs the simulation may write what is new of it to a file between two advances
+    (see `RecordingWriter`), so that the diagram itself holds nothing that cannot be cloned.
+
+    Attributes:
+        joint_names: Names of the joints on the port `joint_position`.
     """
 
     def __init__(self, joint_names: Sequence[str], *, time_step: float = 0.01) -> None:
@@ -71,34 +79,35 @@ class MotionRecorder(Diagram):
             time_step: Step of the record [s].
         """
         super().__init__()
-        self._joint_names = tuple(joint_names)
+        self.joint_names = tuple(joint_names)
         builder = DiagramBuilder()
-        sampler = builder.AddNamedSystem("sampler", MotionSampler(len(self._joint_names)))
+        sampler = builder.AddNamedSystem("sampler", MotionSampler(len(self.joint_names)))
         self._log = LogVectorOutput(sampler.sample_output, builder, publish_period=time_step)
         builder.ExportInput(sampler.hand_pose_input, "hand_pose")
         builder.ExportInput(sampler.joint_position_input, "joint_position")
         builder.BuildInto(self)
 
-    def demonstration(
-        self, root_context: Context, *, name: str = "recording", cutoff: float = 10.0
-    ) -> Demonstration:
-        """Returns what has been recorded in a simulation.
+    def samples(self, root_context: Context) -> tuple[Array, Array]:
+        """Returns what has been recorded so far in a simulation.
 
-        Velocities and accelerations are the derivatives of the cubic smoothing spline through the
-        samples, which is what takes the jitter of the sampled guide force out of them.
+        Args:
+            root_context: The simulation's context.
+
+        Returns:
+            Times (N,) [s] and samples (N, 7 + J), as MotionSampler packs them.
+        """
+        log = self._log.FindLog(root_context)
+        return log.sample_times(), log.data().T
+
+    def demonstration(
+        self, root_context: Context, *, name: str = "recording", cutoff: float = CUTOFF
+    ) -> Demonstration:
+        """Returns what has been recorded in a simulation; see `recorded_demonstration`.
 
         Args:
             root_context: The simulation's context.
             name: The demonstration's name.
             cutoff: Frequency at which smoothing halves the amplitude [Hz].
         """
-        log = self._log.FindLog(root_context)
-        samples = log.data().T
-        return Demonstration.from_positions(
-            log.sample_times(),
-            samples[:, :3],
-            rotations=samples[:, 3:7],
-            joints=samples[:, 7:],
-            joint_names=self._joint_names,
-            name=name,
-        ).smoothed(cutoff)
+        times, samples = self.samples(root_context)
+        return recorded_demonstration(times, samples, self.joint_names, name=name, cutoff=cutoff)

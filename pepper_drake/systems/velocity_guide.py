@@ -8,7 +8,7 @@ from pydrake.common.eigen_geometry import AngleAxis, Quaternion
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 Vector = npt.NDArray[np.float64]
 
@@ -19,8 +19,9 @@ class GuideLeash:
 
     distance: float = 0.06
     """[m]."""
-    angle: float = 0.8
-    """[rad]."""
+    angle: float = 0.2
+    """[rad]. An arm of five joints cannot keep its hand's direction everywhere: on a short leash
+    the direction gives way to the position."""
 
 
 def step_guide(
@@ -70,13 +71,16 @@ class VelocityGuide(LeafSystem):
         output_ports:
         - guide_pose
         - guide_velocity
+        - guide_position
 
     Inputs: `velocity_command` (6) angular and linear velocity in the axes of T [rad/s, m/s];
     `hand_pose` X_TH and `torso_pose` X_WT (RigidTransform). Outputs: `guide_pose` X_WG
-    (RigidTransform), `guide_velocity` V_WG (SpatialVelocity), as HandGuide takes them.
+    (RigidTransform), `guide_velocity` V_WG (SpatialVelocity), as HandGuide takes them;
+    `guide_position` (3) of the guide in T [m].
 
-    State: position and quaternion w, x, y, z of the guide in T and the velocity (13), discrete
-    with period `time_step`. Until its first step the guide is at the hand, at rest.
+    State: position and quaternion w, x, y, z of the guide in W, its velocity in W, and its position
+    in T (16), discrete with period `time_step`. Until its first step the guide is at the hand, at
+    rest.
     """
 
     def __init__(self, leash: GuideLeash | None = None, time_step: float = 0.01) -> None:
@@ -92,49 +96,61 @@ class VelocityGuide(LeafSystem):
         self.hand_pose_input = self.DeclareAbstractInputPort("hand_pose", Value(RigidTransform()))
         self.torso_pose_input = self.DeclareAbstractInputPort("torso_pose", Value(RigidTransform()))
         # A quaternion of zeros says that the guide has not moved yet.
-        self._state = self.DeclareDiscreteState(13)
+        self._state = self.DeclareDiscreteState(16)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
         state = self.discrete_state_ticket(self._state)
+        inputs = {self.hand_pose_input.ticket(), self.torso_pose_input.ticket()}
         self.guide_pose_output = self.DeclareAbstractOutputPort(
-            "guide_pose",
-            lambda: Value(RigidTransform()),
-            self._calc_pose,
-            {state, self.hand_pose_input.ticket(), self.torso_pose_input.ticket()},
+            "guide_pose", lambda: Value(RigidTransform()), self._calc_pose, {state, *inputs}
         )
         self.guide_velocity_output = self.DeclareAbstractOutputPort(
-            "guide_velocity",
-            lambda: Value(SpatialVelocity()),
-            self._calc_velocity,
-            {state, self.torso_pose_input.ticket()},
+            "guide_velocity", lambda: Value(SpatialVelocity()), self._calc_velocity, {state}
+        )
+        self.guide_position_output = self.DeclareVectorOutputPort(
+            "guide_position", 3, self._calc_position, {state, self.hand_pose_input.ticket()}
         )
 
+    def _values(self, context: Context) -> Vector | None:
+        """The state; None until the guide's first step."""
+        values: Vector = context.get_discrete_state(self._state).value()
+        return values if values[3:7].any() else None
+
     def _pose(self, context: Context) -> RigidTransform:
-        """X_TG."""
-        values = context.get_discrete_state(self._state).value()
-        if not values[3:7].any():
-            return RigidTransform(self.hand_pose_input.Eval(context))
+        """X_WG. The inputs are not looked at where the state tells."""
+        values = self._values(context)
+        if values is None:
+            return self.torso_pose_input.Eval(context) @ self.hand_pose_input.Eval(context)
         return RigidTransform(RotationMatrix(Quaternion(values[3:7])), values[:3])
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
+        X_WT = self.torso_pose_input.Eval(context)
         before = self._pose(context)
         X_TG = step_guide(
-            before,
+            X_WT.inverse() @ before,
             self.velocity_input.Eval(context),
             self.hand_pose_input.Eval(context),
             self._time_step,
             self._leash,
         )
+        after = X_WT @ X_TG
         # On a taut leash the guide is slower than its command.
-        turn = (X_TG.rotation() @ before.rotation().inverse()).ToAngleAxis()
-        shift = X_TG.translation() - before.translation()
+        turn = (after.rotation() @ before.rotation().inverse()).ToAngleAxis()
+        shift = after.translation() - before.translation()
         velocity = np.concatenate((turn.angle() * turn.axis(), shift)) / self._time_step
-        quaternion = X_TG.rotation().ToQuaternion().wxyz()
-        state.set_value(self._state, np.concatenate((X_TG.translation(), quaternion, velocity)))
+        quaternion = after.rotation().ToQuaternion().wxyz()
+        state.set_value(
+            self._state,
+            np.concatenate((after.translation(), quaternion, velocity, X_TG.translation())),
+        )
 
     def _calc_pose(self, context: Context, output: Value) -> None:
-        output.set_value(self.torso_pose_input.Eval(context) @ self._pose(context))
+        output.set_value(self._pose(context))
 
     def _calc_velocity(self, context: Context, output: Value) -> None:
-        velocity = context.get_discrete_state(self._state).value()[7:]
-        R_WT = self.torso_pose_input.Eval(context).rotation()
-        output.set_value(SpatialVelocity(w=R_WT @ velocity[:3], v=R_WT @ velocity[3:]))
+        velocity = context.get_discrete_state(self._state).value()[7:13]
+        output.set_value(SpatialVelocity(w=velocity[:3], v=velocity[3:]))
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        values = self._values(context)
+        hand = self.hand_pose_input
+        output.SetFromVector(hand.Eval(context).translation() if values is None else values[13:])

@@ -3,7 +3,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import TrajectorySource
+from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from pepper_drake.systems.motion_recorder import MotionRecorder
@@ -48,3 +48,23 @@ def test_record_is_the_motion_at_a_constant_step():
     np.testing.assert_allclose(demo.joints[:, 0], demo.times / 2, atol=1e-3)
     # Peak velocity of the cosine: 0.3 m * pi / 4.
     np.testing.assert_allclose(demo.velocities[100, 0], 0.3 * np.pi / 4, rtol=1e-3)
+
+
+def test_a_minute_is_6001_rows_at_a_step_constant_to_a_nanosecond():
+    """The figure: 60 s at 100 Hz."""
+    builder = DiagramBuilder()
+    hand = builder.AddSystem(MovingHand())
+    joints = builder.AddSystem(ConstantVectorSource([0.1]))
+    recorder = builder.AddSystem(MotionRecorder(["RElbowYaw"]))
+    builder.Connect(hand.get_output_port(), recorder.GetInputPort("hand_pose"))
+    builder.Connect(joints.get_output_port(), recorder.GetInputPort("joint_position"))
+    simulator = Simulator(builder.Build())
+    for end in np.linspace(0.0, 60.0, 41)[1:]:  # As a recording is: slice by slice.
+        simulator.AdvanceTo(end)
+    times, samples = recorder.samples(simulator.get_context())
+    assert samples.shape == (6001, 8)
+    assert np.abs(np.diff(times) - 0.01).max() < 1e-9
+    assert times[0] == 0.0
+    assert times[-1] == 60.0
+    demo = recorder.demonstration(simulator.get_context())
+    np.testing.assert_array_equal(demo.times, times)

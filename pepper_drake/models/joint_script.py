@@ -1,0 +1,66 @@
+"""Joint scripts: an arm's joints dragged one by one, as typed YAML files."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from pepper_drake.errors import InputError
+from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, mirror_joint_positions
+from pepper_drake.models.teaching_script import TeachingScript, load_script
+
+JOINT_SCRIPTS = ("joints",)
+"""The names of the joint scripts that ship."""
+
+
+@dataclass
+class JointMove:
+    """One joint is dragged to an angle, smoothly, while the others are held."""
+
+    joint: str = ""
+    angle: float = 0.0  # Where it ends [rad].
+    duration: float = 1.0  # [s].
+
+
+@dataclass
+class JointScript(TeachingScript):
+    """A motion of the arm: its joints dragged one after the other."""
+
+    moves: list[JointMove] = field(default_factory=list)
+    pause: float = 0.0  # Between two moves, while the person takes hold of another joint [s].
+
+    def check(self) -> None:
+        """Raises InputError, in one sentence that names the field, if it makes no sense."""
+        super().check()
+        joints = JOINT_GROUPS[arm_group(self.arm)]
+        if not self.moves:
+            raise InputError("moves holds none; it needs at least one")
+        if self.pause < 0.0:
+            raise InputError(f"pause is {self.pause:g} s; it must not be negative")
+        for index, move in enumerate(self.moves):
+            name = f"moves[{index}]"
+            if move.joint not in joints:
+                raise InputError(
+                    f'{name}.joint is "{move.joint}"; the {self.arm} arm has {", ".join(joints)}'
+                )
+            if not np.isfinite(move.angle):
+                raise InputError(f"{name}.angle must be a finite number")
+            if not move.duration > 0.0:
+                raise InputError(f"{name}.duration is {move.duration:g} s; it must be above 0")
+
+    def mirrored(self) -> Self:
+        """Returns the script for the other arm, mirrored at the robot's x-z plane."""
+        mirror = super().mirrored()
+        for move in mirror.moves:
+            ((move.joint, move.angle),) = mirror_joint_positions({move.joint: move.angle}).items()
+        return mirror
+
+
+def load_joint_script(name_or_path: str | Path) -> JointScript:
+    """Loads and checks a joint script that ships (by its name) or a YAML file.
+
+    Raises:
+        InputError: With one sentence that names the file and the field.
+    """
+    return load_script(JointScript, name_or_path, JOINT_SCRIPTS)

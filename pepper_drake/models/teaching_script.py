@@ -1,0 +1,93 @@
+"""What all scripts of a demonstration share: which arm, and where it starts."""
+
+from copy import deepcopy
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self, TypeVar
+
+import numpy as np
+
+from pepper_drake.errors import InputError
+from pepper_drake.models.pepper import (
+    ARMS,
+    MODELS_DIR,
+    POSTURES,
+    mirror_joint_positions,
+    posture_positions,
+)
+from pepper_drake.models.typed_yaml import line_of_field, load_yaml
+
+GUIDES_DIR = MODELS_DIR / "guides"
+
+
+@dataclass
+class TeachingScript:
+    """A demonstration to be given by a script, from where a posture has the arm."""
+
+    name: str = ""
+    description: str = ""
+    arm: str = "right"
+    posture: str = "stand"  # A name of pepper.POSTURES.
+    joints: dict[str, float] = field(default_factory=dict)  # Changes to the posture [rad].
+    rest: float = 0.5  # How long all holds still before and after [s].
+
+    def check(self) -> None:
+        """Raises InputError, in one sentence that names the field, if it makes no sense."""
+        if self.arm not in ARMS:
+            raise InputError(f'arm is "{self.arm}"; it must be one of {", ".join(ARMS)}')
+        if self.posture not in POSTURES:
+            raise InputError(
+                f'posture is "{self.posture}"; it must be one of {", ".join(POSTURES)}'
+            )
+        if not np.all(np.isfinite(list(self.joints.values()))):
+            raise InputError("joints must hold finite numbers")
+        self.positions()
+        if self.rest < 0.0:
+            raise InputError(f"rest is {self.rest:g} s; it must not be negative")
+
+    def mirrored(self) -> Self:
+        """Returns the script for the other arm, mirrored at the robot's x-z plane."""
+        mirror = deepcopy(self)
+        mirror.arm = "left" if self.arm == "right" else "right"
+        mirror.joints = mirror_joint_positions(self.joints)
+        return mirror
+
+    def positions(self) -> dict[str, float]:
+        """Returns every joint's position at the start [rad, m]."""
+        return posture_positions(self.posture, self.joints)
+
+
+Script = TypeVar("Script", bound=TeachingScript)
+
+
+def load_script(schema: type[Script], name_or_path: str | Path, shipped: tuple[str, ...]) -> Script:
+    """Loads and checks a script that ships (by its name) or a YAML file.
+
+    Args:
+        schema: What kind of script.
+        name_or_path: Its name or its file.
+        shipped: The names of those that ship.
+
+    Raises:
+        InputError: With one sentence that names the file, the line and the field.
+    """
+    path = Path(name_or_path)
+    if str(name_or_path) in shipped:
+        path = GUIDES_DIR / f"{name_or_path}.yaml"
+    elif not path.exists():
+        raise InputError(
+            f"{path} is neither a guide script nor one that ships: {', '.join(shipped)}"
+        )
+    script = load_yaml(schema, path)
+    try:
+        script.check()
+    except InputError as error:
+        line = line_of_field(path, str(error).split()[0])
+        raise InputError(f"{path} line {line}: {error}") from None
+    return script
+
+
+def check_vector(name: str, vector: list[float]) -> None:
+    """Raises InputError, naming the field, unless a vector holds three finite numbers."""
+    if len(vector) != 3 or not np.all(np.isfinite(vector)):
+        raise InputError(f"{name} must be three finite numbers")
