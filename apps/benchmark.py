@@ -6,7 +6,6 @@
   benchmark.py --scene table --scenes 20      one scene, twenty seeds of the noise
   benchmark.py --replay d:17                  one run again, to look at: recording.html
 
-METHODS
 A run that is in the output folder is not run again: interrupt it and go on later, or add scenes and
 methods. Give another folder after changing the code. Results: benchmark.md, benchmark.json,
 benchmark.png, and one file for each run in results/.
@@ -17,7 +16,6 @@ import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 
 from tqdm import tqdm
 
@@ -33,8 +31,10 @@ from pepper_drake.reporting.benchmark_figure import draw_benchmark
 
 def make_parser() -> ArgumentParser:
     """Makes the parser of this app's options."""
-    methods = "".join(f"  {m.letter}  {m.name}: {m.description}\n" for m in METHODS)
-    parser = cli.make_parser("benchmark", (__doc__ or "").replace("METHODS\n", methods + "\n"))
+    parser = cli.make_parser("benchmark", __doc__)
+    parser.epilog = "methods:\n" + "".join(
+        f"  {method.letter}  {method.name}: {method.description}\n" for method in METHODS
+    )
     parser.add_argument(
         "--scenes", type=_count, default=20, metavar="N", help="how many (default: %(default)s)"
     )

@@ -7,14 +7,17 @@ from typing import Protocol
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import DiagramReach
 from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.benchmarking.planned_reach import PlannedReach, optimized_motions, rrt_motions
 from pepper_drake.errors import InputError
 
 
 class Run(Protocol):
     """How a method is run."""
 
-    options: tuple[str, ...] | None
-    """The options of `reach.py` that give the same; None if it cannot."""
+    @property
+    def options(self) -> tuple[str, ...] | None:
+        """The options of `reach.py` that give the same; None if it cannot."""
+        ...
 
     def __call__(self, case: Case) -> MethodResult:
         """Runs the method, unseen."""
@@ -60,6 +63,18 @@ METHODS: tuple[Method, ...] = (
         "ours, reactive",
         "the barrier around the cloud, no adaptation",
         DiagramReach(),
+    ),
+    Method(
+        "f",
+        "RRT-Connect, smoothed",
+        "OMPL over Drake's collision checker; perfect knowledge, no dynamics",
+        PlannedReach(rrt_motions),
+    ),
+    Method(
+        "g",
+        "trajectory optimisation",
+        "Drake's KinematicTrajectoryOptimization; perfect knowledge, no dynamics",
+        PlannedReach(optimized_motions),
     ),
 )
 

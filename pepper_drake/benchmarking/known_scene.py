@@ -1,0 +1,214 @@
+"""A scene as one knows it who knows everything: for planners that are given the truth."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import QueryObject
+from pydrake.math import RigidTransform
+from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.planning import (
+    CollisionCheckerParams,
+    RobotDiagramBuilder,
+    SceneGraphCollisionChecker,
+)
+
+from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.models.objects import add_scene
+from pepper_drake.models.pepper import (
+    BODY_JOINTS,
+    JOINT_GROUPS,
+    add_pepper,
+    elbow_roll_limits,
+    hand_frame,
+)
+from pepper_drake.models.scene import Scene
+from pepper_drake.planning.arm_spheres import arm_link_names
+from pepper_drake.planning.control_model import arm_joints, shared_control_model
+from pepper_drake.planning.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach_planner import ReachPlanner, ReachPlannerParams
+from pepper_drake.systems.clearance_monitor import ClearanceMonitor
+
+Array = npt.NDArray[np.float64]
+
+_ELBOW_YAW, _ELBOW_ROLL = 2, 3
+
+
+class KnownScene:
+    """Pepper in the true scene: collisions, distances, goals, and places to stand.
+
+    All but the base and the arm that reaches stay as they start. What moves in the scene stands
+    still at its start, but for `clearance`, which is told the times.
+
+    Attributes:
+        scene: The scene.
+        plant: Pepper and the scene.
+        checker: Drake's collision checker over it, with `padding` between robot and scene.
+        arm_index: (5,) where the arm's joints are among the plant's positions.
+        lower: (5,) limits of the arm's joints, rad.
+        upper: (5,) rad.
+        X_WG: Where the hand is to be.
+    """
+
+    def __init__(self, scene: Scene, *, padding: float = 0.01) -> None:
+        """Builds the model.
+
+        Args:
+            scene: The scene.
+            padding: What planners keep between the robot and the scene [m].
+        """
+        self.scene = scene
+        builder = RobotDiagramBuilder(time_step=0.0)
+        self.plant = builder.plant()
+        self._pepper = add_pepper(self.plant)
+        self._models = add_scene(self.plant, scene)
+        self.plant.Finalize()
+        self.checker = SceneGraphCollisionChecker(
+            CollisionCheckerParams(
+                model=builder.Build(),
+                robot_model_instances=[self._pepper],
+                edge_step_size=0.05,
+                env_collision_padding=padding,
+                implicit_context_parallelism=False,
+            )
+        )
+        self._context = self.checker.model_context()
+        self._start = self._start_positions()
+        self.arm_index = self._indices(arm_joints(scene.arm))
+        self._base_index = self._indices(JOINT_GROUPS["base"])
+        joints = [self.plant.GetJointByName(name) for name in arm_joints(scene.arm)]
+        self.lower = np.array([joint.position_lower_limit() for joint in joints])
+        self.upper = np.array([joint.position_upper_limit() for joint in joints])
+        self.X_WG = scene.goal.pose() @ scene.pre_grasp()
+        self._monitor = ClearanceMonitor(
+            robot=self._geometries(self.plant.GetBodyIndices(self._pepper)),
+            obstacles=self._geometries(
+                self.plant.GetBodyByName(name).index() for name in self._models.obstacles
+            ),
+        )
+
+    def _start_positions(self) -> Array:
+        q = np.zeros(self.plant.num_positions())
+        for name, angle in self.scene.robot.positions().items():
+            q[self.plant.GetJointByName(name, self._pepper).position_start()] = angle
+        return q
+
+    def _indices(self, names: tuple[str, ...]) -> list[int]:
+        return [self.plant.GetJointByName(name).position_start() for name in names]
+
+    def _geometries(self, bodies: Iterator[BodyIndex] | list[BodyIndex]) -> set:
+        return {
+            geometry
+            for index in bodies
+            for geometry in self.plant.GetCollisionGeometriesForBody(self.plant.get_body(index))
+        }
+
+    @property
+    def start(self) -> Array:
+        """(5,) the arm's joints at the start, rad."""
+        return self._start[self.arm_index]
+
+    def positions(self, joints: Array, base_pose: Array) -> Array:
+        """The plant's positions with the arm's joints (5,) [rad] and the base at x, y, yaw."""
+        q = self._start.copy()
+        q[self.arm_index], q[self._base_index] = joints, base_pose
+        return q
+
+    def free(self, joints: Array, base_pose: Array) -> bool:
+        """Whether nothing is nearer than the padding, and the elbow is within its limits."""
+        low, high = elbow_roll_limits(float(joints[_ELBOW_YAW]), self.scene.arm)
+        if not low - 1e-9 <= joints[_ELBOW_ROLL] <= high + 1e-9:
+            return False
+        return self.checker.CheckConfigCollisionFree(self.positions(joints, base_pose))
+
+    def hold_body(self) -> None:
+        """From now on `free` looks at the arm alone: the body, once it stands, moves no more."""
+        arm = {*arm_link_names(self.scene.arm), f"{self.scene.arm[0].upper()}Shoulder"}
+        bodies = [self.plant.get_body(index) for index in self.plant.GetBodyIndices(self._pepper)]
+        rest = [body for body in bodies if body.name() not in arm]
+        others = [
+            body
+            for k in range(self.plant.num_bodies())
+            if (body := self.plant.get_body(BodyIndex(k))).name() not in arm
+        ]
+        for one in rest:
+            for other in others:
+                self._filter(one, other)
+
+    def _filter(self, one: RigidBody, other: RigidBody) -> None:
+        if one.index() != other.index() and not self.checker.IsCollisionFilteredBetween(
+            one.index(), other.index()
+        ):
+            self.checker.SetCollisionFilteredBetween(one.index(), other.index(), True)
+
+    def places_to_stand(self) -> Iterator[Array]:
+        """The base poses (3,) that our own planner would try here, were there no cameras."""
+        scene = self.scene
+        planner = ReachPlanner(
+            model=shared_control_model(),
+            arm=scene.arm,
+            X_OG=scene.pre_grasp(),
+            primitive=make_primitive(None, scene.arm),
+            coupling=None,
+            ik=DifferentialIkParams(),
+            params=ReachPlannerParams(),
+        )
+
+        def has_room(places: Array) -> npt.NDArray[np.bool_]:
+            return np.array([self.free(self.start, place) for place in places])
+
+        return planner.places_to_stand(
+            self._start[self._base_index],
+            self._start[self._indices(BODY_JOINTS)],
+            scene.goal.pose(),
+            has_room,
+        )
+
+    def hand_poses(self, path: Array, base_pose: Array) -> list[RigidTransform]:
+        """X_WH for each row of a path (N, 5) of the arm's joints [rad]."""
+        plant_context = self.checker.plant_context()
+        frame = self.plant.GetFrameByName(hand_frame(self.scene.arm))
+        poses = []
+        for joints in path:
+            self.checker.UpdatePositions(self.positions(joints, base_pose))
+            poses.append(frame.CalcPoseInWorld(plant_context))
+        return poses
+
+    def clearance(
+        self, path: Array, base_pose: Array, times: Array | None = None
+    ) -> tuple[float, str]:
+        """The least true distance between Pepper and an obstacle along a path.
+
+        Args:
+            path: (N, 5) the arm's joints, rad.
+            base_pose: (3,) x, y, yaw in W.
+            times: (N,) since the arm may move, s, for obstacles that move from then on; left out,
+                they stand where they start.
+
+        Returns:
+            The distance [m], at most 0.1, and the names of the two shapes.
+        """
+        least, names = 0.1, ""
+        for k, joints in enumerate(path):
+            q = self.positions(joints, base_pose)
+            if times is not None:
+                self._move_obstacles(q, float(times[k]))
+            self.checker.UpdatePositions(q)
+            distance, pair = self._monitor.closest_pair(self._query())
+            if distance < least:
+                least, names = distance, pair
+        return least, names
+
+    def _move_obstacles(self, q: Array, time: float) -> None:
+        """Puts what moves where it is at a time."""
+        for moving in self._models.moving:
+            if moving.name != self._models.goal_object:
+                path = moving.path
+                offset = path.value(np.clip(time, path.start_time(), path.end_time()))[:, 0]
+                names = tuple(f"{moving.name}_{axis}" for axis in "xyz")
+                q[self._indices(names)] = offset
+
+    def _query(self) -> QueryObject:
+        diagram = self.checker.model()
+        context = self._context.scene_graph_context()
+        return diagram.scene_graph().get_query_output_port().Eval(context)

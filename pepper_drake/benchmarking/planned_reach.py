@@ -1,0 +1,139 @@
+"""A reach planned with perfect knowledge and performed without dynamics, measured like the others.
+
+The robot stands where our own planner would have it stand, if it knew everything, too; one place is
+tried after the other. What is planned is checked against the true shapes at 100 Hz, as the arm
+would move; a plan that touches is not performed, and the search goes on.
+
+The time to first motion is the planner's at the place where it found the way: goal postures, plan,
+smoothing, timing. What is not counted: the model of the scene, the places tried before, the check.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.benchmarking.case import Case
+from pepper_drake.benchmarking.goal_search import goal_postures
+from pepper_drake.benchmarking.known_scene import KnownScene
+from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.benchmarking.metrics import likeness, path_length, rms_jerk
+from pepper_drake.benchmarking.planned_reach_page import record_motion
+from pepper_drake.benchmarking.rrt_connect import rrt_connect, seed_ompl
+from pepper_drake.benchmarking.timed_path import timed_path
+from pepper_drake.benchmarking.trajectory_optimization import optimized_motion
+from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.planning.arm_geometry import ArmGeometry
+from pepper_drake.planning.control_model import shared_control_model
+from pepper_drake.reporting.reach_report import pose_error
+
+Array = npt.NDArray[np.float64]
+
+_STEP = 0.01
+_HOLDING = 1.0
+"""How long the hand stays at its goal, s."""
+_TOLERANCE = 0.010
+"""Of the hand at its goal, m."""
+
+Motions = Callable[[KnownScene, Array, int], Iterator[Array]]
+"""Yields motions (N, 5) from a place to stand (3,) and a seed, every 10 ms, rad."""
+
+
+class _Found(NamedTuple):
+    motion: Array
+    base_pose: Array
+    seconds: float
+    clearance: float
+    pair: str
+
+
+def rrt_motions(known: KnownScene, base_pose: Array, seed: int) -> Iterator[Array]:
+    """One motion by RRT-Connect to whichever goal posture is found first."""
+    seed_ompl(seed)
+    goals = goal_postures(known, base_pose, np.random.default_rng(seed))
+    corners = rrt_connect(known, base_pose, goals) if goals else None
+    motion = timed_path(known.scene.arm, corners) if corners is not None else None
+    if motion is not None:
+        yield motion
+
+
+def optimized_motions(known: KnownScene, base_pose: Array, seed: int) -> Iterator[Array]:
+    """One motion by trajectory optimisation to each goal posture."""
+    for goal in goal_postures(known, base_pose, np.random.default_rng(seed)):
+        yield optimized_motion(known, base_pose, goal)
+
+
+@dataclass(frozen=True)
+class PlannedReach:
+    """A reach by a planner that knows the scene.
+
+    Attributes:
+        motions: The planner.
+        options: None: `reach.py` does not do this.
+    """
+
+    motions: Motions
+    options: None = None
+
+    def __call__(self, case: Case) -> MethodResult:
+        """Plans, checks and measures."""
+        return self._run(case)[0]
+
+    def replay(self, case: Case, folder: Path) -> MethodResult:
+        """Plans again and leaves `recording.html`, if there is anything to see."""
+        result, known, found = self._run(case)
+        if found is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            page = record_motion(known, found.motion, found.base_pose, _STEP)
+            (folder / "recording.html").write_text(page)
+            result.save(folder / "report.json")
+        return result
+
+    def _run(self, case: Case) -> tuple[MethodResult, KnownScene, _Found | None]:
+        begin = time.perf_counter()
+        known = KnownScene(case.build())
+        places = list(known.places_to_stand())
+        known.hold_body()
+        found = self._search(known, places, case.seed)
+        result = MethodResult(planning_seconds=time.perf_counter() - begin)
+        if found is None:
+            result.outcome, result.reason = "refused", "no_clear_path"
+            result.sentence = f"no way was found from any of {len(places)} places to stand"
+        else:
+            _measure(result, known, found)
+        return result, known, found
+
+    def _search(self, known: KnownScene, places: list[Array], seed: int) -> _Found | None:
+        """The first motion from any place that touches nothing and ends at the goal."""
+        for place in places:
+            begin = time.perf_counter()
+            for motion in self.motions(known, place, seed):
+                seconds = time.perf_counter() - begin
+                clearance, pair = known.clearance(motion, place)
+                error, _ = pose_error(known.hand_poses(motion[-1:], place)[0], known.X_WG)
+                if clearance > 0.0 and error <= _TOLERANCE:
+                    return _Found(motion, place, seconds, clearance, pair)
+                begin = time.perf_counter() - seconds
+        return None
+
+
+def _measure(result: MethodResult, known: KnownScene, found: _Found) -> None:
+    """Fills in the numbers of a motion that reaches."""
+    arm = known.scene.arm
+    result.outcome = "reached"
+    result.first_motion_seconds = found.seconds
+    result.clearance, result.closest_pair = found.clearance, found.pair
+    last = known.hand_poses(found.motion[-1:], found.base_pose)[0]
+    result.position_error, result.orientation_error = pose_error(last, known.X_WG)
+    result.duration = (len(found.motion) - 1) * _STEP
+    geometry = ArmGeometry(shared_control_model(), arm)
+    resting = np.repeat(found.motion[-1:], round(_HOLDING / _STEP), axis=0)
+    joints = np.concatenate((found.motion, resting))
+    hand = np.array([geometry.hand_pose(q).translation() for q in joints])
+    result.path_length = path_length(hand)
+    result.jerk = rms_jerk(hand, _STEP)
+    result.likeness = likeness(make_primitive(None, arm), hand, result.duration, _STEP)

@@ -1,0 +1,38 @@
+"""A planned motion as a page that opens in any browser."""
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import Meshcat, MeshcatVisualizer
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.framework import DiagramBuilder
+
+from pepper_drake.benchmarking.known_scene import KnownScene
+from pepper_drake.diagrams.reach_run import frame_view
+from pepper_drake.models.objects import add_scene
+from pepper_drake.models.pepper import add_pepper
+
+Array = npt.NDArray[np.float64]
+
+
+def record_motion(known: KnownScene, motion: Array, base_pose: Array, time_step: float) -> str:
+    """Returns a stand-alone page that plays a motion (N, 5) of the arm [rad] in its scene."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlant(MultibodyPlantConfig(time_step=0.0), builder)
+    add_pepper(plant)
+    add_scene(plant, known.scene)
+    plant.Finalize()
+    meshcat = Meshcat()
+    frame_view(meshcat, known.scene)
+    visualizer = MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    visualizer.StartRecording(False)
+    for number, joints in enumerate(motion[::3]):
+        context.SetTime(3 * number * time_step)
+        plant.SetPositions(
+            plant.GetMyMutableContextFromRoot(context), known.positions(joints, base_pose)
+        )
+        diagram.ForcedPublish(context)
+    visualizer.StopRecording()
+    visualizer.PublishRecording()
+    return meshcat.StaticHtml()

@@ -1,0 +1,90 @@
+"""OMPL's RRT-Connect with path smoothing, over Drake's collision checker."""
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.benchmarking.known_scene import KnownScene
+from pepper_drake.errors import InputError
+
+Array = npt.NDArray[np.float64]
+
+_RESOLUTION = 0.01
+"""Between the checks along a motion, as a share of the joint space's extent."""
+
+
+def import_ompl() -> tuple:
+    """OMPL's modules `base`, `geometric` and `util`.
+
+    Raises:
+        InputError: OMPL is not installed.
+    """
+    try:
+        from ompl import base, geometric, util
+    except ImportError:
+        raise InputError(
+            "OMPL is not installed; `.venv/bin/pip install '.[bench]'` adds it, "
+            "or leave its method out"
+        ) from None
+    return base, geometric, util
+
+
+@lru_cache(maxsize=1)
+def seed_ompl(seed: int) -> None:
+    """Seeds OMPL's random numbers, once: OMPL has one seed for a whole process."""
+    _, _, util = import_ompl()
+    util.setLogLevel(util.LOG_NONE)
+    util.RNG.setSeed(seed + 1)  # 0 is none.
+
+
+def rrt_connect(
+    known: KnownScene, base_pose: Array, goals: list[Array], *, seconds: float = 5.0
+) -> Array | None:
+    """Plans from the arm's start to one of some postures.
+
+    Args:
+        known: The scene.
+        base_pose: (3,) x, y, yaw in W.
+        goals: Postures (5,), rad.
+        seconds: Longest time to search.
+
+    Returns:
+        Corners (K, 5) of the path after OMPL's simplification and smoothing, rad; None if it finds
+        none.
+    """
+    base, geometric, _ = import_ompl()
+    space = base.RealVectorStateSpace(len(known.lower))
+    bounds = base.RealVectorBounds(len(known.lower))
+    for k, (low, high) in enumerate(zip(known.lower, known.upper, strict=True)):
+        bounds.setLow(k, float(low))
+        bounds.setHigh(k, float(high))
+    space.setBounds(bounds)
+    setup = geometric.SimpleSetup(space)
+
+    def vector(state: object) -> Array:
+        return np.array([state[k] for k in range(len(known.lower))])
+
+    setup.setStateValidityChecker(lambda state: known.free(vector(state), base_pose))
+    information = setup.getSpaceInformation()
+    information.setStateValidityCheckingResolution(_RESOLUTION)
+    setup.setStartState(_state(space, known.start))
+    targets = base.GoalStates(information)
+    for goal in goals:
+        targets.addState(_state(space, goal))
+    setup.setGoal(targets)
+    setup.setPlanner(geometric.RRTConnect(information))
+    if not setup.solve(seconds) or not setup.haveExactSolutionPath():
+        return None
+    path = setup.getSolutionPath()
+    simplifier = geometric.PathSimplifier(information)
+    simplifier.simplifyMax(path)
+    simplifier.smoothBSpline(path)
+    return np.array([vector(state) for state in path.getStates()])
+
+
+def _state(space: object, joints: Array) -> object:
+    state = space.allocState()
+    for k, angle in enumerate(joints):
+        state[k] = float(angle)
+    return state

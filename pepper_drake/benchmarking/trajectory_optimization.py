@@ -1,0 +1,87 @@
+"""Drake's KinematicTrajectoryOptimization: one smooth motion from the arm's start to a posture."""
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.multibody.inverse_kinematics import MinimumDistanceLowerBoundConstraint
+from pydrake.planning import KinematicTrajectoryOptimization
+from pydrake.solvers import SnoptSolver, SolverOptions
+from pydrake.trajectories import BsplineTrajectory
+
+from pepper_drake.benchmarking.known_scene import KnownScene
+from pepper_drake.planning.control_model import arm_joints, shared_control_model
+from pepper_drake.planning.differential_ik import DifferentialIkParams
+
+Array = npt.NDArray[np.float64]
+
+_CONTROL_POINTS = 10
+_CHECKED = 25
+"""Places along the path where collisions are looked at."""
+_DURATIONS = (0.5, 6.0)
+_BEYOND_PADDING = 0.001
+_INFLUENCE = 0.03
+"""How much nearer than this, beyond the padding, things must be to matter to the solver, m."""
+_MAJOR_ITERATIONS = 100
+_SECONDS = 5.0
+"""Longest time for one solution; the solver's usual one is below a second."""
+
+
+def optimized_motion(
+    known: KnownScene, base_pose: Array, goal: Array, *, time_step: float = 0.01
+) -> Array:
+    """Joints (N, 5) every time step from the arm's start to a posture, from rest to rest [rad].
+
+    As Drake's own examples do it: first without the obstacles, then from there with them; the
+    cost is duration and path length, the limits are those of our own arm.
+
+    Args:
+        known: The scene.
+        base_pose: (3,) x, y, yaw in W.
+        goal: Posture (5,), rad.
+        time_step: s.
+
+    Returns:
+        The samples of what the solver ends with; whether it is clear is to be checked.
+    """
+    start, end = known.positions(known.start, base_pose), known.positions(goal, base_pose)
+    problem = KinematicTrajectoryOptimization(len(start), _CONTROL_POINTS, 4, 2.0)
+    lower, upper = known.positions(known.lower, base_pose), known.positions(known.upper, base_pose)
+    limits = shared_control_model().command_limits(
+        arm_joints(known.scene.arm),
+        speed_fraction=DifferentialIkParams().speed_fraction,
+    )
+    speed, acceleration = np.ones((2, len(start)))  # Of what does not move: any.
+    speed[known.arm_index], acceleration[known.arm_index] = limits.velocity, limits.acceleration
+    problem.AddPositionBounds(lower, upper)
+    problem.AddVelocityBounds(-speed, speed)
+    problem.AddAccelerationBounds(-acceleration, acceleration)
+    problem.AddPathPositionConstraint(start, start, 0.0)
+    problem.AddPathPositionConstraint(end, end, 1.0)
+    for place in (0.0, 1.0):
+        problem.AddPathVelocityConstraint(np.zeros(len(start)), np.zeros(len(start)), place)
+    problem.AddDurationConstraint(*_DURATIONS)
+    problem.AddDurationCost(1.0)
+    problem.AddPathLengthCost(1.0)
+    points = start[:, None] + np.linspace(0.0, 1.0, _CONTROL_POINTS) * (end - start)[:, None]
+    problem.SetInitialGuess(BsplineTrajectory(problem.basis(), list(points.T[:, :, None])))
+    problem.SetInitialGuess(_solved(problem))
+    clear = MinimumDistanceLowerBoundConstraint(
+        collision_checker=known.checker,
+        bound=_BEYOND_PADDING,
+        collision_checker_context=known.checker.MakeStandaloneModelContext(),
+        penalty_function=None,
+        influence_distance_offset=_INFLUENCE,
+    )
+    for place in np.linspace(0.0, 1.0, _CHECKED):
+        problem.AddPathPositionConstraint(clear, place)
+    motion = _solved(problem)
+    times = np.append(np.arange(0.0, motion.end_time(), time_step), motion.end_time())
+    return np.array([motion.value(time)[known.arm_index, 0] for time in times])
+
+
+def _solved(problem: KinematicTrajectoryOptimization) -> BsplineTrajectory:
+    """What the solver ends with, be it optimal or not: who calls checks the motion itself."""
+    options = SolverOptions()
+    options.SetOption(SnoptSolver.id(), "Major iterations limit", _MAJOR_ITERATIONS)
+    options.SetOption(SnoptSolver.id(), "Time limit", _SECONDS)
+    result = SnoptSolver().Solve(problem.prog(), None, options)
+    return problem.ReconstructTrajectory(result)
