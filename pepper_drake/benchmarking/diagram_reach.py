@@ -15,6 +15,7 @@ from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.coupling import Coupling
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.arm_geometry import ArmGeometry
 from pepper_drake.planning.control_model import (
@@ -36,12 +37,14 @@ class DiagramReach:
     """A reach as `apps/reach.py` does it.
 
     Attributes:
-        coupling: Name of the obstacle coupling; None for the scene's, "none" to do without.
-        options: The options of `reach.py` that give the same.
+        coupling: The obstacle coupling, by name or as it is; left out, it is the scene's.
+        adapt: Whether the planner adapts the movement to what was seen.
+        options: The options of `reach.py` that give the same; None if it cannot.
     """
 
-    coupling: str | None = None
-    options: tuple[str, ...] = ()
+    coupling: str | Coupling | None = None
+    adapt: bool = False
+    options: tuple[str, ...] | None = ()
 
     def __call__(self, case: Case) -> MethodResult:
         """Runs the reach, unseen."""
@@ -58,7 +61,8 @@ class DiagramReach:
         return measure(result, make_primitive(None, scene.arm), scene.arm)
 
     def _build(self, case: Case, scene: Scene) -> Reaching:
-        coupling = make_coupling(self.coupling or scene.coupling)
+        chosen = self.coupling or scene.coupling
+        coupling = make_coupling(chosen) if isinstance(chosen, str) else chosen
         config = ReachingConfig(
             station=StationConfig(
                 seed=case.seed,
@@ -91,7 +95,7 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
         orientation_error=report.final_orientation_error,
         wall_seconds=report.wall_seconds,
     )
-    if not moving.any():
+    if not moving.any() or report.planning_seconds is None:
         return measured
     measured.first_motion_seconds = first_motion(log, moving, arm, report.planning_seconds)
     if measured.outcome == "reached":

@@ -7,6 +7,7 @@ from typing import Protocol
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import DiagramReach
 from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.benchmarking.package_coupling import PackageCoupling
 from pepper_drake.benchmarking.planned_reach import PlannedReach, optimized_motions, rrt_motions
 from pepper_drake.errors import InputError
 
@@ -63,6 +64,12 @@ METHODS: tuple[Method, ...] = (
         "ours, reactive",
         "the barrier around the cloud, no adaptation",
         DiagramReach(),
+    ),
+    Method(
+        "e",
+        "movement_primitives' coupling",
+        "the hand pushed by the cloud's nearest point, by that package's function",
+        DiagramReach(coupling=PackageCoupling(), options=None),
     ),
     Method(
         "f",

@@ -60,5 +60,5 @@ def likeness(
     )
 
 
-def _at(fractions: Array, own: Array, positions: Array) -> Array:
+def _at(fractions: npt.ArrayLike, own: npt.ArrayLike, positions: Array) -> Array:
     return np.stack([np.interp(fractions, own, column) for column in positions.T], axis=1)

@@ -1,6 +1,7 @@
 """OMPL's RRT-Connect with path smoothing, over Drake's collision checker."""
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -62,7 +63,7 @@ def rrt_connect(
     space.setBounds(bounds)
     setup = geometric.SimpleSetup(space)
 
-    def vector(state: object) -> Array:
+    def vector(state: Any) -> Array:
         return np.array([state[k] for k in range(len(known.lower))])
 
     setup.setStateValidityChecker(lambda state: known.free(vector(state), base_pose))
@@ -83,7 +84,7 @@ def rrt_connect(
     return np.array([vector(state) for state in path.getStates()])
 
 
-def _state(space: object, joints: Array) -> object:
+def _state(space: Any, joints: Array) -> Any:
     state = space.allocState()
     for k, angle in enumerate(joints):
         state[k] = float(angle)

@@ -1,0 +1,80 @@
+"""The obstacle coupling of the package movement_primitives, as a coupling of ours.
+
+Its DMP and ours are the same equation: tau² y'' = alpha (beta (g - y) - tau y') + f + C_t, with C_t
+what its `obstacle_avoidance_acceleration_3d` returns; so its coupling, computed by its own function
+with its own constants, can drive our primitive. It knows one obstacle, a point; here that is the
+point of the cloud nearest to the hand.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.coupling import Field, Push
+from pepper_drake.learning.obstacle_field import ObstacleField
+
+Array = npt.NDArray[np.float64]
+
+
+def import_obstacle_avoidance() -> Any:
+    """The package's function.
+
+    Raises:
+        InputError: The package is not installed.
+    """
+    try:
+        from movement_primitives.dmp import obstacle_avoidance_acceleration_3d
+    except ImportError:
+        raise InputError(
+            "movement_primitives is not installed; `.venv/bin/pip install '.[bench]'` adds it, "
+            "or leave its method out"
+        ) from None
+    return obstacle_avoidance_acceleration_3d
+
+
+@dataclass(frozen=True)
+class PackageCoupling:
+    """See the module.
+
+    Attributes:
+        gamma: Strength, the package's default.
+        beta: How fast the push fades with the angle, the package's default [1/rad].
+    """
+
+    gamma: float = 1000.0
+    beta: float = 20.0 / np.pi
+
+    def clearance(self, field: ObstacleField, goal: Array) -> float:
+        """Returns 0: it keeps no distance."""
+        return 0.0
+
+    def push(
+        self,
+        field: Field,
+        state: Array,
+        acceleration: Array,
+        goal: Array,
+        goal_clearance: float,
+        tau: float,
+    ) -> Push:
+        """Returns the package's coupling term; see `learning.coupling.Coupling`."""
+        accelerate = import_obstacle_avoidance()
+        hands = state.reshape(-1, 2, 3)
+        coupling = np.zeros((len(hands), 3))
+        if len(field.points):
+            for k, (position, velocity) in enumerate(hands):
+                nearest = np.argmin(np.sum((field.points - position) ** 2, axis=1))
+                with np.errstate(invalid="ignore"):  # It heads exactly for the point.
+                    push = accelerate(
+                        position, velocity, field.points[nearest], self.gamma, self.beta
+                    )
+                coupling[k] = np.nan_to_num(push)
+        shape = state.shape[:-2]
+        return Push(coupling.reshape(*shape, 3), np.zeros(shape), field.distance(state[..., 0, :]))
+
+    def silent_beyond(self, state: Array, acceleration: Array) -> Any:
+        """Returns infinity: the push has no end."""
+        return np.full(state.shape[:-2], np.inf)
