@@ -91,6 +91,12 @@ class ObstacleField:
         away = positions[..., None, :] - self._solid[indices]
         return _blended(away, squared_norm(away))
 
+    def points_within(self, positions: Array, radius: float) -> list[Array]:
+        """Returns for each position (N, 3) the points (K, 3) of the solid within a radius [m]."""
+        if self._tree is None:
+            return [self._solid] * len(positions)
+        return [self._solid[i] for i in self._tree.query_ball_point(positions, radius)]
+
     def follow(self) -> "FieldFollower":
         """Returns a view of the field that is faster for one hand that moves in small steps."""
         return FieldFollower(self)

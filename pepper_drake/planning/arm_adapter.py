@@ -38,6 +38,8 @@ class AdaptationParams:
     """Wanted at the goal posture, m."""
     least_goal_clearance: float = 0.006
     """With less a goal posture is none, m."""
+    object_clearance: float = 0.004
+    """Least distance to the goal object there, whose shape and place are known well, m."""
     limit_margin: float = 0.02
     """Kept to joint limits, rad."""
     candidates: int = 3
@@ -166,11 +168,11 @@ class ArmAdapter:
         q, there = self._postures.solve(p_TG, starts)
         q = q[there]
         if len(q):
-            least = surroundings.hand_gaps(q).min(axis=0)
-            q, least = (
-                q[least >= params.least_goal_clearance],
-                least[least >= params.least_goal_clearance],
-            )
+            q = q[surroundings.object_clearances(q) >= params.object_clearance]
+        if len(q):
+            least = surroundings.clearances(q)
+            clear = least >= params.least_goal_clearance
+            q, least = q[clear], least[clear]
         if not len(q):
             return q, np.zeros((0, len(ends)))
         turn = hand_turn(self._kinematics.poses(q).hand_rotation, X_TG.rotation().matrix())

@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context
 from pepper_drake.learning.obstacle_field import ObstacleField
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.planning.arm_kinematics import arm_kinematics
+from pepper_drake.planning.arm_shapes import ArmShapes
 from pepper_drake.planning.control_model import ControlModel, arm_joints
 
 Vector = npt.NDArray[np.float64]
@@ -23,12 +24,14 @@ class ArmGeometry:
     Attributes:
         arm: "left" or "right".
         kinematics: The same for very many joint positions at once.
+        shapes: Its collision shapes.
         spheres: The arm's spheres, upper arm to hand.
     """
 
     def __init__(self, model: ControlModel, arm: str) -> None:
         self.arm = arm
         self.kinematics = arm_kinematics(model, arm)
+        self.shapes = ArmShapes(model, self.kinematics)
         self.spheres = self.kinematics.spheres
         self._model = model
         self._torso = model.plant.GetFrameByName("torso")
@@ -56,6 +59,5 @@ class ArmGeometry:
         return self.kinematics.sphere_centers(poses).transpose(2, 1, 0)
 
     def clearances(self, joint_positions: Vector, field: ObstacleField) -> Vector:
-        """Least distance (N,) of the arm's spheres to the obstacles of a field in T, m."""
-        gaps = field.distance(self.sphere_centers(joint_positions)) - self.spheres.radii
-        return gaps.min(axis=1)
+        """Least distance (N,) of the arm to the obstacles of a field in T, m; see `ArmShapes`."""
+        return self.shapes.clearances(joint_positions, field)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Shape
+from pydrake.geometry import Box, Cylinder, Shape
 from pydrake.math import RigidTransform
 
 from pepper_drake.perception.solids import Solid
@@ -43,3 +43,42 @@ class PlacedSolids:
             p_S = points[chosen] @ X_SF.rotation().matrix().T + X_SF.translation()
             least[chosen] = np.minimum(least[chosen], solid.signed_distance(p_S))
         return least.reshape(positions.shape[:-1])
+
+
+def surface_points(solids: Sequence[Solid], spacing: float = 0.01) -> Vector:
+    """Points (P, 3) on the surfaces of boxes and cylinders, in the frame in which they are placed.
+
+    Args:
+        solids: Boxes and cylinders with their poses X_FS.
+        spacing: Between points at most, m.
+    """
+    points = [np.zeros((0, 3))]
+    for solid in solids:
+        shape = solid.shape
+        if isinstance(shape, Cylinder):
+            turns = int(np.ceil(2.0 * np.pi * shape.radius() / spacing))
+            angle = 2.0 * np.pi * np.arange(turns) / turns
+            rim = shape.radius() * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+            rings = np.concatenate([rim * r for r in _even(0.0, 1.0, spacing / shape.radius())])
+            half = shape.length() / 2.0
+            side = [_at_height(rim, z) for z in _even(-half, half, spacing)]
+            local = np.concatenate([*side, _at_height(rings, -half), _at_height(rings, half)])
+        elif isinstance(shape, Box):
+            half_size = np.asarray(shape.size()) / 2.0
+            axes = [_even(-h, h, spacing) for h in half_size]
+            nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+            local = nodes[np.any(np.abs(nodes) >= half_size - 1e-9, axis=1)]
+        else:
+            raise TypeError(f"no points on a shape of type {type(shape).__name__}")
+        points.append(local @ solid.X_FS.rotation().matrix().T + solid.X_FS.translation())
+    return np.concatenate(points)
+
+
+def _even(lower: float, upper: float, spacing: float) -> Vector:
+    """Even numbers from one to another, no farther apart than the spacing."""
+    return np.linspace(lower, upper, int(np.ceil((upper - lower) / spacing)) + 1)
+
+
+def _at_height(points: Vector, z: float) -> Vector:
+    """Points (N, 2) in the plane at a height, (N, 3)."""
+    return np.column_stack((points, np.full(len(points), z)))

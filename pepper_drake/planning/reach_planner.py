@@ -20,7 +20,7 @@ from pepper_drake.planning.arm_geometry import ArmGeometry
 from pepper_drake.planning.control_model import ControlModel, arm_joints, body_indices
 from pepper_drake.planning.differential_ik import DifferentialIkParams
 from pepper_drake.planning.movement import Movement
-from pepper_drake.planning.placed_solids import PlacedSolids
+from pepper_drake.planning.placed_solids import surface_points
 from pepper_drake.planning.quiet_coupling import quiet_coupling
 from pepper_drake.planning.reach_plan import (
     ReachPlan,
@@ -104,7 +104,8 @@ class ReachPlanner:
             )
         self._model, self._arm = model, arm
         self._shown = Movement(primitive, coupling, X_OG)
-        self._goal_solids, self.params = goal_solids, params
+        self.params = params
+        self._object_points = surface_points(goal_solids)
         self._geometry = ArmGeometry(model, arm)
         self._self_clearance = SelfClearance(model, self._geometry)
         self._rehearsal = Rehearsal(model, self._geometry, ik, params.settle)
@@ -246,11 +247,13 @@ class ReachPlanner:
         X_TW = X_WT.inverse()
         X_TO = X_TW @ X_WO
         cloud_T = cloud_W @ X_TW.rotation().matrix().T + X_TW.translation()
+        object_T = self._object_points @ X_TO.rotation().matrix().T + X_TO.translation()
         surroundings = Surroundings(
+            self._geometry.shapes,
             self._geometry.kinematics,
             field_W,
             X_WT,
-            PlacedSolids([(solid.shape, X_TO @ solid.X_FS) for solid in self._goal_solids]),
+            ObstacleField(object_T, extension=0.0),
             lambda: self._body_layer(joint_position),
             -self.params.self_clearance,
         )

@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.learning.obstacle_field import ObstacleField
 from pepper_drake.planning.arm_kinematics import ArmKinematics, ArmPoses
+from pepper_drake.planning.arm_shapes import ArmShapes
 from pepper_drake.planning.arm_spheres import LinkSpheres
 from pepper_drake.planning.distance_grid import DistanceGrid, Region, sample
 from pepper_drake.planning.placed_solids import PlacedSolids
@@ -33,13 +34,14 @@ def arm_region(arm: str) -> Region:
 
 
 class Surroundings:
-    """Distances of an arm's spheres to everything around it.
+    """Distances of an arm to everything around it.
 
     Args:
+        shapes: Of the arm.
         kinematics: Of the arm.
         field: What was seen, in any frame F.
         X_FT: The torso's pose in F.
-        object_solids: The goal object in T.
+        object_field: The goal object's surface, in T.
         body_layer: Gives the distance (N,) of the body at the nodes of `arm_region`, m (see
             `sample_body`), if it is asked for.
         body_allowance: How much nearer than obstacles the body may be, m.
@@ -47,60 +49,37 @@ class Surroundings:
 
     def __init__(
         self,
+        shapes: ArmShapes,
         kinematics: ArmKinematics,
         field: ObstacleField,
         X_FT: RigidTransform,
-        object_solids: PlacedSolids,
+        object_field: ObstacleField,
         body_layer: Callable[[], Vector],
         body_allowance: float,
     ) -> None:
-        self.kinematics = kinematics
-        self._field, self._object = field, object_solids
-        self._R_FT, self._p_FT = X_FT.rotation().matrix(), X_FT.translation()
+        self.kinematics, self._shapes = kinematics, shapes
+        self._field, self._X_FT, self._object = field, X_FT, object_field
         self._body_layer, self._allowance = body_layer, body_allowance
         self._watched = watched_spheres(kinematics.spheres)
 
-    def seen_distance(self, points: Vector) -> Vector:
-        """Distances (...) of points (..., 3) in T to what was seen, m."""
-        return self._field.distance(points @ self._R_FT.T + self._p_FT)
-
     def clearances(self, joints: Vector) -> Vector:
-        """Least distance (N,) of the arm's spheres at joints (N, 5) to what was seen, m."""
-        centers, radii = self._centers(joints, self.kinematics.spheres)
-        return (self.seen_distance(centers) - radii).min(axis=0)
+        """Least distance (N,) of the arm at joints (N, 5) to what was seen, m."""
+        return self._shapes.clearances(joints, self._field, self._X_FT)
 
-    def gaps(self, joints: Vector) -> Vector:
-        """Distances (S, N) of the arm's spheres to what was seen and the goal object, m."""
-        return self._gaps(joints, self.kinematics.spheres)
-
-    def hand_gaps(self, joints: Vector) -> Vector:
-        """Distances (S', N) as of `gaps`, of the spheres below the upper arm."""
-        return self._gaps(joints, self._moving[0])
-
-    def _gaps(self, joints: Vector, spheres: LinkSpheres) -> Vector:
-        centers, radii = self._centers(joints, spheres)
-        distance = self.seen_distance(centers)
-        if len(self._object):
-            distance = np.minimum(distance, self._object.distance(centers, cap=0.2))
-        return distance - radii
-
-    def _centers(self, joints: Vector, spheres: LinkSpheres) -> tuple[Vector, Vector]:
-        """Centres (S, N, 3) in T and radii (S, 1) of spheres, m."""
-        poses = self.kinematics.poses(joints)
-        centers = self.kinematics.sphere_centers(poses, spheres).transpose(1, 2, 0)
-        return centers, spheres.radii[:, None]
+    def object_clearances(self, joints: Vector) -> Vector:
+        """Least distance (N,) of the arm at joints (N, 5) to the goal object, m."""
+        return self._shapes.clearances(joints, self._object)
 
     @cached_property
     def _grid(self) -> DistanceGrid:
         region = arm_region(self.kinematics.arm)
-        seen_T = (self._field.solid_points - self._p_FT) @ self._R_FT
-        cloud = sample(region, self.seen_distance, seen_T, GRID_CAP)
-        if len(self._object):
-            nodes = region.nodes()
-            cloud = np.minimum(cloud, self._object.distance(nodes, cap=GRID_CAP))
-        return DistanceGrid(
-            region, np.stack((cloud, np.minimum(cloud, self._body_layer() + self._allowance)))
-        )
+        R_FT, p_FT = self._X_FT.rotation().matrix(), self._X_FT.translation()
+        seen_T = (self._field.solid_points - p_FT) @ R_FT
+        cloud = sample(region, lambda p: self._field.distance(p @ R_FT.T + p_FT), seen_T, GRID_CAP)
+        around = sample(region, self._object.distance, self._object.solid_points, GRID_CAP)
+        np.minimum(cloud, around, out=cloud)
+        with_body = np.minimum(cloud, self._body_layer() + self._allowance)
+        return DistanceGrid(region, np.stack((cloud, with_body)))
 
     @cached_property
     def _moving(self) -> tuple[LinkSpheres, npt.NDArray[np.intp]]:
