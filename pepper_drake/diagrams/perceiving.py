@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+from pydrake.systems.primitives import ConstantVectorSource
 
 from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.models.objects import GOAL_OBJECT
@@ -13,6 +15,13 @@ from pepper_drake.systems.body_pose import BodyPose
 from pepper_drake.systems.depth_point_cloud_source import DepthPointCloudSource
 from pepper_drake.systems.goal_estimator import GoalEstimator
 from pepper_drake.systems.look_at import LookAt
+
+SEARCH_GAZE = (0.45, 0.3)
+"""Head yaw (to the arm's side) and pitch with which what is within reach is looked for, rad."""
+
+NEAR_GAZE = 0.07
+"""Of a goal within reach Pepper looks at a point so far beside it, to the side where the arm comes
+from, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +44,9 @@ class Perception:
 def add_perception(builder: DiagramBuilder, scene: Scene, station: PepperStation) -> Perception:
     """Adds what sees the goal and the obstacles; without cameras the goal's true pose is known."""
     marked = MarkedObject.from_scene(scene.goal)
-    look_at = builder.AddNamedSystem("look_at", LookAt(marked.X_OM.translation()))
+    aside = NEAR_GAZE if scene.arm == "left" else -NEAR_GAZE
+    p_OP = marked.X_OM.translation() + np.array([0.0, aside, 0.0])
+    look_at = builder.AddNamedSystem("look_at", LookAt(p_OP))
     builder.Connect(station.GetOutputPort("torso_pose"), look_at.GetInputPort("X_WT"))
     if not station.config.cameras:
         body = station.plant.GetBodyByName(GOAL_OBJECT)
@@ -43,7 +54,7 @@ def add_perception(builder: DiagramBuilder, scene: Scene, station: PepperStation
         builder.Connect(station.GetOutputPort("ground_truth.body_poses"), known.body_poses_input)
         builder.Connect(known.pose_output, look_at.GetInputPort("object_pose"))
         return Perception(look_at, known.pose_output)
-    estimator = _add_goal_estimator(builder, station, marked, look_at)
+    estimator = _add_goal_estimator(builder, station, marked, look_at, scene.arm)
     object_pose = estimator.GetOutputPort("object_pose")
     source = builder.AddNamedSystem(
         "cloud_source",
@@ -77,7 +88,7 @@ def add_perception(builder: DiagramBuilder, scene: Scene, station: PepperStation
 
 
 def _add_goal_estimator(
-    builder: DiagramBuilder, station: PepperStation, marked: MarkedObject, look_at: LookAt
+    builder: DiagramBuilder, station: PepperStation, marked: MarkedObject, look_at: LookAt, arm: str
 ) -> GoalEstimator:
     """Adds the estimator on both colour cameras, of which the head switches on the better one."""
     estimator = builder.AddNamedSystem(
@@ -102,6 +113,11 @@ def _add_goal_estimator(
         )
     builder.Connect(estimator.GetOutputPort("object_pose"), look_at.GetInputPort("object_pose"))
     builder.Connect(estimator.GetOutputPort("valid"), look_at.GetInputPort("valid"))
+    yaw, pitch = SEARCH_GAZE
+    gaze = builder.AddNamedSystem(
+        "search_gaze", ConstantVectorSource([yaw if arm == "left" else -yaw, pitch])
+    )
+    builder.Connect(gaze.get_output_port(), look_at.GetInputPort("resting_head"))
     return estimator
 
 

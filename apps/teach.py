@@ -1,0 +1,179 @@
+"""Teach Pepper on one page in the browser: lead its hand, and it does it again by itself.
+
+The page has sliders and keys that lead the hand of the limp arm (a game pad does, too), the buttons
+Record, Stop, Learn, Reach and Save, and sliders that move the goal and the obstacles at any time.
+
+  teach.py                              open the address that it prints; Ctrl-C ends
+  teach.py --arm left                   the other arm
+  teach.py --scene my_scene.yaml --move mug,bottle
+                                        your own scene, in which mug and bottle can be moved
+  teach.py --no-cameras                 faster: Pepper knows the goal and sees no obstacles
+  teach.py --script story               do it all by itself: lead, record, learn, reach, save
+  teach.py --script story --watch       the same in real time, to look on
+
+Drawn are the demonstration in black; what Pepper makes of it in white, and in blue once the goal
+has moved; the cloud that it sees, red near the hand and blue far from it; the push of the obstacles
+as a red arrow. Save writes demonstration/ and primitive.yaml; at the end there is report.json.
+Exit code 0: done; 1: the script did not get what it waits for; 2: bad input.
+"""
+
+import json
+import sys
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+
+from pydrake.geometry import Meshcat
+from tqdm import tqdm
+
+from pepper_drake import cli
+from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.errors import InputError, PepperDrakeError
+from pepper_drake.live.page import LivePage
+from pepper_drake.live.script import SCRIPTS, LiveScript, load_script, play
+from pepper_drake.live.session import LiveSession
+from pepper_drake.live.show import LiveShow
+from pepper_drake.models.scene import SCENES_DIR, load_scene
+
+TEACHING_SCENE = SCENES_DIR / "teach.yaml"
+"""A goal on a stand within reach, and a ball that can be moved into the way."""
+
+
+def positive(text: str) -> float:
+    """Reads a positive number from the command line."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0.0 < number < float("inf"):
+        raise ArgumentTypeError(f'"{text}" is no time; give a number of seconds above 0')
+    return number
+
+
+def make_parser() -> ArgumentParser:
+    """Makes the parser of this app's options."""
+    parser = cli.make_parser("teach", __doc__)
+    parser.add_argument(
+        "--scene",
+        default=TEACHING_SCENE,
+        metavar="NAME|FILE",
+        help="a scene in which the robot stands within reach of the goal (default: a goal on a "
+        "stand and a ball)",
+    )
+    parser.add_argument("--arm", choices=("left", "right"), help="default: the scene's")
+    parser.add_argument(
+        "--move",
+        default="",
+        metavar="NAMES",
+        help="obstacles that can be moved, with commas between (default: those with a path)",
+    )
+    parser.add_argument(
+        "--coupling",
+        choices=("barrier", "report", "none"),
+        help="how obstacles bend the movement (default: the scene's)",
+    )
+    parser.add_argument("--no-cameras", action="store_true", help="do without the cameras")
+    parser.add_argument(
+        "--script",
+        metavar="NAME|FILE",
+        help=f"press the buttons by a script: {', '.join(SCRIPTS)} or a YAML file",
+    )
+    parser.add_argument("--watch", action="store_true", help="run the script in real time")
+    parser.add_argument(
+        "--seconds", type=positive, metavar="S", help="end after so much simulated time"
+    )
+    return parser
+
+
+def make_session(options: Namespace, meshcat: Meshcat) -> LiveSession:
+    """Makes the session that the options ask for."""
+    scene = load_scene(options.scene)
+    if options.arm not in (None, scene.arm):
+        scene = scene.mirrored()
+    return LiveSession(
+        scene,
+        station=StationConfig(cameras=not options.no_cameras, seed=options.seed),
+        movables=[name for name in options.move.split(",") if name],
+        coupling=options.coupling,
+        meshcat=meshcat,
+        realtime=options.script is None or options.watch,
+    )
+
+
+def run_script(show: LiveShow, script: LiveScript, options: Namespace) -> str:
+    """Plays a script and returns what went wrong, if anything."""
+    with tqdm(
+        desc="acting",
+        total=len(script.steps),
+        unit=" step",
+        leave=False,
+        disable=options.quiet or not sys.stderr.isatty(),
+    ) as progress:
+
+        def tell(line: str) -> None:
+            if not options.quiet:
+                tqdm.write(line)
+            progress.update()
+
+        try:
+            play(show, script, tell)
+        except InputError:
+            raise
+        except PepperDrakeError as error:
+            return str(error)
+    return ""
+
+
+def run_live(show: LiveShow, seconds: float | None) -> None:
+    """Lets a person do what they like, until Ctrl-C or for some time."""
+    try:
+        while seconds is None or show.session.time < seconds:
+            show.step()
+    except KeyboardInterrupt:
+        print()
+
+
+def main() -> int:
+    """Runs the app."""
+    options = make_parser().parse_args()
+    script = load_script(options.script) if options.script is not None else None
+    cli.quiet_libraries()
+    meshcat = Meshcat()
+    session = make_session(options, meshcat)
+    if script is not None and script.arm != session.arm:
+        script = script.mirrored()
+    show = LiveShow(session, LivePage(meshcat, session.diagram.movables), options.output)
+    if not options.quiet and (script is None or options.watch):
+        print(f"Open {meshcat.web_url()} in a browser; Ctrl-C ends.", flush=True)
+    problem = ""
+    if script is not None:
+        problem = run_script(show, script, options)
+    else:
+        run_live(show, options.seconds)
+    pace = session.pace
+    report = {
+        "outcome": "failed" if problem else "done",
+        "reason": problem,
+        "arm": session.arm,
+        "cameras": not options.no_cameras,
+        "mode": session.mode.value,
+        "status": session.status,
+        "goal_distance": session.goal_distance(),
+        "simulated_seconds": pace.simulated_seconds,
+        "wall_seconds": pace.wall_seconds,
+        "frames_per_second": pace.frames_per_second,
+        "realtime_rate": pace.realtime_rate,
+        "seed": options.seed,
+    }
+    options.output.mkdir(parents=True, exist_ok=True)
+    (options.output / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+    if not options.quiet:
+        print(
+            f"{pace.simulated_seconds:.1f} s in {pace.wall_seconds:.1f} s, "
+            f"{pace.frames_per_second:.0f} frames by second; report in {options.output}"
+        )
+    if problem:
+        raise PepperDrakeError(problem)
+    return cli.EXIT_DONE
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,161 @@
+"""Scripts that press the buttons of a live session, lead the hand and move what can be moved."""
+
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pepper_drake.errors import InputError, PepperDrakeError
+from pepper_drake.live.page import BUTTONS
+from pepper_drake.live.session import Mode
+from pepper_drake.live.show import LiveShow
+from pepper_drake.models.guide import ViaPoint
+from pepper_drake.models.pepper import MODELS_DIR
+from pepper_drake.models.scene import make_pose
+from pepper_drake.models.typed_yaml import load_yaml
+from pepper_drake.systems.scripted_guide import GuidePath
+
+SCRIPTS_DIR = MODELS_DIR / "sessions"
+SCRIPTS = ("story",)
+"""The names of the scripts that ship."""
+
+
+@dataclass
+class ScriptStep:
+    """One thing to do, and for how long to look on afterwards; at most one of the first four."""
+
+    press: str = ""  # A button of the page.
+    lead: list[ViaPoint] = field(default_factory=list)  # Times from when the leading begins.
+    move: str = ""  # What can be moved, by its name in the scene ...
+    to: list[float] = field(default_factory=list)  # ... to this offset x, y, z in the world [m].
+    until: str = ""  # Wait for this mode; `wait` is for how long at most [s].
+    wait: float = 0.0  # [s] of simulated time.
+
+
+@dataclass
+class LiveScript:
+    """What a person would do on the page, step by step."""
+
+    name: str = ""
+    description: str = ""
+    arm: str = "right"  # The arm that `lead` is for.
+    steps: list[ScriptStep] = field(default_factory=list)
+
+    def check(self) -> None:
+        """Raises InputError, in one sentence that names the field, if it makes no sense."""
+        if self.arm not in ("left", "right"):
+            raise InputError(f'arm is "{self.arm}"; it must be left or right')
+        if not self.steps:
+            raise InputError("steps is empty; a script needs at least one step")
+        for index, step in enumerate(self.steps):
+            _check_step(step, f"steps[{index}]")
+
+    def mirrored(self) -> "LiveScript":
+        """Returns the script for the other arm, mirrored at the robot's x-z plane."""
+        mirror = deepcopy(self)
+        mirror.arm = "left" if self.arm == "right" else "right"
+        for step in mirror.steps:
+            for via in step.lead:
+                via.position[1] *= -1
+                via.rpy[0::2] = [-angle for angle in via.rpy[0::2]]
+            if step.to:
+                step.to[1] *= -1
+        return mirror
+
+
+def load_script(name_or_path: str) -> LiveScript:
+    """Loads and checks a script that ships (by its name) or a YAML file.
+
+    Raises:
+        InputError: With one sentence that names the file and the field.
+    """
+    path = Path(name_or_path)
+    if name_or_path in SCRIPTS:
+        path = SCRIPTS_DIR / f"{name_or_path}.yaml"
+    elif not path.exists():
+        raise InputError(f"{path} is neither a script nor one that ships: {', '.join(SCRIPTS)}")
+    script = load_yaml(LiveScript, path)
+    try:
+        script.check()
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return script
+
+
+def play(show: LiveShow, script: LiveScript, tell: Callable[[str], None]) -> None:
+    """Does what a script says, on the page itself.
+
+    Args:
+        show: The session and its page.
+        script: For the session's arm, and of what its scene has.
+        tell: Is told what was done and what came of it, line by line.
+
+    Raises:
+        PepperDrakeError: What a step waits for did not come.
+        InputError: The script moves what cannot be moved.
+    """
+    for step in script.steps:
+        session = show.session
+        if step.press:
+            show.press(step.press)
+            show.step()
+            tell(f"{session.time:6.2f} s  {step.press}: {session.status}")
+        elif step.lead:
+            _lead(show, step)
+            tell(f"{session.time:6.2f} s  led the hand: {session.status}")
+        elif step.move:
+            show.move(step.move, np.array(step.to))
+            tell(f"{session.time:6.2f} s  moved {step.move}")
+        _wait(show, step)
+        if step.until:
+            tell(f"{session.time:6.2f} s  {session.status}")
+
+
+def _lead(show: LiveShow, step: ScriptStep) -> None:
+    """Leads the hand from where it is through via points."""
+    session = show.session
+    path = GuidePath(
+        [0.0, *(via.time for via in step.lead)],
+        [session.guide_pose(), *(make_pose(via.position, via.rpy) for via in step.lead)],
+    )
+    began = session.time
+    while session.time - began < path.end_time:
+        show.lead(path.pose(session.time - began))
+        show.step()
+
+
+def _wait(show: LiveShow, step: ScriptStep) -> None:
+    session = show.session
+    end = session.time + step.wait
+    while session.time < end and (not step.until or session.mode != step.until):
+        show.step()
+    if step.until and session.mode != step.until:
+        raise PepperDrakeError(
+            f"waited {step.wait:g} s for Pepper to be {step.until}; it says: {session.status}"
+        )
+
+
+def _check_step(step: ScriptStep, name: str) -> None:
+    kinds = [key for key in ("press", "lead", "move", "until") if getattr(step, key)]
+    if len(kinds) > 1:
+        raise InputError(f"{name} has {' and '.join(kinds)}; give each its own step")
+    if step.press and step.press not in BUTTONS:
+        raise InputError(f'{name}.press is "{step.press}"; it must be one of {", ".join(BUTTONS)}')
+    if step.until and step.until not in list(Mode):
+        raise InputError(f'{name}.until is "{step.until}"; it must be one of {", ".join(Mode)}')
+    if not (np.isfinite(step.wait) and step.wait >= 0.0):
+        raise InputError(f"{name}.wait is {step.wait:g} s; it must be finite and not negative")
+    if step.move and (len(step.to) != 3 or not np.all(np.isfinite(step.to))):
+        raise InputError(f"{name}.to must be three finite numbers, an offset x, y, z")
+    previous = 0.0
+    for number, via in enumerate(step.lead):
+        for key, vector in (("position", via.position), ("rpy", via.rpy)):
+            if len(vector) != 3 or not np.all(np.isfinite(vector)):
+                raise InputError(f"{name}.lead[{number}].{key} must be three finite numbers")
+        if not via.time > previous:
+            raise InputError(f"{name}.lead[{number}].time must be above 0 and increase")
+        previous = via.time
+    if len(step.lead) == 1:
+        raise InputError(f"{name}.lead holds one pose; it needs at least two")
