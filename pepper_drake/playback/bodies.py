@@ -111,10 +111,11 @@ class RecordedModel:
             else posture_positions("stand")
         )
         for name, value in robot.items():
-            self._resting[self._column(name)] = value
-        self._columns = {name: self._column(name) for name in motion.positions}
+            self._resting[self.column(name)] = value
+        self._columns = {name: self.column(name) for name in motion.positions}
 
-    def _column(self, joint: str) -> int:
+    def column(self, joint: str) -> int:
+        """Where a joint of one degree of freedom stands among the plant's positions."""
         if not self.plant.HasJointNamed(joint):
             raise InputError(f'{self.motion.name}: there is no joint "{joint}"; record it again')
         return int(self.plant.GetJointByName(joint).position_start())

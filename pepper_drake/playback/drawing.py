@@ -8,6 +8,7 @@ from typing import Any
 
 import meshcat.geometry as mg
 import numpy as np
+import numpy.typing as npt
 import umsgpack
 from meshcat.animation import Animation, AnimationClip, AnimationTrack
 from meshcat.commands import Delete, SetAnimation, SetObject, SetProperty, SetTransform
@@ -56,7 +57,7 @@ def draw(runs: Sequence[Frames]) -> list[Command]:
     Args:
         runs: The motions' frames.
     """
-    commands = [_message(Delete(MeshcatPath(()).append(ROOT))), *_background()]
+    commands = [_message(Delete(MeshcatPath(()).append(ROOT))), *_background(runs[0])]
     animation = Animation(default_framerate=int(FRAME_RATE))
     for index, run in enumerate(runs):
         color = run_color(index)
@@ -88,9 +89,9 @@ def _path(path: str) -> MeshcatPath:
     return MeshcatPath(()).append(path)
 
 
-def _background() -> list[Command]:
+def _background(run: Frames) -> list[Command]:
     commands = [
-        SetProperty("visible", False, _path("/Grid")),
+        SetProperty("visible", run.motion.scene is None, _path("/Grid")),
         SetProperty("visible", False, _path("/Axes")),
         SetProperty("top_color", list(_TOP), _path("/Background")),
         SetProperty("bottom_color", list(_BOTTOM), _path("/Background")),
@@ -159,7 +160,7 @@ def _animate(animation: Animation, path: str, body: MovingBody) -> None:
         animation.clips[_path(path)] = AnimationClip(tracks, fps=int(FRAME_RATE))
 
 
-def key_frames(values: Vector, tolerance: float = _KEY_TOLERANCE) -> Vector:
+def key_frames(values: Vector, tolerance: float = _KEY_TOLERANCE) -> npt.NDArray[np.intp]:
     """Returns the frames from which linear interpolation gives the others.
 
     Every second frame goes if its neighbours give it within `tolerance`; then every second of what

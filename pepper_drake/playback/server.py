@@ -89,7 +89,8 @@ def send(commands: "Sequence[Command]", url: str) -> str:
             # The stock server does not know controls. It hands on and keeps what is sent as a
             # property, and leaves it to the viewer to read what it is.
             kind = "set_property" if command.kind == "set_control" else command.kind
-            answer = _exchange(connection, [kind.encode(), command.path.encode(), command.data])
+            message = [kind.encode(), command.path.encode(), command.data]
+            answer = _exchange(connection, message, url)
             if answer != b"ok":
                 raise InputError(f"{url}: the server says {answer.decode(errors='replace')}")
     return web_url
@@ -109,23 +110,22 @@ def quit_server(url: str) -> None:
 
 def _ask(url: str, message: list[bytes]) -> bytes:
     with _connection(url) as connection:
-        return _exchange(connection, message)
+        return _exchange(connection, message, url)
 
 
-def _connection(url: str) -> zmq.Socket:
-    connection = zmq.Context.instance().socket(zmq.REQ)
+def _connection(url: str) -> zmq.Socket[bytes]:
+    connection: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.REQ)
     connection.linger = 0
     connection.rcvtimeo = connection.sndtimeo = _ANSWER_MS
     connection.connect(url)
     return connection
 
 
-def _exchange(connection: zmq.Socket, message: list[bytes]) -> bytes:
+def _exchange(connection: zmq.Socket[bytes], message: list[bytes], url: str) -> bytes:
     try:
         connection.send_multipart(message)
         return bytes(connection.recv())
     except zmq.ZMQError:
-        url = connection.last_endpoint.decode()
         raise InputError(f"{url}: no meshcat server answers here; try another --zmq-url") from None
 
 

@@ -12,6 +12,7 @@ from pydrake.geometry import (
     MakeRenderEngineVtk,
     PerceptionProperties,
     RenderCameraCore,
+    RenderEngine,
     RenderEngineVtkParams,
     RenderLabel,
     Rgba,
@@ -41,6 +42,73 @@ def look_at(p_WC: Vector, p_WP: Vector) -> RigidTransform:
     return RigidTransform(RotationMatrix(np.column_stack((right, down, forward))), p_WC)
 
 
+class Bystander:
+    """Someone beside the robot, on the reaching arm's side, who sees the shapes made for people.
+
+    Attributes:
+        plant: Pepper and the scene, put wherever `picture` is told.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | None,
+        arm: str,
+        base_pose: Vector,
+        *,
+        width: int,
+        height: int,
+        shadows: bool = True,
+    ) -> None:
+        """Stands beside the robot.
+
+        Args:
+            scene: What is around it, if anything.
+            arm: The arm that is looked at, "left" or "right".
+            base_pose: (3,) x, y, yaw in W of the base beside which one stands.
+            width: Of a picture, in pixels.
+            height: Of a picture, in pixels.
+            shadows: Whether things cast shadows, at two thirds of the time that a picture takes.
+        """
+        builder = DiagramBuilder()
+        self.plant: MultibodyPlant
+        self.plant, self._scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
+        self._scene_graph.AddRenderer(_RENDERER, _renderer(shadows))
+        add_pepper(self.plant)
+        if scene is not None:
+            add_scene(self.plant, scene)
+        self.plant.Finalize()
+        _show_illustrations(self.plant, self._scene_graph)
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+
+        side = 1.0 if arm == "left" else -1.0
+        cos, sin = np.cos(base_pose[2]), np.sin(base_pose[2])
+        turn = np.array([[cos, -sin], [sin, cos]])
+        eye = np.array([*(base_pose[:2] + turn @ [0.95, side * 1.75]), 1.35])
+        target = np.array([*(base_pose[:2] + turn @ [0.15, 0.0]), 0.72])
+        self._X_WC = look_at(eye, target)
+        self._info = CameraInfo(width, height, np.radians(38))
+        self._camera = ColorRenderCamera(
+            RenderCameraCore(_RENDERER, self._info, ClippingRange(0.05, 20.0), RigidTransform())
+        )
+
+    def picture(self, positions: Vector) -> npt.NDArray[np.uint8]:
+        """Returns what one sees, (height, width, 3) blue, green, red, at the plant's positions."""
+        self.plant.SetPositions(self.plant.GetMyMutableContextFromRoot(self._context), positions)
+        query = self._scene_graph.get_query_output_port().Eval(
+            self._scene_graph.GetMyContextFromRoot(self._context)
+        )
+        image = query.RenderColorImage(self._camera, SceneGraph.world_frame_id(), self._X_WC)
+        return np.ascontiguousarray(image.data[..., 2::-1])
+
+    def project(self, points_W: Vector) -> Vector:
+        """Returns where points (K, 3) in W are in the picture, (K, 2) pixels right and down."""
+        points_C = points_W @ self._X_WC.inverse().rotation().matrix().T
+        points_C = points_C + self._X_WC.inverse().translation()
+        image = points_C @ self._info.intrinsic_matrix().T
+        return np.asarray(image[:, :2] / image[:, 2:])
+
+
 def save_scene_picture(
     scene: Scene,
     positions: Vector,
@@ -60,8 +128,11 @@ def save_scene_picture(
         width: Pixels.
         height: Pixels.
     """
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
+    bystander = Bystander(scene, scene.arm, base_pose, width=width, height=height)
+    cv2.imwrite(str(path), bystander.picture(positions))
+
+
+def _renderer(shadows: bool) -> RenderEngine:
     lights = [
         LightParameter(type="directional", frame="world", direction=direction, intensity=intensity)
         for direction, intensity in (
@@ -69,41 +140,14 @@ def save_scene_picture(
             (np.array([-0.4, 0.7, -0.6]), 0.45),
         )
     ]
-    scene_graph.AddRenderer(
-        _RENDERER,
-        MakeRenderEngineVtk(
-            RenderEngineVtkParams(
-                default_clear_color=np.array([0.93, 0.95, 0.97]),
-                lights=lights,
-                cast_shadows=True,
-                shadow_map_size=2048,
-            )
-        ),
-    )
-    add_pepper(plant)
-    add_scene(plant, scene)
-    plant.Finalize()
-    _show_illustrations(plant, scene_graph)
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    plant.SetPositions(plant.GetMyMutableContextFromRoot(context), positions)
-
-    side = 1.0 if scene.arm == "left" else -1.0
-    cos, sin = np.cos(base_pose[2]), np.sin(base_pose[2])
-    turn = np.array([[cos, -sin], [sin, cos]])
-    eye = np.array([*(base_pose[:2] + turn @ [0.95, side * 1.75]), 1.35])
-    target = np.array([*(base_pose[:2] + turn @ [0.15, 0.0]), 0.72])
-    camera = ColorRenderCamera(
-        RenderCameraCore(
-            _RENDERER,
-            CameraInfo(width, height, np.radians(38)),
-            ClippingRange(0.05, 20.0),
-            RigidTransform(),
+    return MakeRenderEngineVtk(
+        RenderEngineVtkParams(
+            default_clear_color=np.array([0.93, 0.95, 0.97]),
+            lights=lights,
+            cast_shadows=shadows,
+            shadow_map_size=2048,
         )
     )
-    query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
-    image = query.RenderColorImage(camera, SceneGraph.world_frame_id(), look_at(eye, target))
-    cv2.imwrite(str(path), image.data[..., 2::-1])
 
 
 def _show_illustrations(plant: MultibodyPlant, scene_graph: SceneGraph) -> None:

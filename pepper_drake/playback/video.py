@@ -1,0 +1,102 @@
+"""A film of recorded motions: rendered pictures of what Drake's kinematics gives, no simulation."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from tqdm import tqdm
+
+from pepper_drake.errors import InputError
+from pepper_drake.playback.bodies import FRAME_RATE, Frames, RecordedModel
+from pepper_drake.playback.drawing import run_color
+from pepper_drake.reporting.scene_picture import Bystander
+
+Image = npt.NDArray[np.uint8]
+
+_SIZE = (960, 600)
+_SMALL_SIZE = (640, 480)
+_INK = (48, 39, 29)
+_SHIFT = 4  # Fractional bits of a point that OpenCV draws.
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+# MPEG-4 part 2: every player knows it, and each of OpenCV's FFmpeg builds writes it fast. Browsers
+# want H.264, which none of them may bring.
+_CODEC = cv2.VideoWriter.fourcc(*"mp4v")
+
+
+def write_video(runs: Sequence[Frames], path: Path, *, progress: bool = False) -> None:
+    """Writes a film, motions side by side, each with the way of its hand so far.
+
+    Args:
+        runs: The motions' frames.
+        path: A file that ends in .mp4.
+        progress: Whether to show a progress bar.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    if path.suffix.lower() != ".mp4":
+        raise InputError(f'--video is "{path.name}"; it must end in .mp4')
+    size = _SIZE if len(runs) == 1 else _SMALL_SIZE
+    columns = int(np.ceil(np.sqrt(len(runs))))
+    rows = -(-len(runs) // columns)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    film = cv2.VideoWriter(str(path), _CODEC, FRAME_RATE, (size[0] * columns, size[1] * rows), True)
+    if not film.isOpened():
+        raise InputError(f"{path}: cannot be written; choose another --output")
+    scenes = [_FilmedRun(run, index, size) for index, run in enumerate(runs)]
+    blank = np.full((size[1], size[0], 3), 240, np.uint8)
+    for frame in tqdm(
+        range(max(len(run.times) for run in runs)),
+        desc="filming",
+        unit=" frames",
+        disable=not progress,
+        leave=False,
+    ):
+        tiles = [scene.picture(frame) for scene in scenes]
+        tiles += [blank] * (rows * columns - len(tiles))
+        film.write(
+            np.vstack([np.hstack(tiles[k : k + columns]) for k in range(0, len(tiles), columns)])
+        )
+    film.release()
+
+
+class _FilmedRun:
+    """A motion and who films it."""
+
+    def __init__(self, run: Frames, index: int, size: tuple[int, int]) -> None:
+        self._run, motion = run, run.motion
+        model = RecordedModel(motion)
+        self._positions = model.positions(run.clock)
+        base = [
+            float(model.positions(np.array([motion.times[-1]]))[0, model.column(name)])
+            for name in ("BaseX", "BaseY", "BaseYaw")
+        ]
+        self._bystander = Bystander(
+            motion.scene,
+            motion.arm,
+            np.array(base),
+            width=size[0],
+            height=size[1],
+            shadows=False,
+        )
+        red, green, blue = (round(255 * value) for value in run_color(index))
+        self._color = (blue, green, red)
+        self._way = np.round(self._bystander.project(run.hand_W) * 2**_SHIFT).astype(np.int32)
+
+    def picture(self, frame: int) -> Image:
+        """Returns the picture (height, width, 3) of a frame, or of the last one."""
+        frame = min(frame, len(self._run.times) - 1)
+        time = float(self._run.clock[frame])
+        motion = self._run.motion
+        image = self._bystander.picture(self._positions[frame])
+        moved = (time - motion.arm_starts) / max(motion.times[-1] - motion.arm_starts, 1e-9)
+        count = round(float(np.clip(moved, 0.0, 1.0)) * len(self._way))
+        if count > 1:
+            way = self._way[:count]
+            cv2.polylines(image, [way], False, self._color, 2, cv2.LINE_AA, shift=_SHIFT)
+        stage = [name for begin, name in motion.stages if begin <= time][-1:]
+        caption = "   ".join([motion.name, *stage, f"{self._run.times[frame]:.2f} s"])
+        cv2.putText(image, caption, (16, 32), _FONT, 0.65, _INK, 1, cv2.LINE_AA)
+        return image
