@@ -56,6 +56,9 @@ from pepper_drake.reporting.optimization_figures import draw_comparison, draw_co
 
 EXIT_INTERRUPTED = 130
 
+DECAYING = ("algorithm3", "enac")
+"""Methods whose exploration shrinks by a factor that is given."""
+
 
 def make_parser() -> ArgumentParser:
     """Makes the parser of this app's options."""
@@ -108,8 +111,8 @@ def make_parser() -> ArgumentParser:
         "--decay",
         type=float,
         metavar="D",
-        help="the decay d of equation 3.2 (default: such that the last update looks a "
-        "thirtieth as far as the first)",
+        help="the decay d of equation 3.2, of algorithm3 and enac (default: what leaves 3 %% of "
+        "the exploration after the last update)",
     )
     add(
         "--kernels",
@@ -172,7 +175,7 @@ def chosen_task(
 def method_settings(options: Namespace, method: str) -> dict[str, Any]:
     """What a method is told beside samples and seed."""
     settings = {"rate": options.exploration}
-    return settings | {"decay": options.decay} if method == "algorithm3" else settings
+    return settings | {"decay": options.decay} if method in DECAYING else settings
 
 
 def started(options: Namespace) -> History:
@@ -180,8 +183,10 @@ def started(options: Namespace) -> History:
     history = History()
     if options.resume:
         history = History.load(options.output / "history.npz")
-        options.decay = options.decay or history.settings.get("decay")
-    options.decay = options.decay or decay_over(options.updates)
+        if options.decay is None:
+            options.decay = history.settings.get("decay")
+    if options.decay is None:
+        options.decay = decay_over(options.updates)
     names = (
         "movement goal goal_offset obstacles clearance cost method samples exploration decay "
         "kernels fixed_end seed"
@@ -311,7 +316,8 @@ def run_search(options: Namespace, problem: Problem, evaluate: FastRollouts) -> 
 
 def run_comparison(options: Namespace, problem: Problem) -> int:
     """Compares the methods on this problem."""
-    options.decay = options.decay or decay_over(options.updates)
+    if options.decay is None:
+        options.decay = decay_over(options.updates)
     methods = {name: method_settings(options, name) for name in METHODS}
     with tqdm(total=len(methods) * options.seeds, unit=" searches", disable=options.quiet) as bar:
         comparison = compare_methods(

@@ -6,14 +6,18 @@ from typing import Any
 from pepper_drake.errors import InputError
 from pepper_drake.optimization.averaging import RewardWeightedAveraging
 from pepper_drake.optimization.cma_es import CmaEs
+from pepper_drake.optimization.natural_actor_critic import EpisodicNaturalActorCritic
 from pepper_drake.optimization.optimizer import Optimizer
 from pepper_drake.optimization.pi2_cma import Pi2Cma
+from pepper_drake.optimization.power import Power
 from pepper_drake.optimization.problem import Problem
 
 METHODS: Mapping[str, Callable[..., Optimizer]] = {
     "algorithm3": RewardWeightedAveraging,
     "pi2cma": Pi2Cma,
     "cmaes": CmaEs,
+    "power": Power,
+    "enac": EpisodicNaturalActorCritic,
 }
 
 

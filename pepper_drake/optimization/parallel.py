@@ -100,11 +100,12 @@ def _ignore_interrupt() -> None:
 
 
 @contextmanager
-def dask_cluster(address: str) -> Iterator[Executor]:
+def dask_cluster(address: str, timeout: float = 5.0) -> Iterator[Executor]:
     """Gives the workers of a Dask cluster to work with.
 
     Args:
         address: Of its scheduler, such as tcp://10.0.0.1:8786.
+        timeout: How long to wait for its answer [s].
 
     Raises:
         InputError: Dask is not installed, or nobody answers at the address.
@@ -116,7 +117,7 @@ def dask_cluster(address: str) -> Iterator[Executor]:
             "--dask: Dask is not installed; install it with pip install pepper-drake[dask]"
         ) from None
     try:
-        client = Client(address, timeout="5s", set_as_default=False)
+        client = Client(address, timeout=timeout, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(f"--dask {address}: no scheduler answers ({error})") from None
     with client:

@@ -11,7 +11,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.learning.text_files import read_text, write_atomically
 from pepper_drake.optimization.parameters import MovementParameters
 from pepper_drake.optimization.problem import Evaluate
-from pepper_drake.reporting.optimization_figures import draw_reproduction
+from pepper_drake.reporting.optimization_figures import draw_reproductions
 
 Array = npt.NDArray[np.float64]
 
@@ -28,7 +28,8 @@ def rating_cost(scores: npt.ArrayLike) -> Array:
 class Tutor:
     """Shows reproductions and collects scores.
 
-    Each reproduction is left as a primitive (to be performed) and as a picture. Scores are kept in
+    Each reproduction is left as a primitive, to be performed, and those of an update are drawn in
+    one picture. Scores are kept in
     a file, one a line, in the order of the reproductions: those that are there are taken from
     there, those that are typed are added, so that none is asked for twice.
 
@@ -65,11 +66,14 @@ class Tutor:
             InputError: The file has too few scores, and nobody can be asked.
         """
         numbers = range(self.rated + 1, self.rated + len(samples) + 1)
-        for number, sample in zip(numbers, samples, strict=True):
-            primitive = self.parameters.primitive_at(sample)
+        shown = {
+            number: self.parameters.primitive_at(sample)
+            for number, sample in zip(numbers, samples, strict=True)
+        }
+        for number, primitive in shown.items():
             primitive.save(self.folder / f"{number:03d}.yaml")
-            figure = draw_reproduction(self.parameters.primitive, primitive, f"{number}")
-            figure.savefig(self.folder / f"{number:03d}.png", dpi=80)
+        figure = draw_reproductions(self.parameters.primitive, shown)
+        figure.savefig(self.folder / f"{numbers[0]:03d}_to_{numbers[-1]:03d}.png", dpi=100)
         for number in numbers[max(0, len(self._known) - self.rated) :]:
             if self.ask is None:
                 raise InputError(

@@ -90,17 +90,16 @@ def draw_ways(
     return figure
 
 
-def draw_reproduction(
-    before: MovementPrimitive, primitive: MovementPrimitive, title: str
-) -> Figure:
-    """Draws one reproduction beside the movement that it varies, for a tutor to rate."""
-    figure = Figure(figsize=(6, 5), layout="constrained")
+def draw_reproductions(before: MovementPrimitive, shown: Mapping[int, MovementPrimitive]) -> Figure:
+    """Draws numbered reproductions beside the movement that they vary, for a tutor to rate."""
+    figure = Figure(figsize=(9, 6.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d")
-    axes.plot(*before.rollout().positions.T, color="0.7", lw=3, label="before")
-    axes.plot(*primitive.rollout().positions.T, color="tab:blue", label="reproduction")
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=title)
+    axes.plot(*before.rollout().positions.T, color="0.75", lw=4, label="before")
+    for number, primitive in shown.items():
+        axes.plot(*primitive.rollout().positions.T, label=f"{number}")
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     axes.set_aspect("equal")
-    axes.legend()
+    axes.legend(loc="center left", bbox_to_anchor=(1.08, 0.5))
     return figure
 
 

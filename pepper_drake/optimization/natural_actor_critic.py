@@ -1,0 +1,122 @@
+"""Episodic natural actor-critic: eNAC, equations D.1 to D.3.
+
+Peters and Schaal, "Natural Actor-Critic", Neurocomputing 71, 2008.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.optimization.optimizer import (
+    check_positive,
+    check_samples,
+    check_share,
+    generator,
+)
+from pepper_drake.optimization.problem import Problem, total_costs
+
+Array = npt.NDArray[np.float64]
+
+
+class EpisodicNaturalActorCritic:
+    """Follows the natural gradient that a least-squares critic reads off whole rollouts.
+
+    The policy explores with parameters theta + eps, eps of N(0, Sigma), held over a rollout. Then
+
+        grad log pi = Sigma^-1 eps,    G = E[grad log pi grad log pi'] = Sigma^-1 (D.2).
+
+    Critic: with compatible features, LSTD-Q(1) over whole episodes is the linear regression of the
+    returns R_h (minus the costs) on them and a constant, R_h = J + (grad log pi_h)' w; its w is the
+    natural gradient G^-1 grad J (D.1). With fewer rollouts than parameters it is the solution that
+    is shortest as G measures, which leaves alone what was not tried.
+
+    Actor: theta <- theta + alpha w (D.3), with alpha such that the step is `step` standard
+    deviations of the exploration long, as G measures; so a cost in other units makes no difference.
+    The exploration shrinks by a factor with each update, and the steps with it.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        *,
+        samples: int = 10,
+        seed: int = 0,
+        rate: float | None = None,
+        step: float = 4.0,
+        decay: float = 0.9,
+        threshold: float = 1e-8,
+    ) -> None:
+        """Starts at the problem's guess.
+
+        Args:
+            problem: What is minimised.
+            samples: Rollouts of each update.
+            seed: Of the exploration.
+            rate: Variance of the exploration at first; the problem's if left out.
+            step: Length of a step in standard deviations of the exploration.
+            decay: Of the standard deviation at each update, above 0 and at most 1.
+            threshold: It has converged when the variance changes by less than this share of the
+                first.
+
+        Raises:
+            InputError: A setting is out of range.
+        """
+        rate = problem.exploration**2 if rate is None else rate
+        check_samples(samples)
+        check_positive(rate=rate, step=step)
+        check_share(decay=decay)
+        self._mean = np.array(problem.guess, dtype=float)
+        self._samples, self._seed = samples, seed
+        self._rate, self._step, self._decay = rate, step, decay
+        self._threshold = threshold
+        self._update = 0
+
+    @property
+    def mean(self) -> Array:
+        """(n,) theta."""
+        return self._mean
+
+    @property
+    def deviations(self) -> Array:
+        """(n,) standard deviations of the exploration."""
+        return np.full(len(self._mean), np.sqrt(self._rate) * self._decay**self._update)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last update changed the exploration by less than the threshold."""
+        if self._update == 0:
+            return False
+        now = self._decay ** (2 * self._update)
+        return abs(now - now / self._decay**2) < self._threshold
+
+    def ask(self) -> Array:
+        """Returns the parameters (S, n) of rollouts."""
+        noise = generator(self._seed, self._update).standard_normal(
+            (self._samples, len(self._mean))
+        )
+        return self._mean + self.deviations * noise
+
+    def tell(self, costs: Array) -> None:
+        """Takes one step along the natural gradient."""
+        explored = self.ask() - self._mean
+        deviations = self.deviations
+        gradient = natural_gradient(explored, -total_costs(np.asarray(costs)), deviations)
+        length = float(np.linalg.norm(gradient / deviations))
+        if length > 0.0:
+            self._mean = self._mean + self._step / length * gradient
+        self._update += 1
+
+
+def natural_gradient(explored: Array, returns: Array, deviations: Array) -> Array:
+    """Returns w (n,) of the critic's regression.
+
+    Args:
+        explored: (S, n) what each rollout's parameters differ from theta.
+        returns: (S,).
+        deviations: (n,) standard deviations of the exploration.
+    """
+    # With u = w / sigma the regression is R = J + (eps / sigma)' u, and |u| is what G measures. To
+    # leave the constant J free, everything is taken from its mean.
+    scores = explored / deviations
+    centred = scores - scores.mean(axis=0)
+    slope = np.linalg.lstsq(centred, returns - returns.mean(), rcond=1e-10)[0]
+    return np.asarray(slope * deviations)
