@@ -69,12 +69,17 @@ class ObstacleField:
         """(Q, 3) the cloud and what it was extended by [m]."""
         return self._solid
 
-    def distance(self, positions: npt.ArrayLike) -> Array:
-        """Returns the distance (...) [m] of positions (..., 3); infinite for an empty cloud."""
+    def distance(self, positions: npt.ArrayLike, within: float = np.inf) -> Array:
+        """Returns the distance (...) [m] of positions (..., 3); infinite for an empty cloud.
+
+        Args:
+            positions: [m].
+            within: Beyond this distance [m] it is infinite as well, which is much faster to say.
+        """
         positions = np.asarray(positions, dtype=float)
         if self._tree is None:
             return np.full(positions.shape[:-1], np.inf)
-        return np.asarray(self._tree.query(positions)[0])
+        return np.asarray(self._tree.query(positions, distance_upper_bound=within)[0])
 
     def distance_and_normal(self, positions: npt.ArrayLike) -> tuple[Array, Array]:
         """Returns distances (...) [m] and unit normals (..., 3), which point away from obstacles.

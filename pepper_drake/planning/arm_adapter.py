@@ -17,6 +17,9 @@ from pepper_drake.planning.surroundings import Surroundings
 
 Vector = npt.NDArray[np.float64]
 
+_LOOKED_AT = 32
+"""How many goal postures are looked at together."""
+
 
 @dataclass
 class AdaptationParams:
@@ -167,24 +170,34 @@ class ArmAdapter:
         starts = np.concatenate((ends, self._postures.near(p_TG, params.starts)))
         q, there = self._postures.solve(p_TG, starts)
         q = q[there]
-        if len(q):
-            q = q[surroundings.object_clearances(q) >= params.object_clearance]
-        if len(q):
-            least = surroundings.clearances(q)
-            clear = least >= params.least_goal_clearance
-            q, least = q[clear], least[clear]
-        if not len(q):
-            return q, np.zeros((0, len(ends)))
         turn = hand_turn(self._kinematics.poses(q).hand_rotation, X_TG.rotation().matrix())
-        lack = np.maximum(1.0 - least / params.goal_clearance, 0.0)
-        near_limit = np.maximum(
-            1.0 - np.minimum(q - self._lower, self._upper - q).min(axis=1) / 0.1, 0.0
-        )
-        shared = (turn / params.turn) ** 2 + 5.0 * lack**2 + 2.0 * near_limit**2
+        room = np.minimum(q - self._lower, self._upper - q).min(axis=1, initial=np.inf)
+        shared = (turn / params.turn) ** 2 + 2.0 * np.maximum(1.0 - room / 0.1, 0.0) ** 2
         away = np.sum((q[:, None] - ends) ** 2, axis=2) / params.posture**2
         cost = shared[:, None] + away
-        kept = np.unique(np.argsort(cost, axis=0, kind="stable")[: params.goals_kept])
-        return q[kept], cost[kept]
+        # The cheapest are looked at first: to see whether a posture is clear takes longest.
+        order = np.argsort(cost.min(axis=1), kind="stable")
+        goals, costs, wanted = q[:0], cost[:0], params.goals_kept * len(ends)
+        for first in range(0, len(q), _LOOKED_AT):
+            some = order[first : first + _LOOKED_AT]
+            least = self._goal_clearance(q[some], surroundings)
+            clear = least >= params.least_goal_clearance
+            lack = np.maximum(1.0 - least[clear] / params.goal_clearance, 0.0)
+            goals = np.concatenate((goals, q[some[clear]]))
+            costs = np.concatenate((costs, cost[some[clear]] + 5.0 * lack[:, None] ** 2))
+            if len(goals) >= wanted:
+                break
+        if not len(goals):
+            return goals, costs
+        kept = np.unique(np.argsort(costs, axis=0, kind="stable")[: params.goals_kept])
+        return goals[kept], costs[kept]
+
+    def _goal_clearance(self, q: Vector, surroundings: Surroundings) -> Vector:
+        """Clearances (M,) at goal postures (M, 5); none where the goal object is too near, m."""
+        off_object = surroundings.object_clearances(q) >= self.params.object_clearance
+        clearance = np.full(len(q), -np.inf)
+        clearance[off_object] = surroundings.clearances(q[off_object])
+        return clearance
 
     def _candidates(
         self,
@@ -193,7 +206,7 @@ class ArmAdapter:
         goals: Vector,
         discomfort: Vector,
         surroundings: Surroundings,
-    ) -> tuple[Vector, Vector, Vector]:
+    ) -> tuple[Vector, Vector, npt.NDArray[np.intp]]:
         """Each demonstration from the start to each goal posture: paths, costs, demonstration."""
         shape = len(demonstrations), len(goals)
         origins, ends = (index.ravel() for index in np.indices(shape))

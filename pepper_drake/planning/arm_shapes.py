@@ -15,6 +15,9 @@ Vector = npt.NDArray[np.float64]
 NEAR = 0.03
 """Clearances below this are exact; those above are the spheres', which bulge by 14 mm, m."""
 
+FAR = 0.2
+"""Distance of a sphere's centre beyond which it does not matter, m."""
+
 
 class ArmShapes:
     """An arm's collision shapes.
@@ -40,7 +43,7 @@ class ArmShapes:
     def clearances(
         self, joints: Vector, field: ObstacleField, X_FT: RigidTransform | None = None
     ) -> Vector:
-        """Least distance (N,) of the arm to the obstacles of a field, m.
+        """Least distance (N,) of the arm to the obstacles of a field, m; infinite if it is far.
 
         Args:
             joints: (N, 5) rad.
@@ -52,7 +55,9 @@ class ArmShapes:
         kinematics = self._kinematics
         poses = kinematics.poses(joints)
         centers = kinematics.sphere_centers(poses).transpose(1, 2, 0) @ R_FT.T + p_FT
-        least = (field.distance(centers) - kinematics.spheres.radii[:, None]).min(axis=0)
+        least = (field.distance(centers, within=FAR) - kinematics.spheres.radii[:, None]).min(
+            axis=0
+        )
         near = np.flatnonzero(least < NEAR)
         if len(near):
             least[near] = self._exact(poses, near, field, R_FT, p_FT)

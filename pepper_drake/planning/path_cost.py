@@ -109,7 +109,9 @@ class PathCost:
         return PathRating(cost, slack.astype(float))
 
 
-def wanted_clearance(end_gaps: Vector, samples: int, params: PathCostParams) -> Vector:
+def wanted_clearance(
+    end_gaps: npt.NDArray[np.floating], samples: int, params: PathCostParams
+) -> npt.NDArray[np.float32]:
     """The clearance (..., samples) wanted of each sphere along paths.
 
     Where a path starts and where it ends is given; a sphere that is nearer than wanted there need

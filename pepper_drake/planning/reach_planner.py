@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,6 @@ from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.coupling import BarrierCoupling, Coupling
 from pepper_drake.learning.obstacle_field import ObstacleField
-from pepper_drake.learning.phase import relative_time_at
 from pepper_drake.perception.solids import Solid
 from pepper_drake.planning.adapted_movement import adapted_pre_grasp, primitive_of_joint_path
 from pepper_drake.planning.arm_adapter import AdaptationParams, AdaptedPath, ArmAdapter
@@ -61,6 +61,11 @@ class _Situation:
     cloud_T: Vector
     surroundings: Surroundings
 
+    @cached_property
+    def field(self) -> ObstacleField:
+        """What the coupling knows of obstacles, in T."""
+        return ObstacleField(self.cloud_T)
+
 
 class ReachPlanner:
     """Plays reaches through: primitive, coupling and inverse kinematics on what was seen.
@@ -79,6 +84,9 @@ class ReachPlanner:
         params: What counts as good.
         adaptation: How a movement is adapted.
         goal_solids: The goal object's shapes in its frame: an adapted movement keeps off them.
+
+    Attributes:
+        shown: The movement as it was shown.
 
     Raises:
         InputError: The primitive has no orientation or no posture.
@@ -103,7 +111,7 @@ class ReachPlanner:
                 "learn it from a demonstration with rotations and joints"
             )
         self._model, self._arm = model, arm
-        self._shown = Movement(primitive, coupling, X_OG)
+        self.shown = Movement(primitive, coupling, X_OG)
         self.params = params
         self._object_points = surface_points(goal_solids)
         self._geometry = ArmGeometry(model, arm)
@@ -221,16 +229,9 @@ class ReachPlanner:
         """Places (3,) from which a reach is tried, x, y, yaw in W; see `StandingPlaces`."""
         return self._places(base_pose, joint_position, X_WO, has_room)
 
-    def posture(self, phase: float) -> Vector:
-        """The nominal joints (5,), rad, at a phase of the primitive."""
-        primitive = self._shown.primitive
-        assert primitive.posture is not None
-        time = relative_time_at(np.array([phase]), primitive.translation.alpha_x)
-        return primitive.posture.at(time)[0]
-
     def demonstrated_path(self, count: int = 200) -> Vector:
         """The primitive's own path (count, 3), from its own start to its own goal, m."""
-        primitive = self._shown.primitive
+        primitive = self.shown.primitive
         return primitive.rollout(time_step=primitive.duration / (count - 1)).positions
 
     def _situation(
@@ -283,12 +284,12 @@ class ReachPlanner:
         """The least cost of a clear posture at the goal; infinite if there is none."""
         assert self._adapter is not None
         _, cost = self._adapter.goal_postures(
-            situation.X_TO @ self._shown.X_OG, situation.surroundings
+            situation.X_TO @ self.shown.X_OG, situation.surroundings
         )
         return float(cost.min(initial=np.inf))
 
     def _play_shown(self, situation: _Situation) -> ReachPlan:
-        return self._play(situation, self._shown)
+        return self._play(situation, self.shown)
 
     def _play_adapted(
         self, situation: _Situation, played: Vector | None = None
@@ -296,7 +297,7 @@ class ReachPlanner:
         """The shown movement adapted and played through; None if there is no way."""
         if self._adapter is None:
             return None
-        X_TG = situation.X_TO @ self._shown.X_OG
+        X_TG = situation.X_TO @ self.shown.X_OG
         path = self._adapter.adapt(situation.arm.position, X_TG, situation.surroundings, played)
         if path is None or path.slack < -self._adapter.params.cost.clearance:
             return None
@@ -304,7 +305,7 @@ class ReachPlanner:
 
     def _movement(self, situation: _Situation, path: AdaptedPath) -> Movement:
         """A path of the arm's joints as a movement that keeps to it."""
-        shown, kinematics = self._shown, self._geometry.kinematics
+        shown, kinematics = self.shown, self._geometry.kinematics
         primitive = primitive_of_joint_path(
             kinematics, path.joints, path.duration, f"{shown.primitive.name}, adapted"
         )
@@ -313,7 +314,7 @@ class ReachPlanner:
         hand = primitive.rollout(time_step=0.02)
         coupling = quiet_coupling(
             shown.coupling,
-            ObstacleField(situation.cloud_T),
+            situation.field,
             hand.positions,
             hand.velocities,
             hand.accelerations,
@@ -324,7 +325,7 @@ class ReachPlanner:
         """Plays a movement through and judges it."""
         params, arm = self.params, situation.arm
         X_TG = situation.X_TO @ movement.X_OG
-        hand = self._rehearsal.roll_out(movement, arm, X_TG, ObstacleField(situation.cloud_T))
+        hand = self._rehearsal.roll_out(movement, arm, X_TG, situation.field)
         joint_path = self._rehearsal.track(arm, hand, params.position_tolerance)
         reached = self._geometry.kinematics.poses(joint_path).hand_position
         error = float(np.linalg.norm(reached[-1] - X_TG.translation()))

@@ -75,8 +75,15 @@ class Surroundings:
         region = arm_region(self.kinematics.arm)
         R_FT, p_FT = self._X_FT.rotation().matrix(), self._X_FT.translation()
         seen_T = (self._field.solid_points - p_FT) @ R_FT
-        cloud = sample(region, lambda p: self._field.distance(p @ R_FT.T + p_FT), seen_T, GRID_CAP)
-        around = sample(region, self._object.distance, self._object.solid_points, GRID_CAP)
+
+        def seen(p_T: Vector) -> Vector:
+            return self._field.distance(p_T @ R_FT.T + p_FT, within=GRID_CAP)
+
+        def around_object(p_T: Vector) -> Vector:
+            return self._object.distance(p_T, within=GRID_CAP)
+
+        cloud = sample(region, seen, seen_T, GRID_CAP)
+        around = sample(region, around_object, self._object.solid_points, GRID_CAP)
         np.minimum(cloud, around, out=cloud)
         with_body = np.minimum(cloud, self._body_layer() + self._allowance)
         return DistanceGrid(region, np.stack((cloud, with_body)))
@@ -89,7 +96,7 @@ class Surroundings:
         layers = np.where(self._watched[kept], CLOUD_AND_BODY, CLOUD)
         return spheres.selected(kept), layers
 
-    def quick_gaps(self, joints: Vector) -> Vector:
+    def quick_gaps(self, joints: Vector) -> npt.NDArray[np.float32]:
         """Distances (S', N) of the spheres below the upper arm, from the grid, m.
 
         Within a few millimetres of the truth, and at most `GRID_CAP` less the sphere's radius;
@@ -97,7 +104,7 @@ class Surroundings:
         """
         return self.quick_gaps_and_poses(joints)[0]
 
-    def quick_gaps_and_poses(self, joints: Vector) -> tuple[Vector, ArmPoses]:
+    def quick_gaps_and_poses(self, joints: Vector) -> tuple[npt.NDArray[np.float32], ArmPoses]:
         """What `quick_gaps` gives, and the poses that it came from."""
         spheres, layers = self._moving
         poses = self.kinematics.poses(joints)
