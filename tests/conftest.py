@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
+from pepper_drake.planning.arm_spheres import arm_link_names
+from pepper_drake.planning.control_model import arm_joints, shared_control_model
+
 _FINENESS = 4
 
 
@@ -64,3 +67,33 @@ def facing():
         return RigidTransform(RotationMatrix(turn @ front), position)
 
     return make
+
+
+def _true_clearance(arm, joints, points_T, cap=0.1):
+    """Least signed distance of an arm's collision shapes to points in T, at most `cap`, m."""
+    model = shared_control_model()
+    plant, scene_graph = model.plant, model.diagram.scene_graph()
+    root = model.diagram.CreateDefaultContext()
+    context = plant.GetMyMutableContextFromRoot(root)
+    for name, angle in zip(arm_joints(arm), joints, strict=True):
+        plant.GetJointByName(name).set_angle(context, angle)
+    query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(root))
+    links = [plant.GetBodyByName(name) for name in arm_link_names(arm)]
+    own = {g for link in links for g in plant.GetCollisionGeometriesForBody(link)}
+    X_WT = model.pose(context, "torso")
+    p_TH = model.pose(context, f"{arm[0]}_hand_effector", "torso").translation()
+    points = np.asarray(points_T)
+    near = points[np.linalg.norm(points - p_TH, axis=1) < 0.6 + cap]
+    found = [
+        pair.distance
+        for point in near
+        for pair in query.ComputeSignedDistanceToPoint(X_WT @ point, cap)
+        if pair.id_G in own
+    ]
+    return min(found, default=cap)
+
+
+@pytest.fixture(scope="session")
+def true_clearance():
+    """What Drake's scene graph says of the distance between an arm and points."""
+    return _true_clearance

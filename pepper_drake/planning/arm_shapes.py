@@ -15,9 +15,6 @@ Vector = npt.NDArray[np.float64]
 NEAR = 0.03
 """Clearances below this are exact; those above are the spheres', which bulge by 14 mm, m."""
 
-FAR = 0.2
-"""Distance of a sphere's centre beyond which it does not matter, m."""
-
 
 class ArmShapes:
     """An arm's collision shapes.
@@ -41,23 +38,28 @@ class ArmShapes:
                 self._shapes.append((number, solid))
 
     def clearances(
-        self, joints: Vector, field: ObstacleField, X_FT: RigidTransform | None = None
+        self,
+        joints: Vector,
+        field: ObstacleField,
+        X_FT: RigidTransform | None = None,
+        within: float = np.inf,
     ) -> Vector:
-        """Least distance (N,) of the arm to the obstacles of a field, m; infinite if it is far.
+        """Least distance (N,) of the arm to the obstacles of a field, m.
 
         Args:
             joints: (N, 5) rad.
             field: In a frame F.
             X_FT: The torso's pose in F; left out, F is T.
+            within: An arm that is farther away than this is infinitely far, m.
         """
         X_FT = RigidTransform() if X_FT is None else X_FT
         R_FT, p_FT = X_FT.rotation().matrix(), X_FT.translation()
         kinematics = self._kinematics
         poses = kinematics.poses(joints)
         centers = kinematics.sphere_centers(poses).transpose(1, 2, 0) @ R_FT.T + p_FT
-        least = (field.distance(centers, within=FAR) - kinematics.spheres.radii[:, None]).min(
-            axis=0
-        )
+        radii = kinematics.spheres.radii[:, None]
+        reach = within + float(radii.max())
+        least = (field.distance(centers, within=reach) - radii).min(axis=0)
         near = np.flatnonzero(least < NEAR)
         if len(near):
             least[near] = self._exact(poses, near, field, R_FT, p_FT)

@@ -22,6 +22,9 @@ GRID_SPACING = 0.02
 GRID_CAP = 0.08
 """Distances beyond this are all the same, m: twice a sphere's radius."""
 
+FAR = 0.15
+"""Clearances beyond this do not matter, m."""
+
 CLOUD, CLOUD_AND_BODY = 0, 1
 """The grid's layers."""
 
@@ -63,12 +66,15 @@ class Surroundings:
         self._watched = watched_spheres(kinematics.spheres)
 
     def clearances(self, joints: Vector) -> Vector:
-        """Least distance (N,) of the arm at joints (N, 5) to what was seen, m."""
-        return self._shapes.clearances(joints, self._field, self._X_FT)
+        """Least distance (N,) of the arm at joints (N, 5) to what was seen, m.
+
+        Beyond `FAR` it is infinite.
+        """
+        return self._shapes.clearances(joints, self._field, self._X_FT, within=FAR)
 
     def object_clearances(self, joints: Vector) -> Vector:
-        """Least distance (N,) of the arm at joints (N, 5) to the goal object, m."""
-        return self._shapes.clearances(joints, self._object)
+        """Least distance (N,) of the arm at joints (N, 5) to the goal object, as `clearances`."""
+        return self._shapes.clearances(joints, self._object, within=FAR)
 
     @cached_property
     def _grid(self) -> DistanceGrid:
