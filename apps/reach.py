@@ -72,7 +72,11 @@ def build(options: Namespace) -> Reaching:
     if options.coupling is not None:
         scene.coupling = options.coupling
     config = ReachingConfig(
-        station=StationConfig(seed=options.seed, goal_motion_port=options.goal_motion is not None),
+        station=StationConfig(
+            seed=options.seed,
+            goal_motion_port=options.goal_motion is not None,
+            obstacle_motion_ports=options.moving,
+        ),
         safety=not options.no_avoidance,
     )
     return Reaching(

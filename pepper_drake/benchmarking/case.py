@@ -31,7 +31,10 @@ class Case:
         Raises:
             InputError: There is no such scene.
         """
-        scene = random_scene(self.seed) if self.scene is None else load_scene(self.scene)
+        if self.scene is None:
+            scene = random_scene(self.seed, moving=self.moving)
+        else:
+            scene = load_scene(self.scene)
         return prepare_scene(scene, arm=self.arm, motion=self.goal_motion)
 
     @property

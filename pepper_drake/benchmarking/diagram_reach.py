@@ -71,6 +71,7 @@ class DiagramReach:
             ),
             safety=coupling is not None,
         )
+        config.planner.adapt = self.adapt
         return Reaching(scene, make_primitive(None, scene.arm), coupling, config)
 
 

@@ -63,7 +63,13 @@ METHODS: tuple[Method, ...] = (
         "c",
         "ours, reactive",
         "the barrier around the cloud, no adaptation",
-        DiagramReach(),
+        DiagramReach(options=None),
+    ),
+    Method(
+        "d",
+        "ours, adapted",
+        "the movement adapted to the cloud as a whole arm, then the barrier",
+        DiagramReach(adapt=True),
     ),
     Method(
         "e",

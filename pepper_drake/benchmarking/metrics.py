@@ -1,5 +1,7 @@
 """Numbers of one hand path: how long, how smooth, how like the demonstration."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from scipy.signal import savgol_filter
@@ -60,5 +62,5 @@ def likeness(
     )
 
 
-def _at(fractions: npt.ArrayLike, own: npt.ArrayLike, positions: Array) -> Array:
+def _at(fractions: npt.NDArray[Any], own: npt.NDArray[Any], positions: Array) -> Array:
     return np.stack([np.interp(fractions, own, column) for column in positions.T], axis=1)

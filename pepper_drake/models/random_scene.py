@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from pepper_drake.models.moving_obstacle import moving_obstacle
 from pepper_drake.models.pepper import ARMS
 from pepper_drake.models.scene import GoalObject, Obstacle, RobotStart, Scene
 
@@ -15,12 +16,16 @@ _GOAL_KEEP_OUT = 0.065
 _MAX_TRIES = 200
 
 
-def random_scene(seed: int) -> Scene:
+def random_scene(seed: int, *, moving: bool = False) -> Scene:
     """Returns the random scene of a seed; the same on every machine.
 
     It draws the arm, the table's height (0.66 to 0.80 m), edge and depth, the goal object's place
     and turn, two to six things of which none overlap, and where the robot starts. Whether the goal
     can be reached is not its business.
+
+    Args:
+        seed: Of everything that is drawn.
+        moving: Adds an obstacle that moves while the arm reaches; all else stays the same.
     """
     rng = np.random.default_rng(seed)
     arm = str(rng.choice(ARMS))
@@ -61,6 +66,11 @@ def random_scene(seed: int) -> Scene:
         goal=goal,
         obstacles=obstacles,
     )
+    if moving:
+        obstacle = moving_obstacle(scene, np.random.default_rng([seed, 1]))
+        scene.obstacles.append(obstacle)
+        scene.name = f"moving_{seed}"
+        scene.description = f"The random scene of seed {seed}, with a {obstacle.name} that moves."
     scene.check()
     return scene
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Box, Cylinder, Shape, Sphere
+from pydrake.geometry import Box, Capsule, Cylinder, Shape, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from pepper_drake.errors import InputError
-from pepper_drake.models.motion import check_path
+from pepper_drake.models.motion import check_path, path_trajectory
 from pepper_drake.models.pepper import (
     ARMS,
     MODELS_DIR,
@@ -18,7 +18,7 @@ from pepper_drake.models.pepper import (
     mirror_joint_positions,
     posture_positions,
 )
-from pepper_drake.models.shapes import PlacedShape, convex_hull, mesh_path, overlaps
+from pepper_drake.models.shapes import PlacedShape, convex_hull, distances, mesh_path, overlaps
 from pepper_drake.models.typed_yaml import line_of_field, load_yaml, save_yaml
 
 SCENES_DIR = MODELS_DIR / "scenes"
@@ -33,6 +33,7 @@ _SIZES = {
     "cylinder": "radius and length",
     "sphere": "radius",
     "mesh": "scale",
+    "capsule": "radius and length between its round ends",
 }
 
 
@@ -107,7 +108,7 @@ class Obstacle:
     """A solid that must not be touched."""
 
     name: str = ""
-    shape: str = ""  # box, cylinder (along its z), sphere or mesh.
+    shape: str = ""  # box, cylinder or capsule (along its z), sphere or mesh.
     size: list[float] = field(default_factory=list)  # [m] See _SIZES; a mesh's is its scale.
     mesh: str = ""  # An OBJ file: one that ships, or a path relative to the scene's file.
     position: list[float] = field(default_factory=list)  # Of its centre (a mesh's origin) [m].
@@ -119,12 +120,28 @@ class Obstacle:
         """Returns its pose in the world at the start."""
         return make_pose(self.position, self.rpy)
 
+    def poses_along(self, time_step: float) -> tuple[list[float], list[RigidTransform]]:
+        """Returns the times [s] of its path, that far apart, and its poses in the world then."""
+        path = path_trajectory(self.path)
+        times = np.linspace(
+            path.start_time(),
+            path.end_time(),
+            2 + int((path.end_time() - path.start_time()) / time_step),
+        )
+        X = self.pose()
+        poses = [
+            RigidTransform(X.rotation(), X.translation() + path.value(time)[:, 0]) for time in times
+        ]
+        return times.tolist(), poses
+
     def solid(self) -> Shape:
         """Returns its collision shape; a mesh's convex hull."""
         if self.shape == "box":
             return Box(*self.size)
         if self.shape == "cylinder":
             return Cylinder(*self.size)
+        if self.shape == "capsule":
+            return Capsule(*self.size)
         if self.shape == "sphere":
             return Sphere(*self.size)
         return convex_hull(self.mesh, self.size[0])
@@ -165,6 +182,25 @@ class Scene:
                     f'goal.position puts the goal object inside the obstacle "{obstacle_name}"; '
                     "move one of them"
                 )
+        for index, obstacle in enumerate(self.obstacles):
+            if obstacle.path:
+                self._check_way(obstacle, f"obstacles[{index}].path")
+
+    def _check_way(self, obstacle: Obstacle, field_name: str) -> None:
+        """Raises InputError if an obstacle runs into something that stands still."""
+        moving = {"goal"} if self.goal.path else set()
+        moving |= {other.name for other in self.obstacles if other.path}
+        still = [placed for placed in self.solids() if placed.name not in moving]
+        if not still:
+            return
+        times, poses = obstacle.poses_along(0.05)
+        depths = -distances(obstacle.solid(), poses, still)
+        row, column = np.unravel_index(int(depths.argmax()), depths.shape)
+        if depths[row, column] > 1e-3:
+            raise InputError(
+                f'{field_name} runs into "{still[column].name}" at {times[row]:.2f} s; '
+                "change the path or move one of them"
+            )
 
     def solids(self) -> list[PlacedShape]:
         """Returns the goal object's cylinder ("goal") and all obstacles, where they start."""
@@ -317,7 +353,7 @@ def _check_obstacle(obstacle: Obstacle, field_name: str) -> None:
     if obstacle.shape == "mesh" and not obstacle.size:
         obstacle.size = [1.0]
     what = _SIZES[obstacle.shape]
-    length = {"box": 3, "cylinder": 2}.get(obstacle.shape, 1)
+    length = {"box": 3, "cylinder": 2, "capsule": 2}.get(obstacle.shape, 1)
     _check_vector(obstacle.size, length, f"{field_name}.size", what)
     if min(obstacle.size) <= 0.0:
         raise InputError(f"{field_name}.size has {min(obstacle.size):g}; sizes must be above 0")

@@ -3,6 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from pepper_drake import cli
+from pepper_drake.errors import InputError
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import SCENES, Scene, load_scene
 
@@ -19,6 +20,11 @@ def add_scene_options(parser: ArgumentParser) -> None:
     scenes.add_argument(
         "--random-scene", type=cli.seed, metavar="SEED", help="a random scene instead"
     )
+    parser.add_argument(
+        "--moving",
+        action="store_true",
+        help="with --random-scene: something moves over the table once the arm starts",
+    )
 
 
 def chosen_scene(options: Namespace) -> Scene:
@@ -27,6 +33,8 @@ def chosen_scene(options: Namespace) -> Scene:
     Raises:
         InputError: There is no such scene, or its file is wrong.
     """
+    if options.moving and options.random_scene is None:
+        raise InputError("--moving is for random scenes; name one with --random-scene")
     if options.random_scene is not None:
-        return random_scene(options.random_scene)
+        return random_scene(options.random_scene, moving=options.moving)
     return load_scene(options.scene)

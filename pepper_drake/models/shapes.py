@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 from pydrake.geometry import (
     Convex,
     FramePoseVector,
@@ -74,3 +76,44 @@ def overlaps(shapes: Sequence[PlacedShape], tolerance: float = 1e-3) -> list[tup
         for pair in query.ComputePointPairPenetration()
         if pair.depth > tolerance
     ]
+
+
+def distances(
+    shape: Shape, poses: Sequence[RigidTransform], others: Sequence[PlacedShape]
+) -> npt.NDArray[np.float64]:
+    """Returns the signed distances [m] of a shape, at each of some poses, to other shapes.
+
+    Args:
+        shape: What moves.
+        poses: N of its poses in the world.
+        others: M shapes that stand still.
+
+    Returns:
+        (N, M).
+    """
+    scene_graph = SceneGraph()
+    source = scene_graph.RegisterSource("distances")
+    frame = scene_graph.RegisterFrame(source, GeometryFrame("moving"))
+
+    def instance(solid: Shape, X: RigidTransform, name: str) -> GeometryInstance:
+        made = GeometryInstance(X, solid, name)
+        made.set_proximity_properties(ProximityProperties())
+        return made
+
+    moving = scene_graph.RegisterGeometry(
+        source, frame, instance(shape, RigidTransform(), "moving")
+    )
+    still = [
+        scene_graph.RegisterAnchoredGeometry(source, instance(one.shape, one.X_WS, f"{k}"))
+        for k, one in enumerate(others)
+    ]
+    context = scene_graph.CreateDefaultContext()
+    gaps = np.empty((len(poses), len(others)))
+    for row, X_WS in enumerate(poses):
+        placed = FramePoseVector()
+        placed.set_value(frame, X_WS)
+        scene_graph.get_source_pose_port(source).FixValue(context, placed)
+        query = scene_graph.get_query_output_port().Eval(context)
+        for column, other in enumerate(still):
+            gaps[row, column] = query.ComputeSignedDistancePairClosestPoints(moving, other).distance
+    return gaps
