@@ -1,6 +1,6 @@
 """Teaching and reaching in one diagram: the arm is led by hand, or performs what it learned."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from pepper_drake.diagrams.perceiving import add_perception
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.phase import relative_time_at
+from pepper_drake.learning.coupling import Coupling
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.arm_geometry import ArmGeometry
@@ -28,7 +28,6 @@ from pepper_drake.planning.differential_ik import (
     hand_key,
     make_differential_ik,
 )
-from pepper_drake.planning.movement import Movement
 from pepper_drake.systems.arm_command import ArmCommand
 from pepper_drake.systems.arm_mode import ArmModeSwitch
 from pepper_drake.systems.canonical_system import CanonicalSystem
@@ -80,14 +79,6 @@ def with_movables(scene: Scene, names: Collection[str] = ()) -> Scene:
     return replace(scene, goal=replace(scene.goal, path=_STAYS), obstacles=obstacles)
 
 
-def nominal_posture(primitive: MovementPrimitive) -> Callable[[float], Vector]:
-    """Returns the nominal joints (5,) [rad] of a primitive as a function of its phase."""
-    posture, alpha_x = primitive.posture, primitive.translation.alpha_x
-    if posture is None:
-        raise InputError(f"primitive {primitive.name}: it has no posture; record the joints, too")
-    return lambda phase: posture.at(relative_time_at(np.array([phase]), alpha_x))[0]
-
-
 class LiveTeaching(Diagram):
     """Pepper in a scene; one arm is limp and guided, or goes where it is told, or reaches.
 
@@ -99,6 +90,7 @@ class LiveTeaching(Diagram):
         - guide_target
         - guide_velocity
         - joint_target
+        - primitive
         - goal_object.target
         - (name of an obstacle).target
         - ...
@@ -106,11 +98,12 @@ class LiveTeaching(Diagram):
     Inputs: `arm_mode` (1), an ArmMode; `guide_target`, X_TG where the guide should go
     (RigidTransform), and `guide_velocity` (6), which has precedence unless it is zero, angular and
     linear in the axes of T [rad/s, m/s]; `joint_target` (5) [rad] of the arm in the mode JOINTS;
-    the offset of what can be moved (3) [m] from where the scene has it, in W.
+    `primitive`, the MovementPrimitive that the arm performs in the mode HAND (optional; else the
+    one that the diagram was made with); the offset of what can be moved (3) [m] from where the
+    scene has it, in W.
 
     Attributes:
         station: Pepper in its scene.
-        movement: What the arm performs in the mode HAND; None before anything was learned.
         recorder: Of the taught arm.
         perception: What it sees.
         movables: What has a port for its offset.
@@ -119,7 +112,8 @@ class LiveTeaching(Diagram):
     def __init__(
         self,
         scene: Scene,
-        movement: Movement | None = None,
+        primitive: MovementPrimitive,
+        coupling: Coupling | None,
         *,
         station: StationConfig | None = None,
         ik: DifferentialIkParams | None = None,
@@ -130,7 +124,9 @@ class LiveTeaching(Diagram):
 
         Args:
             scene: Where Pepper stands.
-            movement: What was learned, if anything.
+            primitive: What the arm performs before it was taught anything, with orientation and
+                posture.
+            coupling: How obstacles bend it; None to do without.
             station: How the robot is simulated; the taught arm starts limp whatever it says.
             ik: Parameters of the inverse kinematics.
             minimum_clearance: Distance of the arm to the cloud at which it is stopped [m].
@@ -138,7 +134,7 @@ class LiveTeaching(Diagram):
         """
         super().__init__()
         self.scene = scene = with_movables(scene)
-        self.arm, self.movement = scene.arm, movement
+        self.arm = scene.arm
         self._ik_params = ik or DifferentialIkParams()
         self._minimum_clearance = minimum_clearance
         config = replace(
@@ -157,11 +153,7 @@ class LiveTeaching(Diagram):
         self._add_recorder()
         self._add_goal()
         self._add_safety()
-        if movement is not None:
-            self._add_motion(movement)
-        else:
-            still = builder.AddNamedSystem("no_movement", ConstantVectorSource(np.zeros(5)))
-            self._connect(still.get_output_port(), self.arm_mode, "hand_velocity")
+        self._add_motion(primitive, coupling)
         if meshcat is not None:
             self.visualizer = builder.AddNamedSystem(
                 "visualizer",
@@ -318,9 +310,9 @@ class LiveTeaching(Diagram):
         )
         self._connect(clearance.get_output_port(), self.safety, "clearance")
 
-    def _add_motion(self, movement: Movement) -> None:
+    def _add_motion(self, primitive: MovementPrimitive, coupling: Coupling | None) -> None:
         """The primitive's systems, and the coupling that bends it around obstacles."""
-        builder, primitive = self._builder, movement.primitive
+        builder = self._builder
         active = self.arm_mode.active_output
         time_step = self._ik_params.time_step
         goal = self.hand_goal.GetOutputPort("goal_position")
@@ -334,6 +326,9 @@ class LiveTeaching(Diagram):
             "orientation_transformation_system",
             OrientationTransformationSystem(primitive, time_step=time_step),
         )
+        builder.ExportInput(self.canonical.GetInputPort("primitive"), "primitive")
+        for system in (self.translation, self.rotation):
+            builder.ConnectInput("primitive", system.GetInputPort("primitive"))
         self._connect(active, self.canonical, "active")
         self._connect(goal, self.canonical, "goal_position")
         for system in (self.translation, self.rotation):
@@ -348,10 +343,8 @@ class LiveTeaching(Diagram):
         )
         self._connect(self._out(f"{hand}_orientation"), self.rotation, "start_orientation")
         self.coupling = None
-        if movement.coupling is not None:
-            self.coupling = builder.AddNamedSystem(
-                "obstacle_coupling", ObstacleCoupling(movement.coupling)
-            )
+        if coupling is not None:
+            self.coupling = builder.AddNamedSystem("obstacle_coupling", ObstacleCoupling(coupling))
             if self.perception.cloud_source is not None:
                 cloud = self.perception.cloud_source.GetOutputPort("cloud_torso")
                 self._connect(cloud, self.coupling, "cloud")
@@ -362,9 +355,9 @@ class LiveTeaching(Diagram):
             self._connect(self.canonical.GetOutputPort("tau"), self.coupling, "tau")
             self._connect(self.coupling.GetOutputPort("coupling"), self.translation, "coupling")
             self._connect(self.coupling.GetOutputPort("slowdown"), self.canonical, "slowdown")
-        self._add_inverse_kinematics(movement)
+        self._add_inverse_kinematics(primitive)
 
-    def _add_inverse_kinematics(self, movement: Movement) -> None:
+    def _add_inverse_kinematics(self, primitive: MovementPrimitive) -> None:
         """From the hand's next pose to the arm's joint velocities."""
         builder, model, params = self._builder, self._model, self._ik_params
         bus = builder.AddNamedSystem(
@@ -374,9 +367,8 @@ class LiveTeaching(Diagram):
             self._connect(self.translation.GetOutputPort(name), bus, name)
         for name in ("orientation", "next_orientation"):
             self._connect(self.rotation.GetOutputPort(name), bus, name)
-        posture = builder.AddNamedSystem(
-            "nominal_posture", NominalPosture(nominal_posture(movement.primitive))
-        )
+        posture = builder.AddNamedSystem("nominal_posture", NominalPosture(primitive))
+        builder.ConnectInput("primitive", posture.GetInputPort("primitive"))
         self._connect(self.canonical.GetOutputPort("phase"), posture, "phase")
         ik = builder.AddNamedSystem(
             "differential_ik", make_differential_ik(model, self.arm, params)

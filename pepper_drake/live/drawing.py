@@ -1,7 +1,5 @@
 """What a live session draws beside the robot: paths, cloud, guide, and what obstacles do."""
 
-from collections.abc import Sequence
-
 import matplotlib
 import numpy as np
 import numpy.typing as npt
@@ -206,8 +204,8 @@ def frame_workspace(meshcat: Meshcat, scene: Scene) -> None:
     """Looks at the taught arm's workspace from its side, without grid and axes."""
     side = 1.0 if scene.arm == "left" else -1.0
     robot = np.array([scene.robot.x, scene.robot.y, 0.0])
-    eye: Sequence[float] = robot + [1.05, 0.95 * side, 1.35]
-    meshcat.SetCameraPose(eye, robot + [0.12, 0.12 * side, 0.82])
+    eye = robot + [1.0, 0.85 * side, 1.30]
+    meshcat.SetCameraPose(eye, robot + [0.02, 0.02 * side, 0.84])
     for path in ("/Grid", "/Axes"):
         meshcat.SetProperty(path, "visible", False)
 

@@ -5,17 +5,18 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
-from pydrake.systems.analysis import InitializeParams, Simulator
-from pydrake.systems.framework import Context, Diagram, System
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, System
 
 from pepper_drake.diagrams.live_teaching import PUBLISH_PERIOD, LiveTeaching, with_movables
-from pepper_drake.diagrams.reach_setup import make_coupling
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.recording import recorded_demonstration, without_rest
@@ -24,7 +25,6 @@ from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
-from pepper_drake.planning.movement import Movement
 from pepper_drake.systems.arm_mode import ArmMode
 
 Vector = npt.NDArray[np.float64]
@@ -37,6 +37,12 @@ _LONGEST = 2.5
 """After so many durations of the movement it is over, wherever the hand is."""
 _CAUGHT_UP = 0.015
 """The limp arm may be stiffened when its command is as near to it, rad."""
+
+
+_NOTICE = 4.0
+"""How long it is told what came of a button, s."""
+_PATIENCE = 3.0
+"""How long the arm, back at the start, waits for what it takes to reach, s."""
 
 
 class Mode(StrEnum):
@@ -88,9 +94,8 @@ class LiveSession:
 
     Attributes:
         mode: What Pepper is doing.
-        status: The same in words, and what one can do next.
         demonstration: What was recorded last, if anything.
-        movement: What was learned last, if anything.
+        primitive: What was learned last, if anything.
     """
 
     def __init__(
@@ -114,13 +119,12 @@ class LiveSession:
             realtime: Whether it runs no faster than real time.
         """
         self.scene = with_movables(scene, movables)
-        self._station_config = station or StationConfig()
-        self._coupling = make_coupling(coupling or scene.coupling)
-        self._meshcat, self._realtime = meshcat, realtime
         self.mode = Mode.GUIDED
         self.demonstration: Demonstration | None = None
-        self.movement: Movement | None = None
-        self.status = "Lead the hand with the sliders; Record keeps what you show"
+        self.primitive: MovementPrimitive | None = None
+        self._learned: Demonstration | None = None
+        self._stopped_because = ""
+        self._notice, self._notice_until = "", 0.0
         self._since = 0.0
         self._settled = 0.0
         self._way_back: WayBack | None = None
@@ -129,28 +133,18 @@ class LiveSession:
         self._guide_velocity = np.zeros(6)
         self._frames = 0
         self._wall = 0.0
-        self._build(None)
-        self.release_guide()
-
-    def _build(self, movement: Movement | None) -> None:
-        """Builds the diagram anew around a movement, and goes on where the last one was."""
-        before = self.diagram if self._frames else None
-        context = self.simulator.get_context() if before is not None else None
         self.diagram = LiveTeaching(
-            self.scene, movement, station=self._station_config, meshcat=self._meshcat
+            self.scene,
+            make_primitive(None, scene.arm),
+            make_coupling(coupling or scene.coupling),
+            station=station,
+            meshcat=meshcat,
         )
         self.simulator = Simulator(self.diagram)
-        root = self.simulator.get_mutable_context()
-        if before is None or context is None:
-            self._fix_inputs()
-            self.simulator.Initialize()
-        else:
-            root.SetTime(context.get_time())
-            _carry_over(before, context, self.diagram, root)
-            self._fix_inputs()
-            self.simulator.Initialize(InitializeParams(suppress_initialization_events=True))
-        self.simulator.set_target_realtime_rate(1.0 if self._realtime else 0.0)
-        self._frames = max(self._frames, 1)
+        self._fix_inputs()
+        self.simulator.set_target_realtime_rate(1.0 if realtime else 0.0)
+        self.simulator.Initialize()
+        self.release_guide()
 
     def _fix_inputs(self) -> None:
         """Gives all inputs of the diagram the values that they have in the session."""
@@ -164,11 +158,16 @@ class LiveSession:
     def _fix(self, port: str, value: object) -> None:
         self.diagram.GetInputPort(port).FixValue(self.simulator.get_mutable_context(), value)
 
-    def _eval(self, system: System, port: str) -> object:
+    def _eval(self, system: System, port: str) -> Any:
         context = system.GetMyContextFromRoot(self.simulator.get_context())
         return system.GetOutputPort(port).Eval(context)
 
     # What the page and the drawing want to know.
+
+    @property
+    def status(self) -> str:
+        """What Pepper is doing in words, or for some seconds what came of a button."""
+        return self._notice if self.time < self._notice_until else self._describe()
 
     @property
     def time(self) -> float:
@@ -205,7 +204,7 @@ class LiveSession:
     def goal_is_seen(self) -> bool:
         """Tells whether Pepper knows where the goal is."""
         estimator = self.diagram.perception.goal_estimator
-        return estimator is None or bool(self._eval(estimator, "valid")[0])  # type: ignore[index]
+        return estimator is None or bool(self._eval(estimator, "valid")[0])
 
     def cloud(self) -> Vector:
         """Returns the obstacles that Pepper sees or remembers (P, 3) in W [m]."""
@@ -218,7 +217,7 @@ class LiveSession:
         """Returns what the obstacles do to the hand (3,) in T [m/s²]: C_t / tau²."""
         if self.mode not in (Mode.REACHING, Mode.HOLDING) or self.diagram.coupling is None:
             return np.zeros(3)
-        tau = float(np.ravel(self._eval(self.diagram.canonical, "tau"))[0])
+        tau = float(self._eval(self.diagram.canonical, "tau")[0])
         return np.array(self._eval(self.diagram.coupling, "coupling")) / tau**2
 
     def goal_distance(self) -> float:
@@ -227,10 +226,8 @@ class LiveSession:
 
     def joints(self) -> Vector:
         """Returns the taught arm's joints (5,) [rad]."""
-        context = self.diagram.GetMyContextFromRoot(self.simulator.get_context())
-        return np.array(
-            self.diagram.arm_position.Eval(_context_of(self.diagram.arm_position, context))
-        )
+        port = self.diagram.arm_position
+        return np.array(port.Eval(port.get_system().GetMyContextFromRoot(self._root())))
 
     # What a person does.
 
@@ -260,7 +257,7 @@ class LiveSession:
     def record(self) -> None:
         """Takes the arm limp, if it is not, and records from now on."""
         if self.mode == Mode.RECORDED:
-            self.status = "It is recorded already; Stop ends it"
+            self._notify("It is recorded already; Stop ends it")
             return
         self._enter(Mode.RECORDED)
 
@@ -269,36 +266,34 @@ class LiveSession:
         if self.mode == Mode.RECORDED:
             self._end_recording()
         elif self.mode == Mode.GUIDED:
-            self.status = "Nothing is going on; Record keeps what you show"
+            self._notify("Nothing is going on; Record keeps what you show")
         else:
             self._enter(Mode.GUIDED)
-            self.status = "Stopped; the arm is limp, lead the hand with the sliders"
+            self._notify("The arm is limp again; lead the hand with the sliders")
 
     def learn(self) -> None:
         """Learns the movement that was recorded last."""
         if self.mode != Mode.GUIDED:
-            self.status = f"Pepper is {self.mode}; Stop comes before Learn"
+            self._notify(f"Pepper is {self.mode}; Stop comes before Learn")
         elif self.demonstration is None:
-            self.status = "There is nothing to learn yet; Record a movement first"
+            self._notify("There is nothing to learn yet; Record a movement first")
         else:
             started = time.perf_counter()
             primitive = MovementPrimitive.fit(self.demonstration)
-            self.movement = Movement(primitive, self._coupling, self.scene.pre_grasp())
-            self._build(self.movement)
+            self.primitive, self._learned = primitive, self.demonstration
+            self._fix("primitive", primitive)
             spent = 1000 * (time.perf_counter() - started)
-            self.status = (
+            self._notify(
                 f"Learned a movement of {primitive.duration:.1f} s and "
                 f"{primitive.path_length:.2f} m in {spent:.0f} ms; Reach performs it"
             )
 
     def reach(self) -> None:
         """Takes the arm back to where the movement starts, and performs it."""
-        if self.movement is None or self.demonstration is None:
-            self.status = "There is nothing to perform yet; Record a movement, then Learn it"
+        if self.primitive is None or self.demonstration is None:
+            self._notify("There is nothing to perform yet; Record a movement, then Learn it")
         elif self.mode == Mode.RECORDED:
-            self.status = "The arm is being led; Stop comes before Reach"
-        elif not self.goal_is_seen():
-            self.status = "Pepper does not see the goal's marker; move the goal or the hand"
+            self._notify("The arm is being led; Stop comes before Reach")
         else:
             assert self.demonstration.joints is not None
             self._way_back = WayBack(self.joints(), self.demonstration.joints)
@@ -307,14 +302,14 @@ class LiveSession:
     def save(self, folder: Path) -> None:
         """Writes the demonstration's files and `primitive.yaml`, as far as there are any."""
         if self.demonstration is None:
-            self.status = "There is nothing to save yet; Record a movement first"
+            self._notify("There is nothing to save yet; Record a movement first")
             return
         self.demonstration.save(folder / "demonstration")
         kept = "the demonstration"
-        if self.movement is not None:
-            self.movement.primitive.save(folder / "primitive.yaml")
+        if self.primitive is not None:
+            self.primitive.save(folder / "primitive.yaml")
             kept += " and the primitive"
-        self.status = f"Saved {kept} in {folder}"
+        self._notify(f"Saved {kept} in {folder}")
 
     def release_guide(self) -> None:
         """Lets the guide take the hand anew, where the hand is now."""
@@ -332,14 +327,12 @@ class LiveSession:
         self.simulator.AdvanceTo(self._frames * PUBLISH_PERIOD)
         self._wall += time.perf_counter() - started
         elapsed = self.time - self._since
-        if self.mode == Mode.RECORDED:
-            self.status = f"Recording, {elapsed:.1f} s: lead the hand; Stop ends it"
-        elif self.mode == Mode.RETURNING:
+        if self.mode == Mode.RETURNING:
             self._return(elapsed)
         elif self.mode == Mode.REACHING:
             self._reach(elapsed)
         elif self.mode == Mode.HOLDING:
-            self._hold()
+            self._is_stopped()
 
     def _root(self) -> Context:
         return self.simulator.get_mutable_context()
@@ -356,6 +349,7 @@ class LiveSession:
         safety = self.diagram.safety
         safety.SetDefaultContext(safety.GetMyMutableContextFromRoot(self._root()))
         self.mode, self._since, self._settled = mode, self.time, 0.0
+        self._notice_until = 0.0
         self._fix("arm_mode", [float(_ARM_MODES[mode])])
 
     def _end_recording(self) -> None:
@@ -367,13 +361,13 @@ class LiveSession:
                 times[mine] - self._since, samples[mine], self.diagram.recorder.joint_names
             )
         except InputError:
-            self.status = "That was too short to be a movement; Record again"
+            self._notify("That was too short to be a movement; Record again")
             return
         if recorded.path_length < _SHORTEST_WAY:
-            self.status = "The hand hardly moved; Record again"
+            self._notify("The hand hardly moved; Record again")
             return
         self.demonstration = without_rest(recorded)
-        self.status = (
+        self._notify(
             f"Recorded {self.demonstration.duration:.1f} s and "
             f"{self.demonstration.path_length:.2f} m; Learn makes a movement of it"
         )
@@ -382,67 +376,65 @@ class LiveSession:
         way = self._way_back
         assert way is not None
         self._fix("joint_target", way.at(elapsed))
-        self.status = "The arm goes back to where the movement starts"
-        if self._is_stopped():
+        if self._is_stopped() or elapsed < way.duration:
             return
-        if elapsed >= way.duration:
-            behind = float(np.abs(self.joints() - way.at(elapsed)).max())
-            if behind < _CAUGHT_UP:
-                self._enter(Mode.REACHING)
-            elif elapsed > way.duration + 2.0:
-                self._enter(Mode.STOPPED)
-                self.status = "Something holds the arm; clear its way, then Reach again"
+        behind = float(np.abs(self.joints() - way.at(elapsed)).max())
+        if behind < _CAUGHT_UP and self.goal_is_seen():
+            self._enter(Mode.REACHING)
+        elif elapsed > way.duration + _PATIENCE:
+            self._halt(
+                "something holds the arm"
+                if behind >= _CAUGHT_UP
+                else "Pepper does not see the goal's marker"
+            )
 
     def _reach(self, elapsed: float) -> None:
-        left = 1000 * self.goal_distance()
-        self.status = f"Reaching, {left:.0f} mm to go; move the goal or what is in the way"
         if self._is_stopped():
             return
-        assert self.movement is not None
-        tau = float(np.ravel(self._eval(self.diagram.canonical, "tau"))[0])
-        if elapsed >= tau and self.goal_distance() < _ARRIVED:
-            self._settled += PUBLISH_PERIOD
-        else:
-            self._settled = 0.0
+        tau = float(self._eval(self.diagram.canonical, "tau")[0])
+        is_there = elapsed >= tau and self.goal_distance() < _ARRIVED
+        self._settled = self._settled + PUBLISH_PERIOD if is_there else 0.0
         if self._settled > 0.2 or elapsed > _LONGEST * tau:
             self.mode, self._since = Mode.HOLDING, self.time
 
-    def _hold(self) -> None:
-        distance = self.goal_distance()
-        if distance < _ARRIVED:
-            self.status = "At the goal; move it and the hand follows, or Reach again"
-        else:
-            self.status = f"The hand is {1000 * distance:.0f} mm from its goal; it follows"
-        self._is_stopped()
-
     def _is_stopped(self) -> bool:
-        """Tells whether the safety monitor has stopped the arm, and says so."""
-        reason = StopReason(int(self._eval(self.diagram.safety, "stop_reason")[0]))  # type: ignore[index]
+        """Tells whether the safety monitor has stopped the arm, and halts the session, too."""
+        reason = StopReason(int(self._eval(self.diagram.safety, "stop_reason")[0]))
         if reason == StopReason.NONE:
             return False
-        self._enter(Mode.STOPPED)
-        self.status = f"Stopped: {STOP_SENTENCES[reason]}; Reach again, or Stop to lead the hand"
+        self._halt(STOP_SENTENCES[reason])
         return True
 
+    def _halt(self, reason: str) -> None:
+        self._enter(Mode.STOPPED)
+        self._stopped_because = reason
 
-def _context_of(port: object, context: Context) -> Context:
-    return port.get_system().GetMyContextFromRoot(context)  # type: ignore[attr-defined]
+    def _notify(self, words: str) -> None:
+        self._notice, self._notice_until = words, self.time + _NOTICE
 
+    def _describe(self) -> str:
+        """Says what is going on, and what one can do next."""
+        if self.mode == Mode.GUIDED:
+            return self._describe_next()
+        if self.mode == Mode.RECORDED:
+            elapsed = self.time - self._since
+            return f"Recording, {elapsed:.1f} s: lead the hand; Stop ends it"
+        if self.mode == Mode.RETURNING:
+            return "The arm goes back to where the movement starts"
+        if self.mode == Mode.STOPPED:
+            return f"Stopped: {self._stopped_because}; Reach again, or Stop to lead the hand"
+        left = 1000 * self.goal_distance()
+        if self.mode == Mode.REACHING:
+            return f"Reaching, {left:.0f} mm to go; move the goal or what is in the way"
+        if not self.goal_is_seen():
+            return f"{left:.0f} mm from the goal, whose marker is hidden; Reach again, or Stop"
+        if left < 1000 * _ARRIVED:
+            return "At the goal; move it and the hand follows; Reach again, or Stop"
+        return f"{left:.0f} mm from the goal; the hand follows"
 
-_NOT_CARRIED_OVER = ("scene_graph", "recorder", "visualizer")
-
-
-def _carry_over(before: Diagram, context: Context, after: Diagram, root: Context) -> None:
-    """Copies the states of what both diagrams have; geometries are each diagram's own."""
-    names = {system.get_name() for system in after.GetSystems()}
-    for system in before.GetSystems():
-        name = system.get_name()
-        if name not in names or name in _NOT_CARRIED_OVER:
-            continue
-        mine = after.GetSubsystemByName(name)
-        if isinstance(system, PepperStation):
-            _carry_over(system, context, mine, root)
-        else:
-            mine.GetMyMutableContextFromRoot(root).SetStateAndParametersFrom(
-                system.GetMyContextFromRoot(context)
-            )
+    def _describe_next(self) -> str:
+        if self.demonstration is None:
+            return "Lead the hand with sliders or keys; Record keeps what you show"
+        if self._learned is not self.demonstration:
+            return "Learn makes a movement of what you showed; Record shows another"
+        return "Reach performs what was learned; Record shows another movement"
