@@ -37,8 +37,8 @@ _ELBOW_YAW, _ELBOW_ROLL = 2, 3
 class KnownScene:
     """Pepper in the true scene: collisions, distances, goals, and places to stand.
 
-    All but the base and the arm that reaches stay as they start. What moves in the scene stands
-    still at its start, but for `clearance`, which is told the times.
+    All but the base and the arm that reaches stay as they start. Obstacles with a path stand where
+    they start until `set_time` puts them elsewhere.
 
     Attributes:
         scene: The scene.
@@ -73,6 +73,7 @@ class KnownScene:
             )
         )
         self._context = self.checker.model_context()
+        self._moving = [m for m in self._models.moving if m.name != self._models.goal_object]
         self._start = self._start_positions()
         self.arm_index = self._indices(arm_joints(scene.arm))
         self._base_index = self._indices(JOINT_GROUPS["base"])
@@ -174,39 +175,40 @@ class KnownScene:
             poses.append(frame.CalcPoseInWorld(plant_context))
         return poses
 
+    @property
+    def quiet_after(self) -> float:
+        """When the last obstacle has come to rest, s after the arm may start; 0 if none moves."""
+        return max((moving.path.end_time() for moving in self._moving), default=0.0)
+
+    def set_time(self, time: float) -> None:
+        """Puts the obstacles that move where they are at a time, s after the arm may start."""
+        for moving in self._moving:
+            path = moving.path
+            offset = path.value(np.clip(time, path.start_time(), path.end_time()))[:, 0]
+            names = tuple(f"{moving.name}_{axis}" for axis in "xyz")
+            self._start[self._indices(names)] = offset
+
     def clearance(
-        self, path: Array, base_pose: Array, times: Array | None = None
+        self, path: Array, base_pose: Array, time_step: float = 0.01
     ) -> tuple[float, str]:
         """The least true distance between Pepper and an obstacle along a path.
 
         Args:
-            path: (N, 5) the arm's joints, rad.
+            path: (N, 5) the arm's joints from when it may start, rad.
             base_pose: (3,) x, y, yaw in W.
-            times: (N,) since the arm may move, s, for obstacles that move from then on; left out,
-                they stand where they start.
+            time_step: Of the path, s.
 
         Returns:
             The distance [m], at most 0.1, and the names of the two shapes.
         """
         least, names = 0.1, ""
-        for k, joints in enumerate(path):
-            q = self.positions(joints, base_pose)
-            if times is not None:
-                self._move_obstacles(q, float(times[k]))
-            self.checker.UpdatePositions(q)
+        for number, joints in enumerate(path):
+            self.set_time(number * time_step)
+            self.checker.UpdatePositions(self.positions(joints, base_pose))
             distance, pair = self._monitor.closest_pair(self._query())
             if distance < least:
                 least, names = distance, pair
         return least, names
-
-    def _move_obstacles(self, q: Array, time: float) -> None:
-        """Puts what moves where it is at a time."""
-        for moving in self._models.moving:
-            if moving.name != self._models.goal_object:
-                path = moving.path
-                offset = path.value(np.clip(time, path.start_time(), path.end_time()))[:, 0]
-                names = tuple(f"{moving.name}_{axis}" for axis in "xyz")
-                q[self._indices(names)] = offset
 
     def _query(self) -> QueryObject:
         diagram = self.checker.model()

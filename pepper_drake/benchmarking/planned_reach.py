@@ -6,8 +6,14 @@ would move; a plan that touches is not performed, and the search goes on.
 
 The time to first motion is the planner's at the place where it found the way: goal postures, plan,
 smoothing, timing. What is not counted: the model of the scene, the places tried before, the check.
+
+Where an obstacle moves, the planner knows its path: it plans with the obstacle where it
+starts and with the obstacle where it ends, and lets the arm wait, as long as it takes, up to the
+obstacle's end. A scene in which that finds nothing may still have a way through, but is not counted
+as one that can be solved, unless another method gets there.
 """
 
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -34,6 +40,8 @@ from pepper_drake.reporting.reach_report import pose_error
 Array = npt.NDArray[np.float64]
 
 _STEP = 0.01
+_PATIENCE = 0.25
+"""Between the waiting times that are tried, s."""
 _HOLDING = 1.0
 """How long the hand stays at its goal, s."""
 _TOLERANCE = 0.010
@@ -44,11 +52,12 @@ Motions = Callable[[KnownScene, Array, int], Iterator[Array]]
 
 
 class _Found(NamedTuple):
+    """Motion (N, 5), what is waited before it [s], where, and the planner's time for it [s]."""
+
     motion: Array
+    waiting: float
     base_pose: Array
     seconds: float
-    clearance: float
-    pair: str
 
 
 def rrt_motions(known: KnownScene, base_pose: Array, seed: int) -> Iterator[Array]:
@@ -88,7 +97,7 @@ class PlannedReach:
         result, known, found = self._run(case)
         if found is not None:
             folder.mkdir(parents=True, exist_ok=True)
-            page = record_motion(known, found.motion, found.base_pose, _STEP)
+            page = record_motion(known, _whole(known, found.motion, found.waiting), found.base_pose)
             (folder / "recording.html").write_text(page)
             result.save(folder / "report.json")
         return result
@@ -109,31 +118,45 @@ class PlannedReach:
 
     def _search(self, known: KnownScene, places: list[Array], seed: int) -> _Found | None:
         """The first motion from any place that touches nothing and ends at the goal."""
-        for place in places:
+        quiet = known.quiet_after
+        for place, time_of_scene in itertools.product(places, (0.0, quiet) if quiet else (0.0,)):
+            known.set_time(time_of_scene)
             begin = time.perf_counter()
             for motion in self.motions(known, place, seed):
                 seconds = time.perf_counter() - begin
-                clearance, pair = known.clearance(motion, place)
                 error, _ = pose_error(known.hand_poses(motion[-1:], place)[0], known.X_WG)
-                if clearance > 0.0 and error <= _TOLERANCE:
-                    return _Found(motion, place, seconds, clearance, pair)
+                if error <= _TOLERANCE:
+                    for waiting in np.arange(0.0, quiet + _PATIENCE, _PATIENCE):
+                        if known.clearance(_whole(known, motion, waiting), place)[0] > 0.0:
+                            return _Found(motion, float(waiting), place, seconds)
+                known.set_time(time_of_scene)
                 begin = time.perf_counter() - seconds
         return None
+
+
+def _whole(known: KnownScene, motion: Array, waiting: float) -> Array:
+    """All that the arm does: wait, move, and hold until nothing moves any more."""
+    before = np.repeat(motion[:1], round(waiting / _STEP), axis=0)
+    held = max(_HOLDING, known.quiet_after - waiting - len(motion) * _STEP)
+    after = np.repeat(motion[-1:], round(held / _STEP), axis=0)
+    return np.concatenate((before, motion, after))
 
 
 def _measure(result: MethodResult, known: KnownScene, found: _Found) -> None:
     """Fills in the numbers of a motion that reaches."""
     arm = known.scene.arm
     result.outcome = "reached"
-    result.first_motion_seconds = found.seconds
-    result.clearance, result.closest_pair = found.clearance, found.pair
+    result.first_motion_seconds = found.seconds + found.waiting
+    result.clearance, result.closest_pair = known.clearance(
+        _whole(known, found.motion, found.waiting), found.base_pose
+    )
     last = known.hand_poses(found.motion[-1:], found.base_pose)[0]
     result.position_error, result.orientation_error = pose_error(last, known.X_WG)
-    result.duration = (len(found.motion) - 1) * _STEP
+    moved = (len(found.motion) - 1) * _STEP
+    result.duration = found.waiting + moved
     geometry = ArmGeometry(shared_control_model(), arm)
-    resting = np.repeat(found.motion[-1:], round(_HOLDING / _STEP), axis=0)
-    joints = np.concatenate((found.motion, resting))
+    joints = _whole(known, found.motion, 0.0)
     hand = np.array([geometry.hand_pose(q).translation() for q in joints])
     result.path_length = path_length(hand)
     result.jerk = rms_jerk(hand, _STEP)
-    result.likeness = likeness(make_primitive(None, arm), hand, result.duration, _STEP)
+    result.likeness = likeness(make_primitive(None, arm), hand, moved, _STEP)

@@ -14,7 +14,11 @@ from pepper_drake.models.pepper import add_pepper
 Array = npt.NDArray[np.float64]
 
 
-def record_motion(known: KnownScene, motion: Array, base_pose: Array, time_step: float) -> str:
+_STRIDE = 3
+"""Of the motion's samples, which are 10 ms apart, one in so many is shown."""
+
+
+def record_motion(known: KnownScene, motion: Array, base_pose: Array) -> str:
     """Returns a stand-alone page that plays a motion (N, 5) of the arm [rad] in its scene."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlant(MultibodyPlantConfig(time_step=0.0), builder)
@@ -26,12 +30,13 @@ def record_motion(known: KnownScene, motion: Array, base_pose: Array, time_step:
     visualizer = MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
+    plant_context = plant.GetMyMutableContextFromRoot(context)
     visualizer.StartRecording(False)
-    for number, joints in enumerate(motion[::3]):
-        context.SetTime(3 * number * time_step)
-        plant.SetPositions(
-            plant.GetMyMutableContextFromRoot(context), known.positions(joints, base_pose)
-        )
+    for number in range(0, len(motion), _STRIDE):
+        time = 0.01 * number
+        known.set_time(time)
+        context.SetTime(time)
+        plant.SetPositions(plant_context, known.positions(motion[number], base_pose))
         diagram.ForcedPublish(context)
     visualizer.StopRecording()
     visualizer.PublishRecording()
