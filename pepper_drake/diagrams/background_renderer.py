@@ -1,6 +1,5 @@
 """Renders camera images on a thread of its own, while the simulation goes on."""
 
-import os
 import weakref
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -102,14 +101,16 @@ class BackgroundRenderer:
     """
 
     def __init__(self, scene: Scene, cameras: Mapping[str, tuple[HeadCamera, str]]) -> None:
-        # The simulation needs a core of its own; the software renderer would take them all.
-        os.environ.setdefault("LP_NUM_THREADS", str(max((os.cpu_count() or 1) - 1, 1)))
         executor = ThreadPoolExecutor(1, thread_name_prefix="renderer")
         self._executor = executor
         self._on_thread: list[_RenderingDiagram] = []
         self._started = executor.submit(_start, self._on_thread, scene, cameras)
         # Its OpenGL context has to go on the thread to which it belongs.
         weakref.finalize(self, _stop, executor, self._on_thread).atexit = False
+
+    def wait_until_ready(self) -> None:
+        """Waits until the scene is built and the shaders are compiled."""
+        self._started.result()
 
     def render(self, camera: str, positions: npt.NDArray[np.float64]) -> PendingImage:
         """Starts rendering.

@@ -116,6 +116,8 @@ class ReachRun:
         """Runs until the reach is done or has failed."""
         options = self._options
         self.simulator.Initialize()
+        if self.reaching.station.renderer is not None:
+            self.reaching.station.renderer.wait_until_ready()
         if self._visualizer is not None and options.record:
             self._visualizer.StartRecording(False)
         wall = 0.0

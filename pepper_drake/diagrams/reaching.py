@@ -100,7 +100,7 @@ class Reaching(Diagram):
         self._add_primitive(coupling)
         self._add_inverse_kinematics()
         self._add_commands()
-        self._add_goal_motion()
+        self._add_motions()
         self._add_logs()
         builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
         del self._builder
@@ -203,6 +203,8 @@ class Reaching(Diagram):
         for name, source in sources.items():
             self._connect(source, self.supervisor, name)
         self.active = self.supervisor.GetOutputPort("active")
+        self.performed = self.supervisor.GetOutputPort("primitive")
+        self._connect(self.supervisor.GetOutputPort("X_OG"), self.hand_goal, "X_OG")
         self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
 
         driver = builder.AddNamedSystem("base_driver", BaseDriver())
@@ -223,6 +225,7 @@ class Reaching(Diagram):
             "canonical_system", CanonicalSystem(primitive, time_step=time_step)
         )
         self._connect(self.active, self.canonical, "active")
+        self._connect(self.performed, self.canonical, "primitive")
         self._connect(goal, self.canonical, "goal_position")
         self._connect(self.canonical.GetOutputPort("tau"), self.supervisor, "tau")
 
@@ -236,6 +239,7 @@ class Reaching(Diagram):
         hand = f"{self.scene.arm}_hand"
         for system in (self.translation, self.rotation):
             self._connect(self.active, system, "active")
+            self._connect(self.performed, system, "primitive")
             for name in ("phase", "phase_velocity", "tau"):
                 self._connect(self.canonical.GetOutputPort(name), system, name)
         self._connect(
@@ -257,6 +261,7 @@ class Reaching(Diagram):
             for name in ("position", "velocity", "nominal_acceleration"):
                 self._connect(self.translation.GetOutputPort(name), self.coupling, name)
             self._connect(self.active, self.coupling, "active")
+            self._connect(self.supervisor.GetOutputPort("coupling_law"), self.coupling, "law")
             self._connect(goal, self.coupling, "goal_position")
             self._connect(self.canonical.GetOutputPort("tau"), self.coupling, "tau")
             self._connect(self.coupling.GetOutputPort("coupling"), self.translation, "coupling")
@@ -273,7 +278,8 @@ class Reaching(Diagram):
             self._connect(self.translation.GetOutputPort(name), bus, name)
         for name in ("orientation", "next_orientation"):
             self._connect(self.rotation.GetOutputPort(name), bus, name)
-        posture = builder.AddNamedSystem("nominal_posture", NominalPosture(self.planner.posture))
+        posture = builder.AddNamedSystem("nominal_posture", NominalPosture(self.primitive))
+        self._connect(self.performed, posture, "primitive")
         self._connect(self.canonical.GetOutputPort("phase"), posture, "phase")
 
         self.differential_ik = builder.AddNamedSystem(
@@ -358,16 +364,15 @@ class Reaching(Diagram):
             station.GetInputPort("joint_position_command"),
         )
 
-    def _add_goal_motion(self) -> None:
-        """Moves the goal object once the arm starts, if that is asked for."""
+    def _add_motions(self) -> None:
+        """Moves goal object and obstacles once the arm starts, if that is asked for."""
         for moving in self.station.scene_models.moving:
-            if self.config.station.goal_motion_port and moving.name == GOAL_OBJECT:
-                path = self._builder.AddNamedSystem("goal_motion", TriggeredPath(moving.path))
+            port = f"{moving.name}.desired_state"
+            if self.station.HasInputPort(port):
+                name = "goal_motion" if moving.name == GOAL_OBJECT else f"{moving.name}_motion"
+                path = self._builder.AddNamedSystem(name, TriggeredPath(moving.path))
                 self._builder.Connect(self.active, path.trigger_input)
-                self._builder.Connect(
-                    path.get_output_port(),
-                    self.station.GetInputPort(f"{moving.name}.desired_state"),
-                )
+                self._connect(path.get_output_port(), self.station, port)
 
     def _add_logs(self) -> None:
         """Logs what the report and the figures need, and watches the true clearance."""

@@ -21,7 +21,6 @@ from pepper_drake.diagrams.lone_pepper import LonePepper, add_lone_pepper
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.coupling import Coupling
-from pepper_drake.learning.phase import relative_time_at
 from pepper_drake.learning.tracking_coupling import TrackingCoupling
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.planning.control_model import arm_joints, shared_control_model
@@ -226,7 +225,7 @@ class Reproduction(Diagram):
         for system, name in ((self._translation, "position"), (self._rotation, "orientation")):
             for port in (name, f"next_{name}"):
                 self._connect(system.GetOutputPort(port), bus, port)
-        posture = builder.AddNamedSystem("nominal_posture", NominalPosture(self._posture))
+        posture = builder.AddNamedSystem("nominal_posture", NominalPosture(self.primitive))
         self._connect(self._canonical.GetOutputPort("phase"), posture, "phase")
         ik = builder.AddNamedSystem("differential_ik", make_differential_ik(model, arm, params))
         command = builder.AddNamedSystem(
@@ -257,13 +256,6 @@ class Reproduction(Diagram):
         builder.Connect(target.get_output_port(), self._robot.arm_target)
         self._log("joint_command", command.GetOutputPort("position_command"))
         self._log("joint_velocity_command", command.GetOutputPort("velocity_command"))
-
-    def _posture(self, phase: float) -> Vector:
-        """The nominal joints (5,), rad, at a phase."""
-        assert self.primitive.posture is not None
-        time = relative_time_at(np.array([phase]), self.primitive.translation.alpha_x)
-        joints: Vector = self.primitive.posture.at(time)[0]
-        return joints
 
     def _add_push(self) -> None:
         """What pushes at the hand from outside."""

@@ -138,6 +138,7 @@ class PepperStation(Diagram):
         scene_graph: Its geometry.
         pepper: Pepper's model instance.
         scene_models: The scene's bodies.
+        renderer: Of the cameras' images, if there are cameras.
         depth_intrinsics: Of the images of the depth camera, or of the stereo pair in its place.
         obstacle_parameters: How obstacles are best seen in them.
     """
@@ -146,6 +147,7 @@ class PepperStation(Diagram):
         super().__init__()
         self.config = config
         self.control_model = model
+        self.renderer: BackgroundRenderer | None = None
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
         self.obstacle_parameters = ObstacleParameters()
         builder = DiagramBuilder()
@@ -318,7 +320,7 @@ class PepperStation(Diagram):
         }
         if not config.stereo:
             plan["camera_depth"] = (CAMERA_DEPTH, "depth", half)
-        renderer = BackgroundRenderer(
+        self.renderer = renderer = BackgroundRenderer(
             scene, {name: (camera, kind) for name, (camera, kind, _) in plan.items()}
         )
         positions = builder.AddNamedSystem(

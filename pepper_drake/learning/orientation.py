@@ -121,6 +121,12 @@ class OrientationAttractor:
             rates = self.attractor.start_velocity(coordinates, target, tau)
         return OrientationState(np.array((coordinates, rates)), coordinates, goal)
 
+    def started_anew(self, state: OrientationState, goal: Array) -> OrientationState:
+        """Returns the state of a motion to a goal (4,) that starts with what moves already."""
+        goal = so3.normalize(goal)
+        moved = self._retargeted(state.coordinates, state.goal, goal)
+        return OrientationState(moved, moved[0], goal)
+
     def pose(self, state: OrientationState) -> tuple[Array, Array]:
         """Returns the orientation (4,) and the angular velocity (3,) [rad/s] of a state."""
         return self.orientation_of(state), self.angular_velocity_of(state)

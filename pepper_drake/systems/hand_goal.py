@@ -24,11 +24,13 @@ class HandGoal(LeafSystem):
         input_ports:
         - object_pose
         - torso_pose
+        - X_OG (optional)
         output_ports:
         - goal_position
         - goal_orientation
 
-    Inputs: `object_pose` X_WO and `torso_pose` X_WT, RigidTransform. Outputs: `goal_position` (3),
+    Inputs: `object_pose` X_WO, `torso_pose` X_WT and `X_OG`, RigidTransform; the last is used in
+    place of the one that the system was made with. Outputs: `goal_position` (3),
     m, and `goal_orientation` (4), unit quaternion w, x, y, z, of the hand's goal G in T.
     State: both (7), at `time_step`; the identity before initialization.
 
@@ -46,6 +48,7 @@ class HandGoal(LeafSystem):
         self.torso_pose_input: InputPort = self.DeclareAbstractInputPort(
             "torso_pose", Value(RigidTransform())
         )
+        self.X_OG_input: InputPort = self.DeclareAbstractInputPort("X_OG", Value(X_OG))
         self._goal = self.DeclareDiscreteState(np.array([0.0, 0, 0, 1, 0, 0, 0]))
         state = {self.discrete_state_ticket(self._goal)}
         self.DeclareVectorOutputPort(
@@ -59,7 +62,9 @@ class HandGoal(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         X_WT = self.torso_pose_input.Eval(context)
-        X_TG = X_WT.InvertAndCompose(self.object_pose_input.Eval(context)) @ self._X_OG
+        given = self.X_OG_input.HasValue(context)
+        X_OG = self.X_OG_input.Eval(context) if given else self._X_OG
+        X_TG = X_WT.InvertAndCompose(self.object_pose_input.Eval(context)) @ X_OG
         quaternion = X_TG.rotation().ToQuaternion().wxyz()
         goal = np.concatenate((X_TG.translation(), quaternion))
         if np.any(np.abs(goal - context.get_discrete_state(self._goal).value()) > _STILL):

@@ -25,6 +25,7 @@ class ObstacleCoupling(LeafSystem):
         - goal_position
         - tau
         - active (optional)
+        - law (optional)
         output_ports:
         - coupling
         - slowdown
@@ -37,7 +38,8 @@ class ObstacleCoupling(LeafSystem):
     missing cloud pushes nothing; `position` (3) [m], `velocity` (3) [m/s] and
     `nominal_acceleration` (3) [m/s²] of a `TransformationSystem`; `goal_position` (3) [m];
     `tau` (1) [s]. All are in the frame of the motion, normally T. While `active` (1) is 0 nothing
-    is computed: no push, and an infinite distance.
+    is computed: no push, and an infinite distance. `law`, an abstract Coupling or None for no push,
+    is used in place of the one that the system was made with.
 
     Outputs: `coupling` (3) [m]; `slowdown` (1) >= 0 for the `CanonicalSystem`; `distance` (1) [m]
     from the hand's centre to the nearest solid, infinite without obstacles.
@@ -58,12 +60,17 @@ class ObstacleCoupling(LeafSystem):
         self.goal_position_port = self.DeclareVectorInputPort("goal_position", 3)
         self.tau_port = self.DeclareVectorInputPort("tau", 1)
         self.active_port = self.DeclareVectorInputPort("active", 1)
+        self.law_port = self.DeclareAbstractInputPort("law", Value[object](self._coupling))
 
         self._field = ObstacleFieldCache(self, self.cloud_port)
         self._clearance = self.DeclareCacheEntry(
             "clearance at the goal",
             ValueProducer(allocate=lambda: Value({}), calc=self._calc_clearance),
-            prerequisites_of_calc={self._field.entry.ticket(), self.goal_position_port.ticket()},
+            prerequisites_of_calc={
+                self._field.entry.ticket(),
+                self.goal_position_port.ticket(),
+                self.law_port.ticket(),
+            },
         )
         self._push = self.DeclareCacheEntry(
             "push",
@@ -107,15 +114,24 @@ class ObstacleCoupling(LeafSystem):
         return push
 
     def _calc_clearance(self, context: Any, value: Any) -> None:
-        field = self._field.eval(context)
-        goal = self.goal_position_port.Eval(context)
-        value.get_mutable_value()["clearance"] = self._coupling.clearance(field, goal)
+        law = self._law(context)
+        if law is not None:
+            goal = self.goal_position_port.Eval(context)
+            value.get_mutable_value()["clearance"] = law.clearance(self._field.eval(context), goal)
+
+    def _law(self, context: Any) -> Coupling | None:
+        if self.law_port.HasValue(context):
+            law: Coupling | None = self.law_port.Eval(context)
+            return law
+        return self._coupling
 
     def _calc_push(self, context: Any, value: Any) -> None:
-        if self.active_port.HasValue(context) and not self.active_port.Eval(context)[0]:
+        law = self._law(context)
+        rests = self.active_port.HasValue(context) and not self.active_port.Eval(context)[0]
+        if rests or law is None:
             value.get_mutable_value()["push"] = Push(np.zeros(3), np.array(0.0), np.array(np.inf))
             return
-        value.get_mutable_value()["push"] = self._coupling.push(
+        value.get_mutable_value()["push"] = law.push(
             self._field.eval(context),
             np.array((self.position_port.Eval(context), self.velocity_port.Eval(context))),
             self.nominal_acceleration_port.Eval(context),

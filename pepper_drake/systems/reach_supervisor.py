@@ -1,5 +1,6 @@
 """Decides what Pepper does next: look, drive up, reach, hold, or stop and say why."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
@@ -12,6 +13,7 @@ from pydrake.perception import PointCloud
 from pydrake.systems.framework import (
     BasicVector,
     Context,
+    DependencyTicket,
     EventStatus,
     InputPort,
     LeafSystem,
@@ -21,6 +23,7 @@ from pydrake.systems.framework import (
 from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
 from pepper_drake.planning.control_model import BODY_JOINTS
+from pepper_drake.planning.movement import Movement
 from pepper_drake.planning.reach_planner import ReachPlanner, ReachVerdict
 from pepper_drake.systems.reach_mode import ReachMode
 
@@ -70,6 +73,8 @@ class ReachProgress:
         places: How many places to stand were chosen so far.
         planning_seconds: Computing time of the last look at the reach from where the robot
             stands, s: what the arm waited for. The only value here that no seed decides.
+        movement: What is to be performed; None before it is decided.
+        movements: How many movements began so far.
     """
 
     mode: ReachMode = ReachMode.LOOKING
@@ -81,6 +86,8 @@ class ReachProgress:
     still_since: float = np.nan
     places: int = 0
     planning_seconds: float = np.nan
+    movement: Movement | None = None
+    movements: int = 0
 
     def __deepcopy__(self, memo: dict) -> "ReachProgress":
         """Returns itself: Drake copies the state at each event, and this never changes."""
@@ -126,13 +133,18 @@ class ReachSupervisor(LeafSystem):
         - resting_head
         - mode
         - progress
+        - primitive
+        - coupling_law
+        - X_OG
 
     Inputs: `object_pose` X_WO; `goal_valid`, `goal_age` (1; s); `goal_position` (3), the hand's
     goal in T; `cloud` (PointCloud in W) and `cloud_time` (1; time of its last frame, not finite
     before the first); `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and
     `desired_position` (3), where the primitive wants the hand in T; `arrived` (1); `tau` (1; s);
     `stop_reason` (1; the safety monitor's `StopReason`).
-    Outputs: `active` (1), 1 while the primitive runs; `base_goal` (3), NaN for "stay";
+    Outputs: `active` (1), the number of the movement while one runs, else 0; `primitive`,
+    `coupling_law` and `X_OG`, abstract, of that movement, known a tick before it begins (see
+    `planning.movement`); `base_goal` (3), NaN for "stay";
     `resting_head` (2), head yaw and pitch while the goal is searched for, rad; `mode` (1), a
     `ReachMode`; `progress`, the whole `ReachProgress`.
     State: `ReachProgress` (abstract), at `time_step`.
@@ -183,7 +195,30 @@ class ReachSupervisor(LeafSystem):
             self._calc_progress,
             prerequisites_of_calc=state,
         )
+        for name, model, part in (
+            ("primitive", planner.shown.primitive, lambda movement: movement.primitive),
+            ("coupling_law", planner.shown.coupling, lambda movement: movement.coupling),
+            ("X_OG", planner.shown.X_OG, lambda movement: movement.X_OG),
+        ):
+            self._declare_movement_output(name, model, part, state)
         self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
+
+    def _declare_movement_output(
+        self, name: str, model: Any, part: Callable[[Movement], Any], state: set[DependencyTicket]
+    ) -> None:
+        """Declares an output for a part of the movement."""
+
+        def calc(context: Context, output: Value) -> None:
+            output.set_value(part(self.progress(context).movement or self._planner.shown))
+
+        # Of any type: a coupling may be None.
+        typed = isinstance(model, RigidTransform)
+        self.DeclareAbstractOutputPort(
+            name,
+            lambda: Value(model) if typed else Value[object](model),
+            calc,
+            prerequisites_of_calc=state,
+        )
 
     def progress(self, context: Context) -> ReachProgress:
         """The present state in this context."""
@@ -275,13 +310,19 @@ class ReachSupervisor(LeafSystem):
         return progress
 
     def _settle(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
-        if time - progress.since < self._timing.settling:
+        settled = time - progress.since
+        if settled < self._timing.settling - 1.5 * self._time_step:
             return progress
+        if progress.movement is not None:
+            if settled < self._timing.settling:
+                return progress
+            return replace(progress.to(ReachMode.REACHING, time), movements=1)
         begin = perf_counter()
         plan = self._planner.check_reach(**self._seen(context))
         progress = replace(progress, planning_seconds=perf_counter() - begin)
         if plan.verdict == ReachVerdict.CLEAR:
-            return progress.to(ReachMode.REACHING, time)
+            # The hand's goal takes it up before the movement begins, at the next tick.
+            return replace(progress, movement=plan.movement)
         if progress.places < self._timing.places:
             return self._choose_place(context, progress, time)
         return progress.fail(time, plan.verdict.value, plan.sentence)
@@ -329,9 +370,9 @@ class ReachSupervisor(LeafSystem):
         return progress
 
     def _calc_active(self, context: Context, output: BasicVector) -> None:
-        mode = self.progress(context).mode
-        running = mode in (ReachMode.REACHING, ReachMode.HOLDING, ReachMode.DONE)
-        output.SetAtIndex(0, float(running))
+        progress = self.progress(context)
+        running = progress.mode in (ReachMode.REACHING, ReachMode.HOLDING, ReachMode.DONE)
+        output.SetAtIndex(0, float(progress.movements) if running else 0.0)
 
     def _calc_base_goal(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(np.array(self.progress(context).base_goal))

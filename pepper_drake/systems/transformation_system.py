@@ -7,11 +7,12 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from pepper_drake.learning.attractor import Forcing, GoalState, node_phases
+from pepper_drake.learning.attractor import Attractor, Forcing, GoalState, node_phases
 from pepper_drake.learning.primitive import MovementPrimitive
 
 # Parts of the discrete state, each of three coordinates.
 _POSITION, _VELOCITY, _GOAL, _DELAYED, _START = (slice(3 * k, 3 * k + 3) for k in range(5))
+_NUMBER = 15
 
 
 @TemplateSystem.define("TransformationSystem_")
@@ -33,6 +34,7 @@ def TransformationSystem_(T: type) -> type:
             - start_position
             - goal_velocity (optional)
             - coupling (optional)
+            - primitive (optional)
             output_ports:
             - position
             - velocity
@@ -45,10 +47,13 @@ def TransformationSystem_(T: type) -> type:
         the report); each step is the one of `learning.spring`. All vectors are in the frame of the
         demonstration, normally T.
 
-        Inputs: `active` (1) 0 or 1; `phase` (1), `phase_velocity` (1) [1/s], `tau` (1) [s] of a
+        Inputs: `active` (1) 0, or the number of the motion: with another number a motion starts
+        anew, with the position and the velocity of now (not in continuous time, where it is 0 or
+        1); `phase` (1), `phase_velocity` (1) [1/s], `tau` (1) [s] of a
         `CanonicalSystem`; `goal_position` (3) [m], followed smoothly, moves under 3 mm ignored;
         `goal_velocity` (3) [m/s] if known; `start_position` (3) [m], where the hand is: the motion
-        starts from there; `coupling` (3) [m], C_t.
+        starts from there; `coupling` (3) [m], C_t; `primitive`, abstract MovementPrimitive, is
+        performed in place of the one that the system was made with.
 
         Outputs: `position` (3) [m], `velocity` (3) [m/s] and `delayed_goal_position` (3) [m], the
         goal that the spring sees, are state. `nominal_acceleration` (3) [m/s²] is without
@@ -56,13 +61,14 @@ def TransformationSystem_(T: type) -> type:
         `next_velocity` are the state one step ahead, fed through from all inputs: what follows the
         motion with them has no delay. While inactive they are `start_position` and zero.
 
-        State: position, velocity, goal, delayed goal, start, each (3). Discrete with period
-        `time_step`. With `time_step` 0 position, velocity and delayed goal are continuous and
-        the rest is updated after each step of the integrator; there is then no next step, and the
-        two ports are missing. In continuous time, derivatives exist for Expression as well.
+        State: position, velocity, goal, delayed goal, start, each (3), and the number of the
+        motion. Discrete with period `time_step`. With `time_step` 0 position, velocity and delayed
+        goal are continuous and the rest is updated after each step of the integrator; there is
+        then no next step, and the two ports are missing. In continuous time, derivatives exist for Expression as well.
 
         Parameters: numeric parameter 0 has the weights of the forcing term, row by row, if the
-        approximator has any; with AutoDiffXd, gradients by them follow.
+        approximator has any; with AutoDiffXd, gradients by them follow. They are not used while
+        `primitive` is connected.
         """
 
         def _construct(
@@ -104,9 +110,12 @@ def TransformationSystem_(T: type) -> type:
             self.start_position_port = declare("start_position", 3)
             self.goal_velocity_port = declare("goal_velocity", 3)
             self.coupling_port = declare("coupling", 3)
+            self.primitive_port = self.DeclareAbstractInputPort(
+                "primitive", Value[object](primitive)
+            )
 
             if time_step > 0.0:
-                index = self.DeclareDiscreteState(15)
+                index = self.DeclareDiscreteState(16)
                 state_tickets = {self.discrete_state_ticket(index)}
                 self.DeclareInitializationDiscreteUpdateEvent(self._rest)
                 self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
@@ -142,6 +151,7 @@ def TransformationSystem_(T: type) -> type:
                     self.tau_port,
                     self.goal_position_port,
                     self.goal_velocity_port,
+                    self.primitive_port,
                 )
             }
             if self._weights_shape is not None:
@@ -169,7 +179,7 @@ def TransformationSystem_(T: type) -> type:
                 )
                 self.next_velocity_port = output(
                     "next_velocity",
-                    lambda c: self._next_state(c)[_VELOCITY] * self._active(c),
+                    lambda c: self._next_state(c)[_VELOCITY] * self._running(c),
                     cached | {self.active_port.ticket()},
                 )
 
@@ -186,9 +196,31 @@ def TransformationSystem_(T: type) -> type:
             """Returns position, velocity, goal, delayed goal, start: (15,)."""
             discrete = context.get_discrete_state_vector().CopyToVector()
             if self._time_step > 0.0:
-                return discrete
+                return discrete[:_NUMBER]
             continuous = context.get_continuous_state_vector().CopyToVector()
             return np.concatenate((continuous[:6], discrete[:3], continuous[6:], discrete[3:]))
+
+        def _state_now(self, context: Any) -> Any:
+            """Returns the state (15,), of a motion that starts anew if one does."""
+            state = self._state(context)
+            if self._time_step == 0.0:
+                return state
+            before, now = context.get_discrete_state_vector()[_NUMBER], self._active(context)
+            if before > 0.5 and now > 0.5 and before != now:
+                goal = self.goal_position_port.Eval(context)
+                return np.concatenate((state[:6], goal, goal, state[_POSITION]))
+            return state
+
+        def _performed(self, context: Any) -> Attractor:
+            if self.primitive_port.HasValue(context):
+                performed: Attractor = self.primitive_port.Eval(context).translation
+                return performed
+            return self._attractor
+
+        def _running(self, context: Any) -> Any:
+            """Returns 1 while active, else 0; a number of T in continuous time."""
+            active = self._active(context)
+            return active if self._time_step == 0.0 else float(active > 0.5)
 
         def _optional(self, port: Any, context: Any) -> Any:
             return port.Eval(context) if port.HasValue(context) else np.zeros(3)
@@ -198,10 +230,10 @@ def TransformationSystem_(T: type) -> type:
 
         def _forcing(self, context: Any, state: Any) -> Forcing:
             weights = None
-            if self._weights_shape is not None:
+            if self._weights_shape is not None and not self.primitive_port.HasValue(context):
                 weights = context.get_numeric_parameter(0).CopyToVector()
                 weights = weights.reshape(self._weights_shape)
-            return self._attractor.forcing(state[_START], state[_DELAYED], weights)
+            return self._performed(context).forcing(state[_START], state[_DELAYED], weights)
 
         def _goal(self, context: Any, state: Any) -> GoalState:
             velocity = self._optional(self.goal_velocity_port, context)
@@ -212,15 +244,15 @@ def TransformationSystem_(T: type) -> type:
             return goal.seen(self.goal_position_port.Eval(context), velocity)
 
         def _nominal_acceleration(self, context: Any) -> Any:
-            state = self._state(context)
+            state = self._state_now(context)
             phases = self.phase_port.Eval(context)
-            nominal = self._attractor.acceleration(
+            nominal = self._performed(context).acceleration(
                 state[:6].reshape(2, 3),
                 self._goal(context, state),
                 self._forcing(context, state)(phases)[0],
                 self.tau_port.Eval(context)[0],
             )
-            return nominal * self._active(context)
+            return nominal * self._running(context)
 
         def _start_state(self, context: Any) -> Any:
             """Returns the state (15,) of a motion that starts now."""
@@ -229,17 +261,18 @@ def TransformationSystem_(T: type) -> type:
             velocity = np.zeros(3)
             if self._start_moving:
                 tau = self.tau_port.Eval(context)[0]
-                velocity = self._attractor.start_velocity(start, goal, tau)
+                velocity = self._performed(context).start_velocity(start, goal, tau)
             return np.concatenate((start, velocity, goal, goal, start))
 
         def _calc_next_state(self, context: Any, value: Any) -> None:
-            state = self._state(context)
-            if self._active(context) > 0.5:
+            attractor, number = self._performed(context), self._active(context)
+            if number > 0.5:
+                state = self._state_now(context)
                 goal = self._goal(context, state)
                 phase = self.phase_port.Eval(context)[0]
                 tau = self.tau_port.Eval(context)[0]
                 decay = -self.phase_velocity_port.Eval(context)[0] / phase if phase > 0.0 else 0.0
-                moved = self._attractor.advance(
+                moved = attractor.advance(
                     state[:6].reshape(2, 3),
                     goal,
                     self._forcing(context, state)(node_phases(phase, decay, self._time_step)),
@@ -247,19 +280,22 @@ def TransformationSystem_(T: type) -> type:
                     self._time_step,
                     self._optional(self.coupling_port, context),
                 )
-                later = goal.later(self._time_step, self._attractor.goal_rate(tau))
+                later = goal.later(self._time_step, attractor.goal_rate(tau))
                 state = np.concatenate(
-                    (moved.ravel(), later.position, later.delayed, state[_START])
+                    (moved.ravel(), later.position, later.delayed, state[_START], [number])
                 )
             else:
-                state = self._start_state(context)
+                state = self._resting_state(context)
             value.get_mutable_value()["state"] = state
 
         def _next_state(self, context: Any) -> Any:
             return self._next.Eval(context)["state"]
 
+        def _resting_state(self, context: Any) -> Any:
+            return np.concatenate((self._start_state(context), [0.0]))
+
         def _rest(self, context: Any, discrete: Any) -> None:
-            discrete.set_value(self._start_state(context))
+            discrete.set_value(self._resting_state(context))
 
         def _update(self, context: Any, discrete: Any) -> None:
             discrete.set_value(self._next_state(context))
@@ -286,7 +322,7 @@ def TransformationSystem_(T: type) -> type:
             tau = self.tau_port.Eval(context)[0]
             push = self._optional(self.coupling_port, context) / (tau * tau)
             goal = self._goal(context, state)
-            following = (goal.position - goal.delayed) * self._attractor.goal_rate(tau)
+            following = (goal.position - goal.delayed) * self._performed(context).goal_rate(tau)
             rates = (
                 state[_VELOCITY] * active,
                 self._nominal_acceleration(context) + push * active,

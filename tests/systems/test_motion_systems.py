@@ -55,6 +55,7 @@ class Loop:
         goal_velocity=None,
         start_moving=True,
         time_step=STEP,
+        performed=None,
     ):
         goal = goal or (lambda t: primitive.goal)
         builder = DiagramBuilder()
@@ -84,6 +85,10 @@ class Loop:
         connect(goal_port, self.canonical.goal_position_port)
         connect(goal_port, self.translation.goal_position_port)
         connect(start_port, self.translation.start_position_port)
+        if performed is not None:
+            source = add(ConstantValueSource(Value[object](performed)))
+            for system in (self.canonical, *systems):
+                connect(source.get_output_port(), system.primitive_port)
         for system in systems:
             connect(active_port, system.active_port)
             for name in ("phase_port", "phase_velocity_port", "tau_port"):
@@ -232,7 +237,45 @@ def test_coupling_and_next_state_have_no_loop_and_no_delay(primitive):
         assert (port, "nominal_acceleration") not in fed
     canonical = CanonicalSystem(primitive)
     for port in (canonical.phase_port, canonical.tau_port):
-        assert not canonical.HasDirectFeedthrough(port.get_index())
+        for source in (canonical.goal_position_port, canonical.slowdown_port):
+            assert not canonical.HasDirectFeedthrough(source.get_index(), port.get_index())
+
+
+def test_another_motion_starts_with_the_position_and_velocity_of_the_last(primitive):
+    middle, end = primitive.duration / 2, primitive.goal + [0.05, -0.04, 0.06]
+    middle = STEP * round(middle / STEP)
+    loop = Loop(
+        primitive,
+        goal=lambda t: primitive.goal if t < middle - STEP / 2 else end,
+        active=lambda t: [1.0 if t < middle - STEP / 2 else 2.0],
+    )
+    taken = loop.run(middle + 1.5 * primitive.duration)
+    first = primitive.rollout(STEP)
+    turn = round(middle / STEP)
+    np.testing.assert_allclose(
+        taken["position"][: turn + 1], first.positions[: turn + 1], atol=1e-12
+    )
+    second = primitive.rollout(
+        STEP,
+        start=first.positions[turn],
+        start_velocity=first.velocities[turn],
+        goal=end,
+        settle=0.5,
+    )
+    count = min(len(second.times), len(taken["position"]) - turn)
+    np.testing.assert_allclose(
+        taken["position"][turn : turn + count], second.positions[:count], atol=1e-9
+    )
+    turns = taken["orientation"]
+    steps = np.linalg.norm(np.diff(turns, axis=0), axis=1)
+    assert steps[turn - 1 : turn + 2].max() < 1.5 * steps[turn - 3 : turn - 1].max() + 1e-6
+
+
+def test_a_primitive_at_the_port_takes_the_place_of_the_systems_own(primitive, unscaled):
+    wanted = Loop(unscaled).run(1.0)
+    given = Loop(primitive, performed=unscaled, goal=lambda t: unscaled.goal).run(1.0)
+    for name in ("position", "orientation"):
+        np.testing.assert_allclose(given[name], wanted[name], atol=1e-12)
 
 
 def test_next_state_follows_every_input_that_it_is_declared_to_follow(unscaled, ports):

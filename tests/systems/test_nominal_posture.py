@@ -1,39 +1,55 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from pydrake.common.value import Value
 
+from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.errors import InputError
 from pepper_drake.systems.nominal_posture import NominalPosture
 
-START, END = np.array([1.4, -0.2, 1.2, 0.5, 0.0]), np.array([0.8, -0.4, 0.9, 1.0, 0.3])
+
+@pytest.fixture(scope="module")
+def primitive():
+    return make_primitive(None, "right")
 
 
-def between(phase):
-    return END + phase * (START - END)
+@pytest.fixture(scope="module")
+def mirrored():
+    return make_primitive(None, "left")
 
 
-@pytest.mark.parametrize("phase", [1.0, 0.25, 0.0])
-def test_the_posture_is_that_of_the_phase(phase):
-    system = NominalPosture(between)
+@pytest.mark.parametrize("time", [0.0, 0.3, 1.0])
+def test_the_posture_is_the_one_shown_at_that_phase(primitive, time):
+    system = NominalPosture(primitive)
     context = system.CreateDefaultContext()
-    system.phase_input.FixValue(context, [phase])
-    np.testing.assert_array_equal(system.get_output_port().Eval(context), between(phase))
+    system.phase_input.FixValue(context, [np.exp(-primitive.translation.alpha_x * time)])
+    shown = primitive.posture.at(np.array([time]))[0]
+    np.testing.assert_allclose(system.get_output_port().Eval(context), shown, atol=1e-9)
 
 
-def test_the_posture_follows_the_phase(ports):
-    rig = ports(NominalPosture(between))
-    assert rig.changes({"phase": [1.0]}, {"phase": [0.4]}) == {("phase", "joint_position")}
+def test_the_posture_follows_phase_and_primitive(ports, primitive, mirrored):
+    rig = ports(NominalPosture(primitive))
+    before = {"phase": [1.0], "primitive": Value[object](primitive)}
+    after = {"phase": [0.4], "primitive": Value[object](mirrored)}
+    assert rig.changes(before, after) == {
+        ("phase", "joint_position"),
+        ("primitive", "joint_position"),
+    }
 
 
-def test_the_posture_is_computed_once_a_phase():
-    phases = []
-
-    def posture(phase):
-        phases.append(phase)
-        return between(phase)
-
-    system = NominalPosture(posture)
+def test_a_primitive_at_the_port_takes_the_place_of_its_own(primitive, mirrored):
+    system = NominalPosture(primitive)
     context = system.CreateDefaultContext()
     system.phase_input.FixValue(context, [0.5])
-    for time in (0.0, 0.1, 0.2):
-        context.SetTime(time)
-        system.get_output_port().Eval(context)
-    assert phases == [0.5]
+    system.primitive_input.FixValue(context, Value[object](mirrored))
+    other = NominalPosture(mirrored)
+    its_context = other.CreateDefaultContext()
+    other.phase_input.FixValue(its_context, [0.5])
+    expected = other.get_output_port().Eval(its_context)
+    np.testing.assert_array_equal(system.get_output_port().Eval(context), expected)
+
+
+def test_a_primitive_without_posture_is_refused(primitive):
+    with pytest.raises(InputError, match="joints"):
+        NominalPosture(replace(primitive, posture=None))

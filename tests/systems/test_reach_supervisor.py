@@ -6,8 +6,11 @@ from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
 from pydrake.systems.analysis import Simulator
 
+from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.learning.coupling import BarrierCoupling
 from pepper_drake.planning.command_check import StopReason
 from pepper_drake.planning.control_model import BODY_JOINTS
+from pepper_drake.planning.movement import Movement
 from pepper_drake.planning.reach_planner import ReachPlan, ReachVerdict
 from pepper_drake.systems.reach_supervisor import (
     ReachMode,
@@ -32,8 +35,12 @@ TIMING = ReachTiming(
 )
 
 
+SHOWN = Movement(make_primitive(None, "right"), BarrierCoupling(), RigidTransform())
+ADAPTED = Movement(make_primitive(None, "left"), None, RigidTransform([0, 0, 0.1]))
+
+
 def plan(verdict=ReachVerdict.CLEAR, sentence=""):
-    return ReachPlan(verdict, sentence, STAND)
+    return ReachPlan(verdict, sentence, STAND, movement=ADAPTED)
 
 
 @dataclass
@@ -43,6 +50,7 @@ class FakePlanner:
     stand: ReachPlan = field(default_factory=plan)
     reach: ReachPlan = field(default_factory=plan)
     asked: list = field(default_factory=list)
+    shown: Movement = SHOWN
 
     def plan_stand(self, **arguments):
         self.asked.append(("plan_stand", arguments))
@@ -291,3 +299,23 @@ def test_the_search_begins_ahead_and_sweeps_to_both_sides_without_a_jump():
     assert np.abs(np.diff(gaze[:, 0])).max() < 1.2 * 0.05
     rig = Rig().advance(3.0)
     np.testing.assert_array_equal(rig.value("resting_head"), search_gaze(3.0))
+
+
+def test_the_planned_movement_is_known_a_tick_before_it_begins():
+    rig = Rig()
+    before = {}
+    while rig.progress.mode != ReachMode.REACHING:
+        names = ("primitive", "coupling_law", "X_OG", "active")
+        before = {name: rig.value(name) for name in names}
+        rig.advance(0.05)
+    assert before["active"][0] == 0.0
+    assert before["primitive"] is ADAPTED.primitive
+    assert before["coupling_law"] is None
+    np.testing.assert_array_equal(before["X_OG"].translation(), [0, 0, 0.1])
+    assert rig.value("active")[0] == 1.0
+
+
+def test_before_the_plan_it_is_the_movement_that_was_shown():
+    rig = Rig()
+    assert rig.value("primitive") is SHOWN.primitive
+    assert rig.value("coupling_law") is SHOWN.coupling
