@@ -12,7 +12,7 @@ from pepper_drake.planning.differential_ik import strictest_elbow_roll
 from pepper_drake.planning.goal_postures import GoalPostures
 from pepper_drake.planning.joint_paths import needed_duration, resampled, shifted
 from pepper_drake.planning.path_cost import PathCost, PathCostParams
-from pepper_drake.planning.path_search import PathSearchParams, SearchResult, search_path
+from pepper_drake.planning.path_search import PathSearchParams, search_path
 from pepper_drake.planning.surroundings import Surroundings
 
 Vector = npt.NDArray[np.float64]
@@ -124,32 +124,79 @@ class ArmAdapter:
             The best path found, whether it is clear or not; None if no clear posture reaches the
             goal.
         """
-        params = self.params
         demonstrations = self._demonstrations
         if played is not None:
-            own = resampled(played, params.samples)[None]
+            own = resampled(played, self.params.samples)[None]
             demonstrations = np.concatenate((own, demonstrations))
+        return self._adapt(start, X_TG, surroundings, demonstrations, self._duration)
+
+    def readapt(
+        self,
+        start: Vector,
+        X_TG: RigidTransform,
+        surroundings: Surroundings,
+        remaining: Vector,
+        duration: float,
+    ) -> AdaptedPath | None:
+        """Looks for a clear path to go on with, while the arm is on its way; see `adapt`.
+
+        Args:
+            start: (5,) where the arm is, rad.
+            X_TG: The hand's goal.
+            surroundings: What is around the arm now.
+            remaining: (K, 5) the rest of its path, rad: the new path starts with its velocity.
+            duration: That the rest would take, s.
+        """
+        rest = resampled(remaining, self.params.samples)[None]
+        return self._adapt(start, X_TG, surroundings, rest, duration)
+
+    def _adapt(
+        self,
+        start: Vector,
+        X_TG: RigidTransform,
+        surroundings: Surroundings,
+        demonstrations: Vector,
+        duration: float,
+    ) -> AdaptedPath | None:
         goals, discomfort = self.goal_postures(X_TG, surroundings, demonstrations[:, -1])
         if not len(goals):
             return None
-        paths, cost, origins = self._candidates(
-            start, demonstrations, goals, discomfort, surroundings
-        )
+        shape = len(demonstrations), len(goals)
+        origins, ends = (index.ravel() for index in np.indices(shape))
+        lower, upper = np.minimum(self._lower, start), np.maximum(self._upper, start)
+        paths = shifted(demonstrations[origins], start, goals[ends]).clip(lower, upper)
+        cost = self._rate(paths, surroundings, duration)(paths).cost + discomfort[ends, origins]
         best: AdaptedPath | None = None
-        for number in _different(paths, cost, params.candidates):
-            found = self._search(paths[number], surroundings)
+        for number in _different(paths, cost, self.params.candidates):
+            reference = paths[number]
+            found = search_path(
+                reference,
+                self._rate(reference[None], surroundings, duration),
+                lower=lower,
+                upper=upper,
+                params=self.params.search,
+            )
             if best is None or found.slack > best.slack:
-                duration = float(needed_duration(found.path, *self._limits))
                 best = AdaptedPath(
                     found.path,
-                    max(duration, self._duration),
+                    max(float(needed_duration(found.path, *self._limits)), duration),
                     found.slack,
                     int(origins[number]),
                     found.generations,
                 )
-            if best.slack > params.accepted_slack:
+            if best.slack > self.params.accepted_slack:
                 break
         return best
+
+    def _rate(self, references: Vector, surroundings: Surroundings, duration: float) -> PathCost:
+        return PathCost(
+            surroundings,
+            references,
+            duration=duration,
+            velocity=self._limits[0],
+            acceleration=self._limits[1],
+            params=self.params.cost,
+        )
 
     def goal_postures(
         self, X_TG: RigidTransform, surroundings: Surroundings, ends: Vector | None = None
@@ -198,46 +245,6 @@ class ArmAdapter:
         clearance = np.full(len(q), -np.inf)
         clearance[off_object] = surroundings.clearances(q[off_object])
         return clearance
-
-    def _candidates(
-        self,
-        start: Vector,
-        demonstrations: Vector,
-        goals: Vector,
-        discomfort: Vector,
-        surroundings: Surroundings,
-    ) -> tuple[Vector, Vector, npt.NDArray[np.intp]]:
-        """Each demonstration from the start to each goal posture: paths, costs, demonstration."""
-        shape = len(demonstrations), len(goals)
-        origins, ends = (index.ravel() for index in np.indices(shape))
-        paths = shifted(demonstrations[origins], start, goals[ends])
-        paths = np.clip(paths, *self._bounds(start))
-        rate = self._rate(paths, surroundings)
-        return paths, rate(paths).cost + discomfort[ends, origins], origins
-
-    def _bounds(self, start: Vector) -> tuple[Vector, Vector]:
-        """Limits of a path: the joints', and where the arm already is."""
-        return np.minimum(self._lower, start), np.maximum(self._upper, start)
-
-    def _rate(self, references: Vector, surroundings: Surroundings) -> PathCost:
-        return PathCost(
-            surroundings,
-            references,
-            duration=self._duration,
-            velocity=self._limits[0],
-            acceleration=self._limits[1],
-            params=self.params.cost,
-        )
-
-    def _search(self, reference: Vector, surroundings: Surroundings) -> SearchResult:
-        lower, upper = self._bounds(reference[0])
-        return search_path(
-            reference,
-            self._rate(reference[None], surroundings),
-            lower=lower,
-            upper=upper,
-            params=self.params.search,
-        )
 
 
 def hand_turn(R_TH: Vector, R_TG: Vector) -> Vector:

@@ -40,6 +40,9 @@ Vector = npt.NDArray[np.float64]
 _NEAR = 1.0
 """What is farther from the torso's frame than this cannot be touched, m."""
 
+_SHORTEST = 0.8
+"""The least duration of a movement that is adapted on its way, s."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Situation:
@@ -171,7 +174,7 @@ class ReachPlanner:
         for plan in self._plans(situations):
             if best is None or quality(plan) > quality(best):
                 best = plan
-            if plan.verdict == ReachVerdict.CLEAR and plan.clearance >= params.wanted_clearance:
+            if self._is_good(plan):
                 break
         if best is None:
             return ReachPlan(
@@ -184,22 +187,22 @@ class ReachPlanner:
     def _plans(self, situations: Iterator[_Situation]) -> Iterator[ReachPlan]:
         """Plans from several places, the most promising first.
 
-        With adaptation the first place is tried with the movement as it was shown; then the places
-        from which the goal is reached with most ease are adapted to.
+        With adaptation the first place is tried with the movement as it was shown, and adapted to;
+        then the others from which the goal is reached with most ease are adapted to.
         """
         if self._adapter is None:
-            yield from map(self._play_shown, situations)
+            yield from (self._play(situation, self.shown) for situation in situations)
             return
         first = next(situations, None)
         if first is None:
             return
-        yield self._play_shown(first)
-        ease = [(self._ease(one), number, one) for number, one in enumerate((first, *situations))]
+        shown = self._play(first, self.shown)
+        yield shown
+        yield from self._adapted(first, shown.joint_path)
+        ease = [(self._ease(one), number, one) for number, one in enumerate(situations)]
         easiest = sorted(item for item in ease if np.isfinite(item[0]))
         for _, _, situation in easiest[: self.params.places_adapted]:
-            plan = self._play_adapted(situation)
-            if plan is not None:
-                yield plan
+            yield from self._adapted(situation)
 
     def check_reach(
         self,
@@ -208,16 +211,97 @@ class ReachPlanner:
         joint_position: Vector,
         X_WO: RigidTransform,
         cloud_W: Vector,
+        movement: Movement | None = None,
     ) -> ReachPlan:
-        """Plays the reach through from where the robot stands; see `plan_stand`."""
-        params = self.params
-        field = ObstacleField(cloud_W, extension=params.solid_depth)
+        """Plays the reach through from where the robot stands; see `plan_stand`.
+
+        Args:
+            base_pose: Where the base is.
+            joint_position: (15,) rad.
+            X_WO: The goal object's pose.
+            cloud_W: (P, 3) obstacles, m.
+            movement: What is tried first: the one that `plan_stand` found, or, left out, the one
+                that was shown. If that does not pass, it is adapted.
+        """
+        field = ObstacleField(cloud_W, extension=self.params.solid_depth)
         situation = self._situation(base_pose, joint_position, X_WO, cloud_W, field)
-        plan = self._play_shown(situation)
-        if plan.verdict == ReachVerdict.CLEAR and plan.clearance >= params.wanted_clearance:
-            return plan
-        adapted = self._play_adapted(situation, plan.joint_path)
-        return plan if adapted is None or quality(plan) > quality(adapted) else adapted
+        best = self._play(situation, self.shown if movement is None else movement)
+        if self._is_good(best):
+            return best
+        for plan in self._adapted(situation, best.joint_path):
+            best = max(best, plan, key=quality)
+        if movement is not None and best.verdict != ReachVerdict.CLEAR:
+            best = max(best, self._play(situation, self.shown), key=quality)
+        return best
+
+    def replan(
+        self,
+        plan: ReachPlan,
+        *,
+        base_pose: Vector,
+        joint_position: Vector,
+        joint_velocity: Vector,
+        X_WO: RigidTransform,
+        cloud_W: Vector,
+    ) -> ReachPlan:
+        """Adapts the rest of a movement while the arm is on its way.
+
+        The new movement starts where the arm's command is, with its velocity, and is like what
+        was left of the old one.
+
+        Args:
+            plan: What the arm performs.
+            base_pose: Where the base is.
+            joint_position: (15,) the present commands, rad.
+            joint_velocity: (5,) the arm's, of the commands, rad/s.
+            X_WO: The goal object's pose.
+            cloud_W: (P, 3) obstacles as they are seen now, m.
+
+        Returns:
+            The best plan found for the rest: the old movement's if that is clear all the same, and
+            not clear if there is none.
+        """
+        field = ObstacleField(cloud_W, extension=self.params.solid_depth)
+        situation = self._situation(base_pose, joint_position, X_WO, cloud_W, field, joint_velocity)
+        rest = self._rest(plan, situation.arm)
+        duration = max((len(rest) - 1) * self._rehearsal.time_step, _SHORTEST)
+        X_TG = situation.X_TO @ self.shown.X_OG
+        path = None
+        if self._adapter is not None:
+            path = self._adapter.readapt(
+                situation.arm.position, X_TG, situation.surroundings, rest, duration
+            )
+        if path is None:
+            return ReachPlan(ReachVerdict.NO_CLEAR_PATH, "there is no clear way on", base_pose)
+        return self._play(situation, self._movement(situation, path))
+
+    def clearance_ahead(
+        self,
+        plan: ReachPlan,
+        *,
+        base_pose: Vector,
+        joint_position: Vector,
+        X_WO: RigidTransform,
+        cloud_W: Vector,
+    ) -> float:
+        """How near the rest of a plan's path would come to what is seen now, m; see `replan`.
+
+        It is infinite if nothing is near.
+        """
+        field = ObstacleField(cloud_W, extension=self.params.solid_depth)
+        situation = self._situation(base_pose, joint_position, X_WO, cloud_W, field)
+        rest = self._rest(plan, situation.arm)
+        return float(situation.surroundings.clearances(rest[::5]).min())
+
+    def _rest(self, plan: ReachPlan, arm: ArmState) -> Vector:
+        """What is left (N, 5) of a plan's path from where the arm is, at least two postures."""
+        assert plan.joint_path is not None
+        off = np.sum((plan.joint_path - arm.position) ** 2, axis=1)
+        return plan.joint_path[min(int(np.argmin(off)), len(off) - 2) :]
+
+    def _is_good(self, plan: ReachPlan) -> bool:
+        wanted = self.params.wanted_clearance
+        return plan.verdict == ReachVerdict.CLEAR and plan.clearance >= wanted
 
     def places_to_stand(
         self,
@@ -241,6 +325,7 @@ class ReachPlanner:
         X_WO: RigidTransform,
         cloud_W: Vector,
         field_W: ObstacleField,
+        arm_velocity: Vector | None = None,
     ) -> _Situation:
         context = self._model.create_context()
         self._model.plant.SetPositions(context, self._model.positions(joint_position, base_pose))
@@ -260,7 +345,10 @@ class ReachPlanner:
         )
         return _Situation(
             base_pose,
-            ArmState(joint_position[self._arm_in_body], np.zeros(5)),
+            ArmState(
+                joint_position[self._arm_in_body],
+                np.zeros(5) if arm_velocity is None else arm_velocity,
+            ),
             X_TO,
             context,
             cloud_T[np.linalg.norm(cloud_T, axis=1) < _NEAR],
@@ -288,20 +376,14 @@ class ReachPlanner:
         )
         return float(cost.min(initial=np.inf))
 
-    def _play_shown(self, situation: _Situation) -> ReachPlan:
-        return self._play(situation, self.shown)
-
-    def _play_adapted(
-        self, situation: _Situation, played: Vector | None = None
-    ) -> ReachPlan | None:
-        """The shown movement adapted and played through; None if there is no way."""
+    def _adapted(self, situation: _Situation, played: Vector | None = None) -> Iterator[ReachPlan]:
+        """The shown movement adapted and played through, if there is a way."""
         if self._adapter is None:
-            return None
+            return
         X_TG = situation.X_TO @ self.shown.X_OG
         path = self._adapter.adapt(situation.arm.position, X_TG, situation.surroundings, played)
-        if path is None or path.slack < -self._adapter.params.cost.clearance:
-            return None
-        return self._play(situation, self._movement(situation, path))
+        if path is not None and path.slack > -self._adapter.params.cost.clearance:
+            yield self._play(situation, self._movement(situation, path))
 
     def _movement(self, situation: _Situation, path: AdaptedPath) -> Movement:
         """A path of the arm's joints as a movement that keeps to it."""

@@ -71,6 +71,7 @@ class Rehearsal:
         self._ik = make_differential_ik(model, geometry.arm, ik)
         names = arm_joints(geometry.arm)
         self.limits = model.command_limits(names, speed_fraction=ik.speed_fraction)
+        self.time_step = ik.time_step
         self._indices = model.position_indices(names)
         self._num_positions = model.plant.num_positions()
 
