@@ -83,12 +83,9 @@ def write_files(options: Namespace) -> "list[Frames]":
     runs = load(options.runs, from_arm=options.from_arm)
     folder: Path = options.output
     if options.html is not None:
-        from pepper_drake.learning.text_files import write_atomically
-        from pepper_drake.playback.drawing import draw
-        from pepper_drake.playback.page import standalone_page
+        from pepper_drake.playback.page import write_page
 
-        title = ", ".join(run.motion.name for run in runs)
-        write_atomically(folder / options.html, standalone_page(draw(runs), title))
+        write_page(runs, folder / options.html)
     if options.video is not None:
         from pepper_drake.playback.video import write_video
 

@@ -7,7 +7,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pepper_drake.playback.bodies import frames_of
+from pepper_drake.errors import InputError
+from pepper_drake.playback.bodies import Frames, frames_of
 from pepper_drake.playback.drawing import Command, draw
 from pepper_drake.playback.loading import load_motion
 
@@ -50,6 +51,20 @@ def standalone_page(commands: Sequence[Command], title: str) -> str:
     viewer = files("meshcat").joinpath("viewer/dist/main.min.js").read_text(encoding="utf-8")
     encoded = ",\n".join(f'"{base64.b64encode(command.data).decode()}"' for command in commands)
     return _PAGE.format(title=html.escape(title), viewer=viewer, commands=encoded)
+
+
+def write_page(runs: Sequence[Frames], path: Path) -> None:
+    """Writes the page that plays motions back, over one another.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    title = ", ".join(run.motion.name for run in runs)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(standalone_page(draw(runs), title), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
 
 
 def show(
