@@ -27,7 +27,7 @@ class TrackingCoupling:
 
     rate: float = 15.0
     """alpha_e, how fast the error is taken in [1/s]."""
-    stopping: float = 1e4
+    stopping: float = 3e3
     """k_c, how much the phase waits [1/m²]."""
     pull: float = 300.0
     """k_t, how much the desired position goes along."""

@@ -1,0 +1,224 @@
+"""Perform a movement without cameras, by a soft arm; push it on its way, correct it, rate it.
+
+The arm gives way when it is pushed, and the movement waits for it. Writes report.json, log.npz and
+recording.html; with --learn-corrections also corrected.yaml, a primitive that goes where the hand
+was pushed, and with --score a line in a file of scores, which `optimize.py` takes as its cost.
+
+  reproduce.py                                        the movement that ships
+  reproduce.py --demo my_motion/ --arm left           one of your own
+  reproduce.py --push 0 0 5 --push-at 1.5             5 N upward, from 1.5 s on, for half a second
+  reproduce.py --push 0 -5 0 --learn-corrections      a new primitive, bent to where it was pushed
+  reproduce.py --primitive out/reproduce/corrected.yaml --score 8 --scores scores.txt
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import Meshcat
+
+from pepper_drake.cli import (
+    EXIT_DONE,
+    EXIT_FAILED,
+    make_parser,
+    quiet_libraries,
+    run,
+    stop_on_interrupt,
+)
+from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.diagrams.reproduction import ReproductionParams
+from pepper_drake.diagrams.reproduction_run import (
+    ReproductionOptions,
+    ReproductionResult,
+    reproduce,
+)
+from pepper_drake.errors import InputError
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.correction import learn_correction
+from pepper_drake.learning.text_files import write_atomically
+from pepper_drake.optimization.ratings import BEST_SCORE, load_scores
+from pepper_drake.systems.push import PushScript
+
+REACHED = 0.01
+"""A hand nearer to its goal than this [m] has reached it."""
+
+
+def main() -> int:
+    """Runs the app and returns its exit code."""
+    arguments = parse()
+    quiet_libraries()
+    primitive, arm = load(arguments)
+    pushes: tuple[PushScript, ...] = ()
+    if arguments.push is not None:
+        pushes = (PushScript(tuple(arguments.push), arguments.push_at, arguments.push_for),)
+    defaults = ReproductionParams()
+    params = ReproductionParams(
+        stiffness=arguments.stiffness,
+        tracking=None if arguments.no_waiting else defaults.tracking,
+    )
+    meshcat = Meshcat()
+    if arguments.live:
+        print(f"open {meshcat.web_url()}", flush=True)
+    start = time.perf_counter()
+    with stop_on_interrupt() as should_stop:
+        result = reproduce(
+            primitive,
+            arm,
+            ReproductionOptions(
+                goal=None if arguments.goal is None else np.array(arguments.goal),
+                pushes=pushes,
+                params=params,
+                meshcat=meshcat,
+                realtime=arguments.live,
+                progress=not arguments.quiet,
+                should_stop=should_stop,
+            ),
+        )
+    report = make_report(arguments, arm, result, time.perf_counter() - start)
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    save_log(result, arguments.output / "log.npz")
+    (arguments.output / "recording.html").write_text(meshcat.StaticHtml())
+    if arguments.learn_corrections:
+        correction = learn_correction(primitive, result.motion)
+        correction.primitive.save(arguments.output / "corrected.yaml")
+        correction.demonstration.save(arguments.output / "corrected")
+        report["correction"] = correction.deviation
+    if arguments.score is not None:
+        add_score(arguments.scores, arguments.score)
+    (arguments.output / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+    if not arguments.quiet:
+        print(
+            f"{report['outcome']}: {1000 * result.final_position_error:.1f} mm from the goal "
+            f"after {report['simulated_seconds']:.1f} s, results in {arguments.output}"
+        )
+    return EXIT_DONE if report["outcome"] == "reached" else EXIT_FAILED
+
+
+def parse() -> argparse.Namespace:
+    """Reads the command line."""
+    parser = make_parser("reproduce", __doc__)
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--demo", type=Path, metavar="DIR", help="demonstration to learn first")
+    source.add_argument("--primitive", type=Path, metavar="FILE", help="primitive to perform")
+    parser.add_argument(
+        "--arm", choices=("left", "right"), default="right", help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--goal",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        help="of the hand in the torso frame [m] (default: the movement's own)",
+    )
+    parser.add_argument(
+        "--push",
+        type=float,
+        nargs=3,
+        metavar=("FX", "FY", "FZ"),
+        help="force on the hand, ahead, left and up [N]",
+    )
+    parser.add_argument(
+        "--push-at", type=float, default=1.5, metavar="S", help="its start (default: %(default)s s)"
+    )
+    parser.add_argument(
+        "--push-for", type=float, default=0.5, metavar="S", help="how long (default: %(default)s s)"
+    )
+    parser.add_argument(
+        "--stiffness",
+        type=float,
+        default=ReproductionParams().stiffness,
+        metavar="K",
+        help="of the arm's joints [N m/rad] (default: %(default)s; a stiff arm has 400)",
+    )
+    parser.add_argument(
+        "--no-waiting", action="store_true", help="let the movement go on while the hand is pushed"
+    )
+    parser.add_argument(
+        "--learn-corrections",
+        action="store_true",
+        help="learn a new primitive from the motion as it was pushed",
+    )
+    parser.add_argument("--score", type=float, help=f"rating of the motion, 0 to {BEST_SCORE:g}")
+    parser.add_argument(
+        "--scores",
+        type=Path,
+        default=Path("scores.txt"),
+        metavar="FILE",
+        help="file that the score is added to (default: %(default)s)",
+    )
+    parser.add_argument("--live", action="store_true", help="show it in a browser in real time")
+    arguments = parser.parse_args()
+    for name in ("push_for", "stiffness"):
+        if not getattr(arguments, name) > 0.0:
+            raise InputError(f"--{name.replace('_', '-')} must be above 0")
+    if arguments.score is not None and not 0.0 <= arguments.score <= BEST_SCORE:
+        raise InputError(f"--score {arguments.score:g} must be from 0 to {BEST_SCORE:g}")
+    for name in ("goal", "push"):
+        if not np.all(np.isfinite(getattr(arguments, name) or [0.0])):
+            raise InputError(f"--{name} must be three finite numbers")
+    return arguments
+
+
+def load(arguments: argparse.Namespace) -> tuple[MovementPrimitive, str]:
+    """The primitive and the arm that performs it."""
+    if arguments.primitive is None:
+        return make_primitive(arguments.demo, arguments.arm), arguments.arm
+    primitive = MovementPrimitive.load(arguments.primitive)
+    if primitive.posture is None:
+        raise InputError(f"{arguments.primitive}: no joints in it; learn it with joints")
+    return primitive, "left" if primitive.posture.names[0].startswith("L") else "right"
+
+
+def make_report(
+    arguments: argparse.Namespace, arm: str, result: ReproductionResult, wall_seconds: float
+) -> dict[str, object]:
+    """What came of it, in numbers."""
+    reason, sentence = "", ""
+    if result.final_position_error > REACHED:
+        reason, sentence = "not_reached", "the hand did not come to its goal"
+    elif not result.keeps_limits:
+        reason, sentence = "limit_passed", "a joint passed a limit of its position or its speed"
+    return {
+        "outcome": "failed" if reason else "reached",
+        "reason": reason,
+        "sentence": sentence,
+        "arm": arm,
+        "push": arguments.push,
+        "final_position_error": result.final_position_error,
+        "worst_joint_speed": result.worst_joint_speed,
+        "limit_overrun": result.limit_overrun,
+        "desired_velocity_step": result.desired_velocity_step,
+        "hand_velocity_step": result.hand_velocity_step,
+        "largest_slowdown": float(result.slowdowns.max()),
+        "simulated_seconds": float(result.motion.times[-1]),
+        "wall_seconds": wall_seconds,
+        "seed": arguments.seed,
+    }
+
+
+def save_log(result: ReproductionResult, path: Path) -> None:
+    """Writes the motion as named arrays with units."""
+    motion = result.motion
+    np.savez_compressed(
+        path,
+        time_s=motion.times,
+        phase=motion.phases,
+        slowdown=result.slowdowns,
+        hand_position_torso_m=motion.positions,
+        hand_quaternion_torso=motion.rotations,
+        desired_position_torso_m=result.desired_positions,
+        joint_position_rad=motion.joints,
+        goal_position_torso_m=motion.goal,
+    )
+
+
+def add_score(path: Path, score: float) -> None:
+    """Adds a line to a file of scores."""
+    scores = [*(load_scores(path) if path.exists() else []), score]
+    write_atomically(path, "".join(f"{score:g}\n" for score in scores))
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,59 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from pepper_drake.diagrams.reach_setup import SHIPPED_DEMONSTRATION
+from pepper_drake.learning import Demonstration, MovementPrimitive
+
+APP = Path(__file__).parents[2] / "apps" / "reproduce.py"
+
+
+def run(*arguments):
+    return subprocess.run(
+        [sys.executable, str(APP), *map(str, arguments)], capture_output=True, text=True
+    )
+
+
+def test_a_push_is_survived_learned_and_rated(tmp_path):
+    scores = tmp_path / "scores.txt"
+    scores.write_text("3\n")
+    output = tmp_path / "out"
+    push = ("--push", 0, 0, 5, "--learn-corrections", "--score", 7.5, "--scores", scores)
+    result = run(*push, "--output", output)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.startswith("reached: ")
+    report = json.loads((output / "report.json").read_text())
+    assert report["final_position_error"] < 0.01
+    assert report["correction"] > 0.03
+    assert scores.read_text() == "3\n7.5\n"
+    corrected = MovementPrimitive.load(output / "corrected.yaml")
+    assert corrected.name.endswith("corrected")
+    assert Demonstration.load(output / "corrected").joints is not None
+    log = np.load(output / "log.npz")
+    assert log["hand_position_torso_m"].shape == (len(log["time_s"]), 3)
+
+
+def test_an_unreachable_goal_is_a_failure_with_a_reason(tmp_path):
+    shown = Demonstration.load(SHIPPED_DEMONSTRATION)
+    hasty = Demonstration.from_positions(
+        0.2 * shown.times,
+        shown.positions,
+        rotations=shown.rotations,
+        joints=shown.joints,
+        joint_names=shown.joint_names,
+    )
+    hasty.save(tmp_path / "demo")
+    goal = ("--goal", 0.6, -0.3, 0, "--demo", tmp_path / "demo")
+    result = run(*goal, "--output", tmp_path, "--quiet")
+    assert result.returncode == 1
+    assert result.stdout == ""
+    assert json.loads((tmp_path / "report.json").read_text())["reason"] == "not_reached"
+
+
+def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path):
+    result = run("--score", "11", "--output", tmp_path)
+    assert result.returncode == 2
+    assert result.stderr == "error: --score 11 must be from 0 to 10\n"
