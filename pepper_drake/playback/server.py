@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 DEFAULT_URL = "tcp://127.0.0.1:6000"
 """Where a meshcat server listens if nobody says otherwise."""
 
-_ANSWER_MS = 3000
+_ANSWER_MS = 10_000
 _START_SECONDS = 20.0
 _QUIT = b"quit"
 
