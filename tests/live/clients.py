@@ -26,16 +26,32 @@ def find_browser():
     return next(filter(None, map(shutil.which, _BROWSERS)), None)
 
 
+class Loop:
+    """Runs what is asynchronous to its end."""
+
+    def __init__(self):
+        self._loop = asyncio.new_event_loop()
+
+    def run(self, function, *arguments, **options):
+        async def call():
+            return await function(*arguments, **options)
+
+        return self._loop.run_until_complete(call())
+
+    def close(self):
+        self.run(asyncio.sleep, 0)
+        self._loop.close()
+
+
 class ProtocolClient:
     """Says what the page's script would say, over the page's own websocket."""
 
     def __init__(self, meshcat):
-        self._loop = asyncio.new_event_loop()
-        self._socket = self._run(websocket_connect(meshcat.ws_url(), max_message_size=1 << 28))
+        self._loop = Loop()
+        self._socket = self._loop.run(websocket_connect, meshcat.ws_url())
 
     def close(self):
         self._socket.close()
-        self._loop.run_until_complete(asyncio.sleep(0))
         self._loop.close()
 
     def press(self, label):
@@ -49,14 +65,7 @@ class ProtocolClient:
         self._send({"type": "gamepad", "name": "", "gamepad": pad})
 
     def _send(self, message):
-        self._run(self._socket.write_message(umsgpack.packb(message), binary=True))
-
-    def _run(self, awaitable):
-        async def wait():
-            return await awaitable
-
-        asyncio.set_event_loop(self._loop)
-        return self._loop.run_until_complete(wait())
+        self._loop.run(self._socket.write_message, umsgpack.packb(message), binary=True)
 
 
 class BrowserClient:
@@ -81,18 +90,20 @@ class BrowserClient:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        self._loop = asyncio.new_event_loop()
-        self._number = 0
-        port = self._wait_for(lambda: self._port(), "the browser to start")
-        page = self._wait_for(lambda: self._page(port, url), "its page")
-        self._socket = self._run(websocket_connect(page, max_message_size=1 << 28))
+        self._loop, self._number = Loop(), 0
+        try:
+            port = self._wait_for(self._port, "the browser to start")
+            page = self._wait_for(lambda: self._page(port, url), "its page")
+            self._socket = self._loop.run(websocket_connect, page, max_message_size=1 << 28)
+        except BaseException:
+            self._process.kill()
+            raise
 
     def close(self):
         self._socket.close()
+        self._loop.close()
         self._process.terminate()
         self._process.wait(10)
-        self._loop.run_until_complete(asyncio.sleep(0))
-        self._loop.close()
         self._folder.cleanup()
 
     def key(self, code):
@@ -120,9 +131,9 @@ class BrowserClient:
     def command(self, method, **arguments):
         self._number += 1
         message = {"id": self._number, "method": method, "params": arguments}
-        self._run(self._socket.write_message(json.dumps(message)))
+        self._loop.run(self._socket.write_message, json.dumps(message))
         while True:
-            answer = json.loads(self._run(self._socket.read_message()))
+            answer = json.loads(self._loop.run(self._socket.read_message))
             if answer.get("id") == self._number:
                 assert "error" not in answer, answer
                 return answer["result"]
@@ -145,10 +156,3 @@ class BrowserClient:
                 return found
             time.sleep(0.05)
         raise TimeoutError(f"waited for {what}")
-
-    def _run(self, awaitable):
-        async def wait():
-            return await awaitable
-
-        asyncio.set_event_loop(self._loop)
-        return self._loop.run_until_complete(wait())
