@@ -1,5 +1,7 @@
 """Adapts a demonstrated movement of the whole arm to a scene."""
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,15 +12,21 @@ from pepper_drake.planning.arm_kinematics import arm_kinematics
 from pepper_drake.planning.control_model import ControlModel, arm_joints
 from pepper_drake.planning.differential_ik import strictest_elbow_roll
 from pepper_drake.planning.goal_postures import GoalPostures
-from pepper_drake.planning.joint_paths import needed_duration, resampled, shifted
+from pepper_drake.planning.joint_paths import evenly_timed, needed_duration, resampled, shifted
 from pepper_drake.planning.path_cost import PathCost, PathCostParams
 from pepper_drake.planning.path_search import PathSearchParams, search_path
+from pepper_drake.planning.rrt_connect import RrtConnectParams, rrt_connect
 from pepper_drake.planning.surroundings import Surroundings
 
 Vector = npt.NDArray[np.float64]
 
+PLANNED = -1
+"""The origin of a path that came from a planner."""
+
 _LOOKED_AT = 32
 """How many goal postures are looked at together."""
+_ROUNDING = 0.001
+"""How much nearer than start and goal the way between them may be, m."""
 
 
 @dataclass
@@ -45,8 +53,12 @@ class AdaptationParams:
     """Least distance to the goal object there, whose shape and place are known well, m."""
     limit_margin: float = 0.02
     """Kept to joint limits, rad."""
-    candidates: int = 3
-    """How many paths are searched from at most."""
+    candidates: int = 2
+    """How many demonstrations' paths are searched from at most."""
+    planner: RrtConnectParams = field(default_factory=RrtConnectParams)
+    """Looks for a way where none of them could be bent to one."""
+    padding: float = 0.015
+    """Clearance with which it looks, m."""
     accepted_slack: float = -0.005
     """Lack of clearance with which a path is taken, m."""
     speed_share: float = 0.4
@@ -63,7 +75,7 @@ class AdaptedPath:
         joints: (N, 5) at even times, rad.
         duration: s.
         slack: Least clearance less the wanted one, m.
-        origin: Which demonstration it came from.
+        origin: Which demonstration it came from, or `PLANNED`.
         generations: Of the search.
     """
 
@@ -166,9 +178,12 @@ class ArmAdapter:
         lower, upper = np.minimum(self._lower, start), np.maximum(self._upper, start)
         paths = shifted(demonstrations[origins], start, goals[ends]).clip(lower, upper)
         cost = self._rate(paths, surroundings, duration)(paths).cost + discomfort[ends, origins]
+        chosen = _different(paths, cost, self.params.candidates)
+        references = [(paths[number], int(origins[number])) for number in chosen]
         best: AdaptedPath | None = None
-        for number in _different(paths, cost, self.params.candidates):
-            reference = paths[number]
+        for reference, origin in itertools.chain(
+            references, self._planned(start, goals, surroundings)
+        ):
             found = search_path(
                 reference,
                 self._rate(reference[None], surroundings, duration),
@@ -181,12 +196,33 @@ class ArmAdapter:
                     found.path,
                     max(float(needed_duration(found.path, *self._limits)), duration),
                     found.slack,
-                    int(origins[number]),
+                    origin,
                     found.generations,
                 )
             if best.slack > self.params.accepted_slack:
                 break
         return best
+
+    def _planned(
+        self, start: Vector, goals: Vector, surroundings: Surroundings
+    ) -> Iterator[tuple[Vector, int]]:
+        """The way that a path planner finds through the map, as one more to start from."""
+        ends = surroundings.quick_gaps(np.concatenate((start[None], goals)))
+        allowed = np.minimum(ends.min(axis=1, keepdims=True), self.params.padding)
+
+        def free(postures: Vector) -> npt.NDArray[np.bool_]:
+            return (surroundings.quick_gaps(postures) >= allowed - _ROUNDING).all(axis=0)
+
+        corners = rrt_connect(
+            start,
+            goals,
+            free,
+            lower=np.minimum(self._lower, start),
+            upper=np.maximum(self._upper, start),
+            params=self.params.planner,
+        )
+        if corners is not None:
+            yield evenly_timed(corners, self.params.samples), PLANNED
 
     def _rate(self, references: Vector, surroundings: Surroundings, duration: float) -> PathCost:
         return PathCost(
