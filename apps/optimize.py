@@ -4,6 +4,10 @@
   optimize.py my_motion/ --goal-offset 0.06 0.06 0.05   the same, as seen from where it ends now
   optimize.py primitive.yaml --goal-offset 0 0 0.1 --method cmaes --kernels 8 --updates 30
   optimize.py my_motion/ --obstacles cloud.txt --cost hand_to_goal=1,hand_to_obstacles=10,jerk=0.01
+  optimize.py my_motion/ --obstacles cloud.txt --rollouts kinematics --method cmaes --updates 40
+                                                        bend the whole arm around the points
+  optimize.py my_motion/ --rollouts diagram --scene shelf --kernels 4 --jobs 2
+                                                        try every variation in the simulation
   optimize.py my_motion/ --cost my_cost.py:my_function --goal-offset 0 0 0.1
   optimize.py my_motion/ --cost rating                  you rate each reproduction from 0 to 10
   optimize.py my_motion/ --goal-offset 0.06 0.06 0.05 --compare   all methods in one figure
@@ -16,6 +20,7 @@ had not been interrupted.
 """
 
 import json
+import math
 import sys
 import time
 from argparse import ArgumentParser, Namespace
@@ -29,14 +34,15 @@ from typing import Any
 from tqdm import tqdm
 
 from pepper_drake import cli
+from pepper_drake.diagrams.reach_setup import prepare_scene
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.text_files import write_atomically
+from pepper_drake.models.scene import load_scene
 from pepper_drake.optimization.averaging import decay_over
 from pepper_drake.optimization.comparison import compare_methods
 from pepper_drake.optimization.cost import CostFunction, CostWeights, parse_cost
 from pepper_drake.optimization.cost_terms import Task
-from pepper_drake.optimization.fast_rollouts import FastRollouts
 from pepper_drake.optimization.history import History
 from pepper_drake.optimization.methods import METHODS, make_optimizer
 from pepper_drake.optimization.movement_problem import (
@@ -47,12 +53,19 @@ from pepper_drake.optimization.movement_problem import (
     make_task,
     movement_problem,
 )
+from pepper_drake.optimization.movement_rollouts import (
+    FREE,
+    ROLLOUTS,
+    MovementRollouts,
+    make_parameters,
+    make_rollouts,
+)
 from pepper_drake.optimization.parallel import dask_cluster, processes
-from pepper_drake.optimization.parameters import MovementParameters, all_weights, smooth_bumps
 from pepper_drake.optimization.problem import Problem
 from pepper_drake.optimization.ratings import Tutor, rated
 from pepper_drake.optimization.search import search
-from pepper_drake.reporting.optimization_figures import draw_comparison, draw_costs, draw_ways
+from pepper_drake.reporting.optimization_figures import draw_comparison
+from pepper_drake.reporting.optimization_report import save_search
 
 EXIT_INTERRUPTED = 130
 
@@ -87,8 +100,8 @@ def make_parser() -> ArgumentParser:
     add(
         "--cost",
         metavar="COST",
-        help="TERM=WEIGHT,... or a .yaml of them, or FILE.py:FUNCTION (default: hand_to_goal; "
-        "with obstacles hand_to_goal=1,hand_to_obstacles=10,deviation=0.1)",
+        help="TERM=WEIGHT,... or a .yaml of them, or FILE.py:FUNCTION (default: hand_to_goal; with "
+        "obstacles hand_to_goal=1,hand_to_obstacles=10,deviation=0.1, or arm_to_obstacles)",
     )
     add("--ratings", type=Path, metavar="FILE", help="the scores of the term rating, one a line")
     add(
@@ -115,11 +128,25 @@ def make_parser() -> ArgumentParser:
         "the exploration after the last update)",
     )
     add(
+        "--rollouts",
+        default="fast",
+        choices=ROLLOUTS,
+        help="the equations alone; the whole arm; or the full simulation (default: %(default)s)",
+    )
+    add("--scene", metavar="SCENE", help="where to reach, with --rollouts diagram (default: table)")
+    add(
+        "--free",
+        choices=FREE,
+        help="search the hand's way, the joints, or both (default: joints with --rollouts "
+        "kinematics, else hand)",
+    )
+    add(
         "--kernels",
         type=int,
         metavar="N",
         help="search N smooth changes of the way in place of all weights one by one",
     )
+    add("--target", type=float, default=-math.inf, metavar="COST", help="stop at this cost")
     add("--fixed-end", action="store_true", help="leave the end state as it is")
     add("--jobs", type=int, default=1, metavar="N", help="processes (default: %(default)s)")
     add("--dask", metavar="ADDRESS", help="a Dask cluster's scheduler: tcp://HOST:PORT")
@@ -129,18 +156,29 @@ def make_parser() -> ArgumentParser:
     return parser
 
 
-def make_parameters(options: Namespace, primitive: MovementPrimitive) -> MovementParameters:
-    """Chooses what is searched."""
-    end_state = not options.fixed_end
-    if options.kernels is None:
-        return all_weights(primitive, end_state=end_state)
-    return smooth_bumps(primitive, options.kernels, end_state=end_state)
+def make_evaluator(
+    options: Namespace, primitive: MovementPrimitive, cost: CostWeights | CostFunction
+) -> MovementRollouts:
+    """Chooses what is searched, and how it is tried."""
+    kinematics, diagram = options.rollouts == "kinematics", options.rollouts == "diagram"
+    if options.scene is not None and not diagram:
+        raise InputError("--scene: is for --rollouts diagram only")
+    free = options.free or ("joints" if kinematics else "hand")
+    # Where the movement is to end where it ends, the joints need not learn that anew.
+    elsewhere = options.goal is not None or options.goal_offset is not None
+    end_state = not options.fixed_end and (elsewhere or free == "hand") and not diagram
+    parameters = make_parameters(primitive, free, options.kernels, end_state=end_state)
+    scene = prepare_scene(load_scene(options.scene or "table")) if diagram else None
+    task = chosen_task(options, primitive, cost)
+    return make_rollouts(options.rollouts, parameters, task, cost, scene=scene, seed=options.seed)
 
 
 def chosen_cost(options: Namespace) -> CostWeights | CostFunction:
     """Chooses the cost, and says when it makes no sense."""
     if options.cost is not None:
         cost = parse_cost(options.cost)
+    elif options.rollouts == "diagram" or (options.rollouts == "kinematics" and options.obstacles):
+        cost = CostWeights(hand_to_goal=1.0, arm_to_obstacles=10.0, deviation=0.1)
     elif options.obstacles is not None:
         cost = CostWeights(hand_to_goal=1.0, hand_to_obstacles=10.0, deviation=0.1)
     else:
@@ -160,7 +198,7 @@ def chosen_task(
     only_goal = isinstance(cost, CostWeights) and not any(
         weight for name, weight in asdict(cost).items() if name != "hand_to_goal"
     )
-    if goal is None and only_goal:
+    if goal is None and only_goal and options.rollouts != "diagram":
         x, y, z = primitive.goal
         raise InputError(
             f"--goal: the hand ends at {x:.3f} {y:.3f} {z:.3f} and nothing else is asked for; "
@@ -189,7 +227,7 @@ def started(options: Namespace) -> History:
         options.decay = decay_over(options.updates)
     names = (
         "movement goal goal_offset obstacles clearance cost method samples exploration decay "
-        "kernels fixed_end seed"
+        "kernels fixed_end rollouts scene free seed"
     )
     given = {name: getattr(options, name) for name in names.split()}
     settings = {k: str(value) if isinstance(value, Path) else value for k, value in given.items()}
@@ -208,7 +246,11 @@ def workers(options: Namespace) -> Iterator[Executor | None]:
 
 
 def ask_tutor(
-    options: Namespace, evaluate: FastRollouts, weight: float, history: History, problem: Problem
+    options: Namespace,
+    evaluate: MovementRollouts,
+    weight: float,
+    history: History,
+    problem: Problem,
 ) -> Problem:
     """Lets a tutor rate the samples of each update."""
     tutor = Tutor(
@@ -224,46 +266,26 @@ def ask_tutor(
 
 
 def write_results(
-    options: Namespace, history: History, evaluate: FastRollouts, seconds: float, converged: bool
+    options: Namespace,
+    history: History,
+    evaluate: MovementRollouts,
+    seconds: float,
+    converged: bool,
 ) -> None:
-    """Writes what was found so far."""
-    folder, task, parameters = options.output, evaluate.task, evaluate.parameters
-    best, cost = history.best()
-    history.save(folder / "history.npz")
-    found = parameters.primitive_at(best)
-    found.save(folder / "primitive.yaml")
-    terms = {}
-    if isinstance(evaluate.cost, CostWeights):
-        terms = evaluate.cost.terms(evaluate.outcome(best[None]), task)
-    known = [None if cost != cost else cost for cost in [*history.mean_costs, cost]]
-    report = {
-        "settings": history.settings,
-        "parameters": parameters.size,
-        "updates": history.updates,
-        "rollouts": history.rollouts,
-        "converged": converged,
-        "costs": known[:-1],
-        "best_cost": known[-1],
-        "best_terms": terms,
-        "seconds": seconds,
-    }
-    write_atomically(folder / "report.json", json.dumps(report, indent=2) + "\n")
-    title = f"{options.method}: {options.samples} samples in each update"
-    if history.updates:
-        figure = draw_costs(history.totals, history.mean_costs, title)
-        figure.savefig(folder / "cost.png", dpi=110)
-    points = None if task.obstacles is None else task.obstacles.points
-    figure = draw_ways(parameters.primitive, found, task.goal, points, task.clearance)
-    figure.savefig(folder / "ways.png", dpi=110)
-    if not options.quiet:
-        first = f"{history.mean_costs[0]:.4g}" if known[0] is not None else "not known"
-        print(f"cost {first} before, {cost:.4g} for the best of {history.rollouts} rollouts")
-        for name, value in terms.items():
-            print(f"  {name:18} {value:.4g}")
-        print(f"wrote primitive.yaml, report.json, history.npz, cost.png and ways.png to {folder}")
+    """Writes what was found so far, and says it."""
+    folder = options.output
+    measured = save_search(folder, history, evaluate, seconds=seconds, converged=converged)
+    if options.quiet:
+        return
+    first, cost = history.mean_costs[0], history.best()[1]
+    before = f"{first:.4g}" if math.isfinite(first) else "not known"
+    print(f"cost {before} before, {cost:.4g} for the best of {history.rollouts} rollouts")
+    for name, value in measured.items():
+        print(f"  {name:18} {value:.4g}")
+    print(f"wrote primitive.yaml, report.json, history.npz, cost.png and ways.png to {folder}")
 
 
-def run_search(options: Namespace, problem: Problem, evaluate: FastRollouts) -> int:
+def run_search(options: Namespace, problem: Problem, evaluate: MovementRollouts) -> int:
     """Searches, and leaves what was found, also when it is interrupted."""
     history = started(options)
     rating = evaluate.cost.rating if isinstance(evaluate.cost, CostWeights) else 0.0
@@ -292,9 +314,11 @@ def run_search(options: Namespace, problem: Problem, evaluate: FastRollouts) -> 
                 options.updates,
                 history=history,
                 executor=executor,
-                evaluate_means=rating == 0.0,
+                # A tutor, or half a minute in the diagram, would be asked too much.
+                evaluate_means=rating == 0.0 and options.rollouts != "diagram",
+                target=options.target,
                 progress=bar.update,
-                on_update=lambda h: bar.set_postfix_str(f"cost {h.mean_costs[-1]:.4g}"),
+                on_update=lambda h: bar.set_postfix_str(f"best cost {h.best()[1]:.4g}"),
             )
     except (KeyboardInterrupt, EOFError):
         interrupted = True
@@ -353,10 +377,13 @@ def main() -> int:
         raise InputError("--updates, --seeds: use at least 1")
     primitive = load_movement(options.movement)
     cost = chosen_cost(options)
-    parameters = make_parameters(options, primitive)
-    evaluate = FastRollouts(parameters, chosen_task(options, primitive, cost), cost)
-    problem = movement_problem(parameters, evaluate)
+    if options.rollouts == "diagram":
+        cli.quiet_libraries()
+    evaluate = make_evaluator(options, primitive, cost)
+    problem = movement_problem(evaluate.parameters, evaluate)
     if options.compare:
+        if options.rollouts == "diagram":
+            raise InputError("--compare: takes too long in the diagram; use other --rollouts")
         return run_comparison(options, problem)
     return run_search(options, problem, evaluate)
 

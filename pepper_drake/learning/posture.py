@@ -32,7 +32,11 @@ class PostureProfile:
 
     def at(self, relative_times: npt.ArrayLike) -> Array:
         """Returns joints (N, J) [rad] at relative times (N,); after 1 they stay."""
-        return _features(np.asarray(relative_times), len(self.weights) // 2) @ self.weights
+        return self.basis(relative_times) @ self.weights
+
+    def basis(self, relative_times: npt.ArrayLike) -> Array:
+        """Returns (N, 2 B): what the weights are multiplied with at relative times (N,)."""
+        return _features(np.asarray(relative_times), len(self.weights) // 2)
 
     def to_data(self) -> dict[str, Any]:
         """Returns the profile as plain data."""

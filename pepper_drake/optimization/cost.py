@@ -21,6 +21,20 @@ Cost = Callable[[Outcome, Task], Array]
 """Gives costs (S,), or (S, N) of each step."""
 
 
+def terms_of(cost: Cost, outcome: Outcome, task: Task) -> dict[str, float]:
+    """Returns by name what the first movement of an outcome costs, before the weights.
+
+    A cost that has no terms has none by name.
+    """
+    if not isinstance(cost, CostWeights):
+        return {}
+    return {
+        name: float(term(outcome, task)[0].sum())
+        for name, term in TERMS.items()
+        if getattr(cost, name) > 0.0
+    }
+
+
 @dataclass
 class CostWeights:
     """How much each term counts; what a cost file holds. Zero leaves a term out."""
@@ -61,14 +75,6 @@ class CostWeights:
             if weight > 0.0:
                 costs += weight * term(outcome, task)
         return costs
-
-    def terms(self, outcome: Outcome, task: Task) -> dict[str, float]:
-        """Returns by name what the first movement of an outcome costs, before the weights."""
-        return {
-            name: float(term(outcome, task)[0].sum())
-            for name, term in TERMS.items()
-            if getattr(self, name) > 0.0
-        }
 
 
 @dataclass(frozen=True)

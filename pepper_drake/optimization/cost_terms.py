@@ -52,7 +52,10 @@ Term = Callable[[Outcome, Task], Array]
 def hand_to_goal(outcome: Outcome, task: Task) -> Array:
     """Distance of the hand to the goal at the end [m]."""
     costs = np.zeros(outcome.positions.shape[:2])
-    costs[:, -1] = np.linalg.norm(outcome.positions[:, -1] - task.goal, axis=1)
+    if outcome.end_errors is not None:
+        costs[:, -1] = outcome.end_errors
+    else:
+        costs[:, -1] = np.linalg.norm(outcome.positions[:, -1] - task.goal, axis=1)
     return costs
 
 
@@ -66,8 +69,6 @@ def hand_to_obstacles(outcome: Outcome, task: Task) -> Array:
 
 def arm_to_obstacles(outcome: Outcome, task: Task) -> Array:
     """What any part of the arm lacks of the clearance, at its worst and on average [m]."""
-    if task.obstacles is None:
-        raise InputError("cost: arm_to_obstacles needs obstacles")
     return shortage(outcome.arm_gaps, task.clearance)
 
 

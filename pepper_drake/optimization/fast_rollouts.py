@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.rollout import PathBatch, number_of_steps, undisturbed_motions
-from pepper_drake.optimization.cost import Cost
+from pepper_drake.optimization.cost import Cost, terms_of
 from pepper_drake.optimization.cost_terms import Task
 from pepper_drake.optimization.outcome import Outcome
 from pepper_drake.optimization.parameters import MovementParameters
@@ -30,6 +31,11 @@ class FastRollouts:
     cost: Cost
     time_step: float = 0.01
 
+    @property
+    def at_once(self) -> int:
+        """How many samples suit one call."""
+        return 64
+
     def __call__(self, samples: Array) -> Array:
         """Returns the costs (S,) or (S, N) of parameters (S, n)."""
         return self.cost(self.outcome(samples), self.task)
@@ -38,6 +44,14 @@ class FastRollouts:
         """Returns what parameters (S, n) lead to."""
         paths = roll_out(self.parameters, samples, self.time_step)
         return Outcome(paths.times, paths.positions, accelerations=lambda: paths.accelerations)
+
+    def primitive_at(self, parameters: Array) -> MovementPrimitive:
+        """Returns the primitive with parameters (n,)."""
+        return self.parameters.primitive_at(parameters)
+
+    def measure(self, parameters: Array) -> dict[str, float]:
+        """Returns the terms of the cost of parameters (n,), before the weights."""
+        return terms_of(self.cost, self.outcome(parameters[None]), self.task)
 
 
 def roll_out(parameters: MovementParameters, samples: Array, time_step: float) -> PathBatch:

@@ -10,7 +10,6 @@ from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.obstacle_field import ObstacleField
 from pepper_drake.learning.text_files import read_text
 from pepper_drake.optimization.cost_terms import HAND_RADIUS, Task
-from pepper_drake.optimization.fast_rollouts import FastRollouts
 from pepper_drake.optimization.outcome import Outcome
 from pepper_drake.optimization.parameters import MovementParameters
 from pepper_drake.optimization.problem import Evaluate, Problem
@@ -22,9 +21,6 @@ EXPLORATION = 0.02
 
 CLEARANCE = 0.02
 """Default distance to keep from obstacles [m]."""
-
-_AT_ONCE = 64
-"""Samples in one batch of fast rollouts."""
 
 
 def make_task(
@@ -74,11 +70,13 @@ def movement_problem(
         parameters: What is searched.
         evaluate: Their cost.
         exploration: Standard deviation with which the search starts [m].
-        chunk: How many samples one call takes; many for fast rollouts, else one.
+        chunk: How many samples one call takes; left out, as many as suit the evaluator.
     """
     if chunk is None:
-        chunk = _AT_ONCE if isinstance(evaluate, FastRollouts) else 1
-    return Problem(np.zeros(parameters.size), exploration, evaluate, chunk, parameters.features)
+        chunk = int(getattr(evaluate, "at_once", 1))
+    # The nominal joints act through the inverse kinematics: no linear policy.
+    features = parameters.features if parameters.posture is None else None
+    return Problem(np.zeros(parameters.size), exploration, evaluate, chunk, features)
 
 
 def load_movement(path: Path) -> MovementPrimitive:

@@ -19,6 +19,8 @@ class Outcome:
         positions: (S, N, 3) of the hand, in T [m].
         joints: (S, N, J) of the arm [rad], where there is an arm.
         joint_limits: (2, J) lower and upper limits [rad], where there is an arm.
+        end_errors: (S,) from the hand to its goal at the end [m], where the goal is not that of
+            the task but one that was seen.
     """
 
     def __init__(
@@ -30,12 +32,14 @@ class Outcome:
         joints: Array | None = None,
         joint_limits: Array | None = None,
         arm_gaps: Callable[[], Array] | None = None,
+        end_errors: Array | None = None,
     ) -> None:
         """Takes the attributes, and how to compute the rest; see the properties."""
         self.times = times
         self.positions = positions
         self.joints = joints
         self.joint_limits = joint_limits
+        self.end_errors = end_errors
         self._accelerations = accelerations
         self._arm_gaps = arm_gaps
 

@@ -14,11 +14,15 @@ from scipy.interpolate import BSpline
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators import LinearForcingModel
 from pepper_drake.learning.phase import gate, phase_at
+from pepper_drake.learning.posture import PostureProfile
 from pepper_drake.learning.primitive import MovementPrimitive
 from pepper_drake.learning.rollout import response_matrix
 from pepper_drake.learning.scaling import scaled, scaling_matrix, unscaled
 
 Array = npt.NDArray[np.float64]
+
+RADIANS_PER_METRE = 2.5
+"""What counts as one metre for a joint: it moves a hand 0.4 m away by as much."""
 
 _STEPS = 200
 """Steps of the grid on which changes are measured."""
@@ -28,18 +32,21 @@ _STEPS = 200
 class MovementParameters:
     """The part of a primitive that is searched.
 
-    A vector x has `size` numbers; as a matrix (rows, 3) its rows are changes in x, y and z: first
-    one for each of `directions`, then, if `end_state` is free, the displacement of the end.
+    A vector x has `size` numbers. The first 3 `rows`, as a matrix (rows, 3), are changes in x, y
+    and z: one row for each of `directions`, then, if `end_state` is free, the displacement of the
+    end. The others, as a matrix (P, J), are changes of the nominal joints.
 
     Attributes:
         primitive: Where the search starts: x = 0.
         directions: (K, M) columns: the change of weights for one metre.
         end_state: Whether the primitive's goal is searched, too.
+        posture: (L, P) columns: the change of the nominal joints' weights; None leaves them.
     """
 
     primitive: MovementPrimitive
     directions: Array
     end_state: bool = True
+    posture: Array | None = None
 
     @property
     def rows(self) -> int:
@@ -49,7 +56,10 @@ class MovementParameters:
     @property
     def size(self) -> int:
         """Searched numbers."""
-        return 3 * self.rows
+        profile = self.primitive.posture
+        if self.posture is None or profile is None:
+            return 3 * self.rows
+        return 3 * self.rows + self.posture.shape[1] * len(profile.names)
 
     def weights_and_goals(self, samples: npt.ArrayLike) -> tuple[Array, Array]:
         """Returns weights (S, K, 3) and goals (S, 3) [m] of parameters (S, size).
@@ -60,10 +70,8 @@ class MovementParameters:
         Raises:
             InputError: The parameters have another shape.
         """
-        x = np.asarray(samples, dtype=float)
-        if x.ndim != 2 or x.shape[1] != self.size:
-            raise InputError(f"parameters: shape {x.shape}; give (S, {self.size})")
-        changes = x.reshape(len(x), self.rows, 3)
+        x = self._checked(samples)
+        changes = x[:, : 3 * self.rows].reshape(len(x), self.rows, 3)
         number = self.directions.shape[1]
         weights = self.primitive.weights + self.directions @ changes[:, :number]
         goals = np.broadcast_to(self.primitive.goal, (len(x), 3))
@@ -73,7 +81,30 @@ class MovementParameters:
         """Returns the primitive with these parameters (size,): start and end are its own."""
         weights, goals = self.weights_and_goals(np.asarray(parameters, dtype=float)[None])
         changed = self.primitive.with_weights(weights[0])
+        profile = changed.posture
+        if self.posture is not None and profile is not None:
+            nominal = self.posture_weights(np.asarray(parameters, dtype=float)[None])[0]
+            changed = replace(changed, posture=replace(profile, weights=nominal))
         return with_end(changed, goals[0]) if self.end_state else changed
+
+    def posture_weights(self, samples: npt.ArrayLike) -> Array:
+        """Returns the weights (S, L, J) of the nominal joints for parameters (S, size).
+
+        Raises:
+            InputError: The parameters have another shape, or the primitive has no posture.
+        """
+        x = self._checked(samples)
+        own = _posture_of(self.primitive).weights
+        if self.posture is None:
+            return np.broadcast_to(own, (len(x), *own.shape))
+        changes = x[:, 3 * self.rows :].reshape(len(x), -1, own.shape[1])
+        return own + self.posture @ changes
+
+    def _checked(self, samples: npt.ArrayLike) -> Array:
+        x = np.asarray(samples, dtype=float)
+        if x.ndim != 2 or x.shape[1] != self.size:
+            raise InputError(f"parameters: shape {x.shape}; give (S, {self.size})")
+        return x
 
     def features(self, steps: int) -> Array:
         """Returns (steps, rows): what a change of one metre adds to the acceleration.
@@ -105,32 +136,73 @@ def all_weights(primitive: MovementPrimitive, *, end_state: bool = True) -> Move
 
 
 def smooth_bumps(
-    primitive: MovementPrimitive, count: int, *, end_state: bool = True
+    primitive: MovementPrimitive, count: int, *, end_state: bool = True, posture: bool = False
 ) -> MovementParameters:
     """Frees a few smooth changes of the way, which leave start and end as they are.
 
     Each is a cubic B-spline of the time with its peak at one metre; the weights are those whose
     motion is nearest to it. A search over few parameters needs fewer rollouts.
 
+    Args:
+        primitive: Where the search starts.
+        count: How many.
+        end_state: Whether the end is searched, too.
+        posture: Whether the nominal joints are: as many bumps, and a ramp that changes their end.
+
     Raises:
-        InputError: The count is not positive, or the forcing term is not linear in weights.
+        InputError: The count is not positive, the forcing term is not linear in weights, or there
+            is no posture to search.
     """
     if count < 1:
         raise InputError(f"kernels: {count}; use at least 1")
-    spacing = 1.0 / (count + 3)
     times = np.linspace(0.0, 1.0, _STEPS + 1)
-    knots = spacing * np.arange(5)
-    bumps = np.column_stack(
-        [
-            np.nan_to_num(BSpline.basis_element(knots + k * spacing, extrapolate=False)(times))
-            for k in range(count)
-        ]
-    )
+    bumps = _bumps(times, count)
     response = _position_response(primitive)[:, : len(primitive.weights)]
     peaks = np.abs(response).max(axis=0)
     peaks = np.where(peaks > 0.0, peaks, 1.0)
-    fitted = np.linalg.lstsq(response / peaks, bumps / bumps.max(axis=0), rcond=1e-6)[0]
-    return MovementParameters(primitive, fitted / peaks[:, None], end_state)
+    fitted = np.linalg.lstsq(response / peaks, bumps, rcond=1e-6)[0]
+    nominal = _posture_directions(primitive, count, ramp=True) if posture else None
+    return MovementParameters(primitive, fitted / peaks[:, None], end_state, nominal)
+
+
+def joint_bumps(
+    primitive: MovementPrimitive, count: int, *, end_state: bool = True
+) -> MovementParameters:
+    """Frees the nominal joints alone, for an arm that is led by them; see `smooth_bumps`.
+
+    Args:
+        primitive: Where the search starts.
+        count: Number of bumps for each joint.
+        end_state: Whether there is a ramp, too, that changes where the joints end.
+
+    Raises:
+        InputError: The count is not positive, or there is no posture to search.
+    """
+    if count < 1:
+        raise InputError(f"kernels: {count}; use at least 1")
+    nothing = np.zeros((len(primitive.weights), 0))
+    nominal = _posture_directions(primitive, count, ramp=end_state)
+    return MovementParameters(primitive, nothing, False, nominal)
+
+
+def _posture_directions(primitive: MovementPrimitive, count: int, *, ramp: bool) -> Array:
+    """Returns (L, count or one more): weights of bumps of the joints, and of a ramp at last."""
+    times = np.linspace(0.0, 1.0, _STEPS + 1)
+    wanted = RADIANS_PER_METRE * _bumps(times, count)
+    if ramp:
+        rising = times**3 * (10.0 - 15.0 * times + 6.0 * times**2)
+        wanted = np.column_stack((wanted, RADIANS_PER_METRE * rising))
+    basis = _posture_of(primitive).basis(times)
+    return np.asarray(np.linalg.lstsq(basis, wanted, rcond=1e-6)[0], dtype=float)
+
+
+def _bumps(times: Array, count: int) -> Array:
+    """Returns cubic B-splines (N, count) of times from 0 to 1, at rest at both, with peaks of 1."""
+    spacing = 1.0 / (count + 3)
+    knots = spacing * np.arange(5)
+    splines = [BSpline.basis_element(knots + k * spacing, extrapolate=False) for k in range(count)]
+    values = np.column_stack([np.nan_to_num(spline(times)) for spline in splines])
+    return np.asarray(values / values.max(axis=0))
 
 
 def with_end(primitive: MovementPrimitive, goal: Array) -> MovementPrimitive:
@@ -160,6 +232,14 @@ def with_end(primitive: MovementPrimitive, goal: Array) -> MovementPrimitive:
         start_rate=attractor.start_velocity(start, goal, 1.0),
     )
     return replace(primitive, translation=moved)
+
+
+def _posture_of(primitive: MovementPrimitive) -> PostureProfile:
+    if primitive.posture is None:
+        raise InputError(
+            f"{primitive.name}: it has no joints; learn it from a demonstration with joints"
+        )
+    return primitive.posture
 
 
 def _linear_model(primitive: MovementPrimitive) -> LinearForcingModel:

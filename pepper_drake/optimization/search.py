@@ -23,6 +23,7 @@ def search(
     history: History | None = None,
     executor: Executor | None = None,
     evaluate_means: bool = True,
+    target: float = -np.inf,
     progress: Callable[[int], object] = lambda count: None,
     on_update: Callable[[History], object] = lambda history: None,
 ) -> History:
@@ -37,6 +38,7 @@ def search(
         executor: Who evaluates; None: the caller.
         evaluate_means: Whether the cost of the mean is evaluated after each update. It is for the
             record: no method is told it.
+        target: The search ends when a cost of this or less was found.
         progress: Called with the number of samples whenever some are evaluated.
         on_update: Called with the history after each update.
 
@@ -51,7 +53,7 @@ def search(
     if len(history.mean_costs) == history.updates:
         # It has not begun yet, or was interrupted while the last mean was evaluated.
         _add_mean(history, problem, optimizer, evaluate_means)
-    while history.updates < updates and not optimizer.converged:
+    while history.updates < updates and not optimizer.converged and not history.best()[1] <= target:
         samples = optimizer.ask()
         known = history.pending.setdefault(history.updates, {})
         costs = evaluate_all(problem, samples, executor, known, progress)

@@ -15,6 +15,7 @@ from pepper_drake.optimization import (
     make_task,
     parse_cost,
 )
+from pepper_drake.optimization.cost import terms_of
 from pepper_drake.optimization.cost_terms import shortage
 from pepper_drake.optimization.movement_problem import load_movement, load_points
 
@@ -90,7 +91,7 @@ def test_terms_add_up_with_their_weights():
     cost = CostWeights(hand_to_goal=2.0, deviation=10.0)
     outcome = straight(offset=0.2)
     assert cost(outcome, task()).sum(axis=1) == pytest.approx([0.6, 0.2 + 2.0])
-    assert cost.terms(outcome, task()) == pytest.approx({"hand_to_goal": 0.3, "deviation": 0.0})
+    assert terms_of(cost, outcome, task()) == pytest.approx({"hand_to_goal": 0.3, "deviation": 0.0})
     assert not cost.needs_arm
     assert CostWeights(joint_limits=1.0).needs_arm
 
@@ -99,7 +100,7 @@ def test_terms_add_up_with_their_weights():
     ("term", "words"),
     [
         ("hand_to_obstacles", "hand_to_obstacles needs obstacles"),
-        ("arm_to_obstacles", "arm_to_obstacles needs obstacles"),
+        ("arm_to_obstacles", "arm_to_obstacles needs the arm; use kinematics"),
         ("joint_limits", "needs the arm; use kinematics"),
     ],
 )
@@ -108,9 +109,9 @@ def test_a_term_without_what_it_needs(term, words):
         TERMS[term](straight(), task())
 
 
-def test_the_arm_is_asked_for_where_there_is_none():
-    with pytest.raises(InputError, match="arm_to_obstacles needs the arm"):
-        TERMS["arm_to_obstacles"](straight(), task(obstacles=ObstacleField([[0.0, 0.0, 0.0]])))
+def test_an_error_that_was_measured_goes_before_the_tasks_goal():
+    outcome = straight(end_errors=np.array([0.01, 0.02]))
+    assert TERMS["hand_to_goal"](outcome, task()).sum(axis=1).tolist() == [0.01, 0.02]
 
 
 def test_a_cost_from_the_command_line():

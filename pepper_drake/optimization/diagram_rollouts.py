@@ -1,0 +1,92 @@
+"""Rollouts in the full diagram: dynamics, cameras, noise and all; seconds each."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.diagrams.reach_run import ReachResult, ReachRun, RunOptions
+from pepper_drake.diagrams.reach_setup import make_coupling
+from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.scene import Scene
+from pepper_drake.optimization.cost import Cost
+from pepper_drake.optimization.cost_terms import Task
+from pepper_drake.optimization.outcome import Outcome
+from pepper_drake.optimization.parameters import MovementParameters
+from pepper_drake.systems.reach_mode import ReachMode
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DiagramRollouts:
+    """Costs of parameters, by letting Pepper reach in a scene with them.
+
+    Every reach has the same noise, so that costs differ by what the parameters do. Where the robot
+    refuses to start, what it costs is that the hand is still far from the goal.
+
+    Attributes:
+        parameters: What the numbers mean.
+        task: What the movement is for; the goal is the scene's, wherever it is.
+        cost: Of an outcome.
+        scene: Where Pepper reaches.
+        seed: Of the sensors' noise.
+    """
+
+    parameters: MovementParameters
+    task: Task
+    cost: Cost
+    scene: Scene
+    seed: int = 0
+
+    def __call__(self, samples: Array) -> Array:
+        """Returns the costs (S,) of parameters (S, n), one after the other."""
+        return np.array(
+            [np.sum(self.cost(self.outcome(sample[None]), self.task)) for sample in samples]
+        )
+
+    def outcome(self, samples: Array) -> Outcome:
+        """Returns what the parameters (1, n) lead to."""
+        return outcome_of(self.reach(samples[0]))
+
+    def primitive_at(self, parameters: Array) -> MovementPrimitive:
+        """Returns the primitive with parameters (n,)."""
+        return self.parameters.primitive_at(parameters)
+
+    def measure(self, parameters: Array) -> dict[str, float]:
+        """Returns nothing: it would take another reach."""
+        return {}
+
+    def reach(self, parameters: Array) -> ReachResult:
+        """Lets Pepper reach with parameters (n,)."""
+        config = ReachingConfig(station=StationConfig(seed=self.seed))
+        # What is tried is this movement, not one that the planner makes of it.
+        config.planner.adapt = False
+        reaching = Reaching(
+            self.scene,
+            self.primitive_at(parameters),
+            make_coupling(self.scene.coupling),
+            config,
+        )
+        return ReachRun(reaching, RunOptions(progress=False)).run()
+
+
+def outcome_of(result: ReachResult) -> Outcome:
+    """Returns a reach as an outcome of one movement.
+
+    Its steps are those while the arm reached, or all where it never started; the gaps are the true
+    distances of all of Pepper to the obstacles, the error at the end is to the true goal.
+    """
+    log = result.log
+    moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING, ReachMode.DONE))
+    if np.count_nonzero(moving) < 3:
+        moving = np.ones(len(log.mode), dtype=bool)
+    times = log.time_s[moving] - log.time_s[moving][0]
+    return Outcome(
+        times,
+        log.hand_position_torso_m[moving][None],
+        end_errors=log.goal_distance_m[-1:],
+        arm_gaps=lambda: log.clearance_m[moving][None],
+    )

@@ -1,0 +1,190 @@
+"""Rollouts with the whole arm, without dynamics: hundreds a second."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.learning.rollout import number_of_steps
+from pepper_drake.optimization.arm_tracking import track_ways
+from pepper_drake.optimization.cost import Cost, terms_of
+from pepper_drake.optimization.cost_terms import Task
+from pepper_drake.optimization.fast_rollouts import roll_out
+from pepper_drake.optimization.outcome import Outcome
+from pepper_drake.optimization.parameters import MovementParameters
+from pepper_drake.planning.adapted_movement import primitive_of_joint_path
+from pepper_drake.planning.arm_kinematics import ArmKinematics, arm_kinematics
+from pepper_drake.planning.arm_shapes import ArmShapes
+from pepper_drake.planning.control_model import CommandLimits, arm_joints, shared_control_model
+from pepper_drake.planning.distance_grid import DistanceGrid, sample
+from pepper_drake.planning.joint_paths import needed_duration
+from pepper_drake.planning.surroundings import GRID_CAP, arm_region
+
+Array = npt.NDArray[np.float64]
+
+SPEED_FRACTION = 0.5
+"""Of the joints' rated speed that may be used."""
+
+
+class KinematicRollouts:
+    """Costs of parameters, by performing the primitive with an arm that does what it is told.
+
+    The arm is spheres in a grid of distances to the obstacles, good to a few millimetres.
+
+    Args:
+        parameters: What the numbers mean.
+        task: What the movement is for.
+        cost: Of an outcome.
+        time_step: Between samples [s].
+        led_by: "hand": it follows the primitive, and the spare joints its posture
+            (`arm_tracking`). "joints": the arm follows the posture, and the hand with it.
+
+    Raises:
+        InputError: The primitive has no joints, or does not start where they put the hand.
+    """
+
+    def __init__(
+        self,
+        parameters: MovementParameters,
+        task: Task,
+        cost: Cost,
+        time_step: float = 0.04,
+        led_by: str = "hand",
+    ) -> None:
+        self.parameters, self.task, self.cost = parameters, task, cost
+        self.time_step, self.led_by = time_step, led_by
+        self.arm = arm_of(parameters.primitive)
+        self._grid: DistanceGrid | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leaves out the grid, which another process makes for itself."""
+        return self.__dict__ | {"_grid": None}
+
+    @property
+    def at_once(self) -> int:
+        """How many samples suit one call."""
+        return 16
+
+    def __call__(self, samples: Array) -> Array:
+        """Returns the costs (S,) or (S, N) of parameters (S, n)."""
+        return self.cost(self.outcome(samples), self.task)
+
+    def outcome(self, samples: Array) -> Outcome:
+        """Returns what parameters (S, n) lead to."""
+        kinematics, limits = arm_and_limits(self.arm)
+        times, joints = self.joints(samples)
+        flat = joints.reshape(-1, joints.shape[2])
+        poses = kinematics.poses(flat)
+        shape = joints.shape[:2]
+
+        def gaps() -> Array:
+            centers = kinematics.sphere_centers(poses)
+            distances = self._distances().distance(centers)
+            return (distances - kinematics.spheres.radii[:, None]).min(axis=0).reshape(shape)
+
+        return Outcome(
+            times,
+            poses.hand_position.reshape(*shape, 3),
+            joints=joints,
+            joint_limits=np.stack((limits.position_lower, limits.position_upper)),
+            arm_gaps=gaps,
+        )
+
+    def joints(self, samples: Array) -> tuple[Array, Array]:
+        """Returns times (N,) [s] and the arm's joints (S, N, 5) [rad]."""
+        kinematics, limits = arm_and_limits(self.arm)
+        parameters, duration = self.parameters, self.parameters.primitive.duration
+        times = self.time_step * np.arange(number_of_steps(duration, self.time_step) + 1.0)
+        profile = parameters.primitive.posture
+        assert profile is not None
+        nominal = profile.basis(times / duration) @ parameters.posture_weights(samples)
+        if self.led_by == "joints":
+            return times, np.clip(nominal, limits.position_lower, limits.position_upper)
+        ways = roll_out(parameters, samples, self.time_step).positions
+        return times, track_ways(kinematics, limits, ways, nominal, self.time_step)
+
+    def primitive_at(self, parameters: Array) -> MovementPrimitive:
+        """Returns a primitive of what the whole arm does with parameters (n,).
+
+        Its orientation and posture are those that the arm takes on the way; it takes longer where
+        the joints would be too fast.
+        """
+        times, joints = self.joints(parameters[None])
+        kinematics, limits = arm_and_limits(self.arm)
+        needed = float(needed_duration(joints[0], limits.velocity, limits.acceleration))
+        name = self.parameters.primitive.name
+        return primitive_of_joint_path(kinematics, joints[0], max(times[-1], needed), name)
+
+    def measure(self, parameters: Array) -> dict[str, float]:
+        """Returns the terms of the cost of parameters (n,), before the weights.
+
+        With obstacles `arm_clearance` is among them: the least distance of the arm's own shapes to
+        them [m], exact where it is below 3 cm.
+        """
+        measured = terms_of(self.cost, self.outcome(parameters[None]), self.task)
+        if self.task.obstacles is not None:
+            joints = self.joints(parameters[None])[1][0]
+            gaps = arm_shapes(self.arm).clearances(joints, self.task.obstacles)
+            measured["arm_clearance"] = float(gaps.min())
+        return measured
+
+    def _distances(self) -> DistanceGrid:
+        if self._grid is None:
+            field = self.task.obstacles
+            if field is None:
+                raise InputError("cost: arm_to_obstacles needs obstacles")
+            self._grid = distance_grid(self.arm, field)
+        return self._grid
+
+
+def distance_grid(arm: str, field: ObstacleField) -> DistanceGrid:
+    """Returns the distances to obstacles in T where an arm can be."""
+    region = arm_region(arm)
+
+    def near(points: Array) -> Array:
+        return field.distance(points, within=GRID_CAP)
+
+    return DistanceGrid(region, sample(region, near, field.solid_points, GRID_CAP)[None])
+
+
+def arm_of(primitive: MovementPrimitive) -> str:
+    """Returns "left" or "right": whose joints a primitive has.
+
+    Raises:
+        InputError: It has none, other ones, or does not start where they put the hand.
+    """
+    names = primitive.posture.names if primitive.posture is not None else ()
+    for arm in ("left", "right"):
+        if names == arm_joints(arm):
+            assert primitive.posture is not None
+            kinematics, _ = arm_and_limits(arm)
+            hand = kinematics.poses(primitive.posture.at([0.0])).hand_position[0]
+            off = float(np.linalg.norm(hand - primitive.start))
+            if off > 0.02:
+                raise InputError(
+                    f"{primitive.name}: it starts {1000 * off:.0f} mm from where its joints put the"
+                    " hand; positions must be in the torso frame"
+                )
+            return arm
+    raise InputError(
+        f"{primitive.name}: it has no joints of an arm; learn it from a demonstration with a"
+        " joints.csv"
+    )
+
+
+@lru_cache(maxsize=2)
+def arm_and_limits(arm: str) -> tuple[ArmKinematics, CommandLimits]:
+    """Returns an arm's kinematics, and the limits of its joints; made once in a process."""
+    model = shared_control_model()
+    limits = model.command_limits(arm_joints(arm), speed_fraction=SPEED_FRACTION)
+    return arm_kinematics(model, arm), limits
+
+
+@lru_cache(maxsize=2)
+def arm_shapes(arm: str) -> ArmShapes:
+    """Returns an arm's shapes; made once in a process."""
+    return ArmShapes(shared_control_model(), arm_and_limits(arm)[0])

@@ -1,0 +1,133 @@
+"""What all ways to perform a movement for its cost have in common, and how one is chosen."""
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.scene import Scene
+from pepper_drake.optimization.cost import Cost
+from pepper_drake.optimization.cost_terms import Task
+from pepper_drake.optimization.fast_rollouts import FastRollouts
+from pepper_drake.optimization.outcome import Outcome
+from pepper_drake.optimization.parameters import (
+    MovementParameters,
+    all_weights,
+    joint_bumps,
+    smooth_bumps,
+)
+
+Array = npt.NDArray[np.float64]
+
+ROLLOUTS = ("fast", "kinematics", "diagram")
+"""The equations alone; the whole arm without dynamics; all of Pepper, its cameras and the scene."""
+
+FREE = ("hand", "joints", "arm")
+"""The hand's way; the joints, which the hand follows; the hand's way and the spare joints."""
+
+KERNELS = 6
+"""Default number of bumps where joints are searched."""
+
+
+class MovementRollouts(Protocol):
+    """An evaluator of movements."""
+
+    @property
+    def parameters(self) -> MovementParameters:
+        """What the numbers mean."""
+        ...
+
+    @property
+    def task(self) -> Task:
+        """What the movement is for."""
+        ...
+
+    @property
+    def cost(self) -> Cost:
+        """Of an outcome."""
+        ...
+
+    def __call__(self, samples: Array) -> Array:
+        """Returns the costs (S,) or (S, N) of parameters (S, n)."""
+        ...
+
+    def outcome(self, samples: Array) -> Outcome:
+        """Returns what parameters (S, n) lead to."""
+        ...
+
+    def primitive_at(self, parameters: Array) -> MovementPrimitive:
+        """Returns the primitive that does what parameters (n,) led to."""
+        ...
+
+    def measure(self, parameters: Array) -> dict[str, float]:
+        """Returns by name what can be said of parameters (n,) without much ado."""
+        ...
+
+
+def make_parameters(
+    primitive: MovementPrimitive, free: str, kernels: int | None, *, end_state: bool
+) -> MovementParameters:
+    """Chooses what is searched.
+
+    Args:
+        primitive: Where the search starts.
+        free: One of `FREE`.
+        kernels: How many bumps; left out, all weights of the hand's way, or `KERNELS` of joints.
+        end_state: Whether the movement may end elsewhere.
+
+    Raises:
+        InputError: The word is unknown, or the primitive lacks what is to be searched.
+    """
+    if free == "hand":
+        if kernels is None:
+            return all_weights(primitive, end_state=end_state)
+        return smooth_bumps(primitive, kernels, end_state=end_state)
+    count = KERNELS if kernels is None else kernels
+    if free == "joints":
+        return joint_bumps(primitive, count, end_state=end_state)
+    if free == "arm":
+        return smooth_bumps(primitive, count, end_state=end_state, posture=True)
+    raise InputError(f"free: '{free}' is unknown; use one of {', '.join(FREE)}")
+
+
+def make_rollouts(
+    name: str,
+    parameters: MovementParameters,
+    task: Task,
+    cost: Cost,
+    *,
+    scene: Scene | None = None,
+    seed: int = 0,
+) -> MovementRollouts:
+    """Makes an evaluator.
+
+    Args:
+        name: One of `ROLLOUTS`.
+        parameters: What is searched.
+        task: What the movement is for.
+        cost: What it costs.
+        scene: Where Pepper reaches, for `diagram`.
+        seed: Of the sensors' noise, for `diagram`.
+
+    Raises:
+        InputError: They do not fit together.
+    """
+    led_by_joints = parameters.directions.shape[1] == 0
+    if name != "kinematics" and parameters.posture is not None:
+        raise InputError("free: joints are searched on kinematics only; give --rollouts kinematics")
+    if name == "fast":
+        return FastRollouts(parameters, task, cost)
+    if name == "kinematics":
+        from pepper_drake.optimization.kinematic_rollouts import KinematicRollouts
+
+        led_by = "joints" if led_by_joints else "hand"
+        return KinematicRollouts(parameters, task, cost, led_by=led_by)
+    if name == "diagram":
+        from pepper_drake.optimization.diagram_rollouts import DiagramRollouts
+
+        if scene is None:
+            raise InputError("rollouts: diagram needs a scene to reach in")
+        return DiagramRollouts(parameters, task, cost, scene, seed)
+    raise InputError(f"rollouts: '{name}' is unknown; use one of {', '.join(ROLLOUTS)}")

@@ -1,0 +1,59 @@
+"""What a search leaves in its folder."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from pepper_drake.learning.text_files import write_atomically
+from pepper_drake.optimization.history import History
+from pepper_drake.optimization.movement_rollouts import MovementRollouts
+from pepper_drake.reporting.optimization_figures import draw_costs, draw_ways
+
+
+def save_search(
+    folder: Path, history: History, evaluate: MovementRollouts, *, seconds: float, converged: bool
+) -> dict[str, float]:
+    """Writes history.npz, primitive.yaml, report.json, cost.png and ways.png.
+
+    Args:
+        folder: Where.
+        history: Of the search; at least its start.
+        evaluate: What gave the costs.
+        seconds: How long the search took.
+        converged: Whether it ended by itself.
+
+    Returns:
+        What the best movement costs by term, before the weights, as far as it was measured.
+    """
+    task, before = evaluate.task, evaluate.parameters.primitive
+    best, cost = history.best()
+    history.save(folder / "history.npz")
+    found = evaluate.primitive_at(best)
+    found.save(folder / "primitive.yaml")
+    measured = evaluate.measure(best)
+    report: dict[str, Any] = {
+        "settings": history.settings,
+        "parameters": evaluate.parameters.size,
+        "updates": history.updates,
+        "rollouts": history.rollouts,
+        "converged": converged,
+        "costs": [_known(cost) for cost in history.mean_costs],
+        "best_cost": _known(cost),
+        "best_terms": measured,
+        "seconds": seconds,
+    }
+    write_atomically(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    if history.updates:
+        title = f"{history.settings.get('method', 'search')}: {evaluate.parameters.size} parameters"
+        figure = draw_costs(history.totals, history.mean_costs, title)
+        figure.savefig(folder / "cost.png", dpi=110)
+    points = None if task.obstacles is None else task.obstacles.points
+    draw_ways(before, found, task.goal, points, task.clearance).savefig(
+        folder / "ways.png", dpi=110
+    )
+    return measured
+
+
+def _known(cost: float) -> float | None:
+    return cost if math.isfinite(cost) else None
