@@ -122,6 +122,8 @@ class ArmAdapter:
         X_TG: RigidTransform,
         surroundings: Surroundings,
         played: Vector | None = None,
+        *,
+        plan: bool = True,
     ) -> AdaptedPath | None:
         """Looks for a clear path from a posture to a hand goal.
 
@@ -131,6 +133,7 @@ class ArmAdapter:
                 that can be had.
             surroundings: What is around the arm.
             played: (K, 5) what the demonstration alone would make of it, one more to start from.
+            plan: Whether a path planner is asked where no demonstration can be bent to a way.
 
         Returns:
             The best path found, whether it is clear or not; None if no clear posture reaches the
@@ -140,7 +143,7 @@ class ArmAdapter:
         if played is not None:
             own = resampled(played, self.params.samples)[None]
             demonstrations = np.concatenate((own, demonstrations))
-        return self._adapt(start, X_TG, surroundings, demonstrations, self._duration)
+        return self._adapt(start, X_TG, surroundings, demonstrations, self._duration, plan)
 
     def readapt(
         self,
@@ -160,7 +163,7 @@ class ArmAdapter:
             duration: That the rest would take, s.
         """
         rest = resampled(remaining, self.params.samples)[None]
-        return self._adapt(start, X_TG, surroundings, rest, duration)
+        return self._adapt(start, X_TG, surroundings, rest, duration, plan=False)
 
     def _adapt(
         self,
@@ -169,6 +172,7 @@ class ArmAdapter:
         surroundings: Surroundings,
         demonstrations: Vector,
         duration: float,
+        plan: bool,
     ) -> AdaptedPath | None:
         goals, discomfort = self.goal_postures(X_TG, surroundings, demonstrations[:, -1])
         if not len(goals):
@@ -182,7 +186,7 @@ class ArmAdapter:
         references = [(paths[number], int(origins[number])) for number in chosen]
         best: AdaptedPath | None = None
         for reference, origin in itertools.chain(
-            references, self._planned(start, goals, surroundings)
+            references, self._planned(start, goals, surroundings) if plan else ()
         ):
             found = search_path(
                 reference,

@@ -31,6 +31,7 @@ from pepper_drake.planning.reach_plan import (
 from pepper_drake.planning.rehearsal import ArmState, Rehearsal
 from pepper_drake.planning.self_clearance import SelfClearance
 from pepper_drake.planning.standing_places import HasRoom, StandingPlaces
+from pepper_drake.planning.support_surface import supposed_surface
 from pepper_drake.planning.surroundings import Surroundings, sample_body
 
 __all__ = ["ReachPlan", "ReachPlanner", "ReachPlannerParams", "ReachVerdict"]
@@ -166,8 +167,9 @@ class ReachPlanner:
             room = self._places.body_clearances(places, joint_position, field)
             return room >= params.body_clearance
 
+        supposed = self._supposed(cloud_W, X_WO, base_pose)
         situations = (
-            self._situation(pose, joint_position, X_WO, cloud_W, field)
+            self._situation(pose, joint_position, X_WO, cloud_W, supposed)
             for pose in self.places_to_stand(base_pose, joint_position, X_WO, has_room)
         )
         best: ReachPlan | None = None
@@ -198,10 +200,13 @@ class ReachPlanner:
             return
         shown = self._play(first, self.shown)
         yield shown
-        yield from self._adapted(first, shown.joint_path)
+        yield from self._adapted(first, shown.joint_path, plan=False)
         ease = [(self._ease(one), number, one) for number, one in enumerate(situations)]
         easiest = sorted(item for item in ease if np.isfinite(item[0]))
-        for _, _, situation in easiest[: self.params.places_adapted]:
+        easiest = easiest[: self.params.places_adapted]
+        for _, _, situation in easiest:
+            yield from self._adapted(situation, plan=False)
+        for _, _, situation in easiest[:1]:
             yield from self._adapted(situation)
 
     def check_reach(
@@ -223,7 +228,7 @@ class ReachPlanner:
             movement: What is tried first: the one that `plan_stand` found, or, left out, the one
                 that was shown. If that does not pass, it is adapted.
         """
-        field = ObstacleField(cloud_W, extension=self.params.solid_depth)
+        field = self._supposed(cloud_W, X_WO, base_pose)
         situation = self._situation(base_pose, joint_position, X_WO, cloud_W, field)
         best = self._play(situation, self.shown if movement is None else movement)
         if self._is_good(best):
@@ -261,7 +266,7 @@ class ReachPlanner:
             The best plan found for the rest: the old movement's if that is clear all the same, and
             not clear if there is none.
         """
-        field = ObstacleField(cloud_W, extension=self.params.solid_depth)
+        field = self._supposed(cloud_W, X_WO, base_pose)
         situation = self._situation(base_pose, joint_position, X_WO, cloud_W, field, joint_velocity)
         rest = self._rest(plan, situation.arm)
         duration = max((len(rest) - 1) * self._rehearsal.time_step, _SHORTEST)
@@ -288,7 +293,7 @@ class ReachPlanner:
 
         It is infinite if nothing is near.
         """
-        field = ObstacleField(cloud_W, extension=self.params.solid_depth)
+        field = self._supposed(cloud_W, X_WO, base_pose)
         situation = self._situation(base_pose, joint_position, X_WO, cloud_W, field)
         rest = self._rest(plan, situation.arm)
         return float(situation.surroundings.clearances(rest[::5]).min())
@@ -317,6 +322,11 @@ class ReachPlanner:
         """The primitive's own path (count, 3), from its own start to its own goal, m."""
         primitive = self.shown.primitive
         return primitive.rollout(time_step=primitive.duration / (count - 1)).positions
+
+    def _supposed(self, cloud_W: Vector, X_WO: RigidTransform, base_pose: Vector) -> ObstacleField:
+        """What was seen and what is supposed to be there as well, solid as it is taken to be."""
+        beside = supposed_surface(cloud_W, X_WO.translation(), base_pose)
+        return ObstacleField(np.concatenate((cloud_W, beside)), extension=self.params.solid_depth)
 
     def _situation(
         self,
@@ -376,12 +386,16 @@ class ReachPlanner:
         )
         return float(cost.min(initial=np.inf))
 
-    def _adapted(self, situation: _Situation, played: Vector | None = None) -> Iterator[ReachPlan]:
-        """The shown movement adapted and played through, if there is a way."""
+    def _adapted(
+        self, situation: _Situation, played: Vector | None = None, *, plan: bool = True
+    ) -> Iterator[ReachPlan]:
+        """The shown movement adapted and played through, if there is a way; see `ArmAdapter`."""
         if self._adapter is None:
             return
         X_TG = situation.X_TO @ self.shown.X_OG
-        path = self._adapter.adapt(situation.arm.position, X_TG, situation.surroundings, played)
+        path = self._adapter.adapt(
+            situation.arm.position, X_TG, situation.surroundings, played, plan=plan
+        )
         if path is not None and path.slack > -self._adapter.params.cost.clearance:
             yield self._play(situation, self._movement(situation, path))
 

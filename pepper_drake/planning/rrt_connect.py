@@ -20,7 +20,7 @@ Free = Callable[[Vector], npt.NDArray[np.bool_]]
 class RrtConnectParams:
     """Size of the search."""
 
-    samples: int = 1500
+    samples: int = 800
     """Random postures at most."""
     step: float = 0.4
     """Longest motion by which a tree grows at once, rad."""
