@@ -120,6 +120,7 @@ class Reaching(Diagram):
                 marked,
                 # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
                 parameters=GoalFilterParameters(hand_on_angle=0.01),
+                latency=0.04,
                 expects_noise=self.config.station.noise,
             ),
         )

@@ -1,6 +1,7 @@
 """Distance to what a point cloud shows, and the direction away from it."""
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -81,7 +82,7 @@ class ObstacleField:
             return np.full(positions.shape[:-1], np.inf)
         return np.asarray(self._tree.query(positions, distance_upper_bound=within)[0])
 
-    def distance_and_normal(self, positions: npt.ArrayLike) -> tuple[Array, Array]:
+    def distance_and_normal(self, positions: npt.ArrayLike) -> tuple[Any, Array]:
         """Returns distances (...) [m] and unit normals (..., 3), which point away from obstacles.
 
         For an empty cloud distances are infinite and normals zero.

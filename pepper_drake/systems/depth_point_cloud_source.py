@@ -48,8 +48,7 @@ class _Memory:
         X_WO: The goal object's last known pose.
         surface: The map's points.
         cloud: The same in W.
-        cloud_torso: The same in T.
-        X_WT: The torso's pose for which that was made.
+        X_WT: The torso's pose for which the cloud in T is made, when someone asks for it.
     """
 
     voxels: VoxelMap
@@ -59,7 +58,6 @@ class _Memory:
     X_WO: RigidTransform | None
     surface: SurfacePoints
     cloud: PointCloud
-    cloud_torso: PointCloud
     X_WT: RigidTransform
 
     def __deepcopy__(self, memo: dict) -> "_Memory":
@@ -145,7 +143,6 @@ class DepthPointCloudSource(LeafSystem):
         self._object_velocity = self.DeclareVectorInputPort("object_velocity", 3)
 
         voxels = VoxelMap.empty()
-        nothing = to_point_cloud(voxels.surface())
         self._memory = self.DeclareAbstractState(
             Value(
                 _Memory(
@@ -155,8 +152,7 @@ class DepthPointCloudSource(LeafSystem):
                     X_WC=RigidTransform(),
                     X_WO=None,
                     surface=voxels.surface(),
-                    cloud=nothing,
-                    cloud_torso=nothing,
+                    cloud=to_point_cloud(voxels.surface()),
                     X_WT=RigidTransform(),
                 )
             )
@@ -186,11 +182,7 @@ class DepthPointCloudSource(LeafSystem):
         memory = self._use_image(context, before)
         X_WT = self._X_WT.Eval(context) if self._X_WT.HasValue(context) else before.X_WT
         if memory is not before or _has_moved(before.X_WT, X_WT):
-            memory = replace(
-                memory,
-                X_WT=RigidTransform(X_WT),
-                cloud_torso=to_point_cloud(self._near(memory.surface, X_WT), X_WT.inverse()),
-            )
+            memory = replace(memory, X_WT=RigidTransform(X_WT))
             state.get_mutable_abstract_state(int(self._memory)).set_value(memory)
             return EventStatus.Succeeded()
         return EventStatus.DidNothing()
@@ -262,7 +254,9 @@ class DepthPointCloudSource(LeafSystem):
         output.set_value(self._get_memory(context).cloud)
 
     def _calc_cloud_torso(self, context: Context, output: Value) -> None:
-        output.set_value(self._get_memory(context).cloud_torso)
+        memory = self._get_memory(context)
+        near = self._near(memory.surface, memory.X_WT)
+        output.set_value(to_point_cloud(near, memory.X_WT.inverse()))
 
     def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self._get_memory(context).time)

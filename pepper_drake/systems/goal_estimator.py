@@ -1,6 +1,8 @@
 """Where the goal object is, from the images of the head's colour cameras."""
 
+import functools
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,12 +22,32 @@ from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_TOP, CameraIntr
 from pepper_drake.perception.goal import MarkedObject, measure_goal
 from pepper_drake.perception.goal_filter import (
     GoalFilterParameters,
+    GoalMeasurement,
     GoalState,
     filter_goal,
 )
 
 _THUMBNAIL_STEP = 7
 """Images are told apart by every seventh pixel of every seventh row."""
+
+
+@functools.cache
+def _worker() -> ThreadPoolExecutor:
+    """The thread on which images are looked at while the simulation goes on."""
+    return ThreadPoolExecutor(1, thread_name_prefix="goal estimator")
+
+
+@dataclass(frozen=True)
+class _Look:
+    """An image that is being looked at.
+
+    Attributes:
+        measurement: Gives what was measured in it, or None.
+        due: When that counts, s.
+    """
+
+    measurement: "Future[GoalMeasurement | None]"
+    due: float
 
 
 @dataclass(frozen=True)
@@ -36,11 +58,13 @@ class _Memory:
         goal: What the filter believes.
         time_stamps: Of the last image used from each camera, s.
         thumbnails: A few pixels of it.
+        looks: Images of which the measurement is yet to count, the oldest first.
     """
 
     goal: GoalState
     time_stamps: Mapping[str, float]
     thumbnails: Mapping[str, npt.NDArray[np.uint8]]
+    looks: tuple[_Look, ...] = ()
 
     def __deepcopy__(self, memo: dict) -> "_Memory":
         """Returns itself: Drake copies the state at each event, and this never changes."""
@@ -82,6 +106,9 @@ class GoalEstimator(LeafSystem):
     `position_covariance` is the row-major (3, 3) covariance [m^2] of the object's position in W;
     infinite on its diagonal before the first. `velocity` [m/s] is the object's in W.
 
+    A measurement counts `latency` after its image was looked at: so long the work may take, on a
+    thread of its own while the simulation goes on. What it finds does not depend on how fast it is.
+
     State: filter and last images (abstract). Event: one periodic unrestricted update.
 
     Args:
@@ -92,6 +119,7 @@ class GoalEstimator(LeafSystem):
         period: Time between looks for a new image, s.
         offset: Time of the first look, s; after the cameras', so that an image taken in the same
             period is used in it.
+        latency: How long it takes to look at an image, s; at zero the simulation waits.
         expects_noise: Whether equal images mean that the camera hangs; set to False only when the
             images are rendered without noise.
     """
@@ -105,12 +133,14 @@ class GoalEstimator(LeafSystem):
         parameters: GoalFilterParameters | None = None,
         period: float = 0.02,
         offset: float = 0.01,
+        latency: float = 0.0,
         expects_noise: bool = True,
     ) -> None:
         super().__init__()
         self.marked = marked
         self._parameters = GoalFilterParameters() if parameters is None else parameters
         self._expects_noise = expects_noise
+        self._latency = latency
         self._intrinsics = {"top": top, "bottom": bottom}
         self._images, self._stamps, self._poses = {}, {}, {}
         for name in self._intrinsics:
@@ -151,9 +181,9 @@ class GoalEstimator(LeafSystem):
 
     def _look(self, context: Context, state: State) -> EventStatus:
         before = self._get_memory(context)
-        memory = before
+        memory = self._use_due(before, context.get_time())
         for name in self._intrinsics:
-            memory = self._use_camera(context, name, memory)
+            memory = self._use_due(self._use_camera(context, name, memory), context.get_time())
         if memory is before:
             return EventStatus.DidNothing()
         state.get_mutable_abstract_state(int(self._memory)).set_value(memory)
@@ -179,19 +209,31 @@ class GoalEstimator(LeafSystem):
             return used
         track = memory.goal.track
         is_recent = track is not None and memory.goal.age(time) <= self._parameters.hold_seconds
-        measurement = measure_goal(
-            image,
+        measurement = _worker().submit(
+            measure_goal,
+            image.copy(),  # The port's own changes with the next.
             time,
-            self._poses[name].Eval(context),
+            RigidTransform(self._poses[name].Eval(context)),
             self._intrinsics[name],
             self.marked,
             p_WM_expected=track.p_WM if track is not None and is_recent else None,
             R_WO_expected=track.R_WO if track is not None else None,
         )
-        if measurement is None:
-            return used
+        look = _Look(measurement, context.get_time() + self._latency)
+        return replace(used, looks=(*memory.looks, look))
+
+    def _use_due(self, memory: _Memory, time: float) -> _Memory:
+        """Takes in the measurements that count by now, waiting for them if need be."""
         p_OM = self.marked.X_OM.translation()
-        return replace(used, goal=filter_goal(memory.goal, measurement, p_OM, self._parameters))
+        looks = memory.looks
+        while looks and looks[0].due <= time + 1e-9:
+            measurement = looks[0].measurement.result()
+            looks = looks[1:]
+            memory = replace(memory, looks=looks)
+            if measurement is not None:
+                goal = filter_goal(memory.goal, measurement, p_OM, self._parameters)
+                memory = replace(memory, goal=goal)
+        return memory
 
     def _calc_object_pose(self, context: Context, output: Value) -> None:
         handed_on = self.goal_state(context).handed_on

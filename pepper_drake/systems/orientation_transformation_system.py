@@ -39,9 +39,9 @@ class OrientationTransformationSystem(LeafSystem):
 
     Inputs: `active` (1) 0, or the number of the motion: with another number a motion starts anew,
     with the orientation and the angular velocity of now; `phase` (1), `phase_velocity` (1) [1/s],
-    `tau` (1) [s] of the same `CanonicalSystem` as the translation; `goal_orientation` (4), followed smoothly;
-    `start_orientation` (4): the motion starts from there; `primitive`, abstract MovementPrimitive,
-    is performed in place of the one that the system was made with.
+    `tau` (1) [s] of the same `CanonicalSystem` as the translation; `goal_orientation` (4), followed
+    smoothly; `start_orientation` (4): the motion starts from there; `primitive`, abstract
+    MovementPrimitive, is performed in place of the one that the system was made with.
 
     Outputs: `orientation` (4) and `angular_velocity` (3) are state; `next_orientation` (4) and
     `next_angular_velocity` (3) are the state one step ahead, fed through from all inputs. While

@@ -64,7 +64,8 @@ def TransformationSystem_(T: type) -> type:
         State: position, velocity, goal, delayed goal, start, each (3), and the number of the
         motion. Discrete with period `time_step`. With `time_step` 0 position, velocity and delayed
         goal are continuous and the rest is updated after each step of the integrator; there is
-        then no next step, and the two ports are missing. In continuous time, derivatives exist for Expression as well.
+        then no next step, and the two ports are missing. In continuous time, derivatives exist for
+        Expression as well.
 
         Parameters: numeric parameter 0 has the weights of the forcing term, row by row, if the
         approximator has any; with AutoDiffXd, gradients by them follow. They are not used while

@@ -175,3 +175,20 @@ def test_noiseless_images_are_used_when_told_so(draw_marker, X_CM):
         bench.show(pixels, 0.2 * k)
         bench.simulator.AdvanceTo(0.2 * k + 0.05)
     assert bench.output("valid") == [1]
+
+
+def test_a_measurement_counts_after_its_latency(draw_marker, X_CM):
+    prompt, slow = Bench(draw_marker), Bench(draw_marker, latency=0.06)
+    for bench in (prompt, slow):
+        bench.see(X_CM, 4)
+    time = 0.8
+    for bench in (prompt, slow):
+        bench.simulator.AdvanceTo(time)
+        bench.show(bench.picture(X_CM), time)
+        bench.simulator.AdvanceTo(time + 0.04)
+    seen = [bench.estimator.goal_state(bench.context).track.time for bench in (prompt, slow)]
+    assert seen == pytest.approx([0.8, 0.6])
+    slow.simulator.AdvanceTo(time + 0.08)
+    one, other = (bench.estimator.goal_state(bench.context).track for bench in (prompt, slow))
+    np.testing.assert_array_equal(one.p_WM, other.p_WM)
+    assert other.time == pytest.approx(0.8)
