@@ -183,6 +183,7 @@ class Reaching(Diagram):
             coupling=coupling,
             ik=self.config.ik,
             params=self.config.planner,
+            goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
         self.hand_goal = builder.AddNamedSystem("hand_goal", HandGoal(self.scene.pre_grasp()))
         self._connect(self.object_pose, self.hand_goal, "object_pose")
