@@ -73,6 +73,7 @@ class ReachProgress:
         places: How many places to stand were chosen so far.
         planning_seconds: Computing time of the last look at the reach from where the robot
             stands, s: what the arm waited for. The only value here that no seed decides.
+        planned: The movement that was found for the place to stand.
         movement: What is to be performed; None before it is decided.
         movements: How many movements began so far.
     """
@@ -86,6 +87,7 @@ class ReachProgress:
     still_since: float = np.nan
     places: int = 0
     planning_seconds: float = np.nan
+    planned: Movement | None = None
     movement: Movement | None = None
     movements: int = 0
 
@@ -300,7 +302,9 @@ class ReachSupervisor(LeafSystem):
             return progress.fail(time, plan.verdict.value, plan.sentence)
         x, y, yaw = plan.base_pose
         driving = progress.to(ReachMode.DRIVING, time)
-        return replace(driving, base_goal=(x, y, yaw), places=progress.places + 1)
+        return replace(
+            driving, base_goal=(x, y, yaw), places=progress.places + 1, planned=plan.movement
+        )
 
     def _drive(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
         if self._scalar(context, "arrived") > 0.5 and time - progress.since > self._time_step:
@@ -318,7 +322,7 @@ class ReachSupervisor(LeafSystem):
                 return progress
             return replace(progress.to(ReachMode.REACHING, time), movements=1)
         begin = perf_counter()
-        plan = self._planner.check_reach(**self._seen(context))
+        plan = self._planner.check_reach(**self._seen(context), movement=progress.planned)
         progress = replace(progress, planning_seconds=perf_counter() - begin)
         if plan.verdict == ReachVerdict.CLEAR:
             # The hand's goal takes it up before the movement begins, at the next tick.
