@@ -11,7 +11,7 @@ from pepper_drake.models.pepper import hand_frame
 
 Array = npt.NDArray[np.float64]
 
-_TOLERANCE = 0.002
+_TOLERANCE = 0.0005
 """Of the hand's position along each axis, m."""
 
 

@@ -1,12 +1,13 @@
 """A scene as one knows it who knows everything: for planners that are given the truth."""
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.geometry import QueryObject
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.multibody.tree import BodyIndex
 from pydrake.planning import (
     CollisionCheckerParams,
     RobotDiagramBuilder,
@@ -25,8 +26,8 @@ from pepper_drake.models.pepper import (
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.arm_spheres import arm_link_names
 from pepper_drake.planning.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.differential_ik import DifferentialIkParams
-from pepper_drake.planning.reach_planner import ReachPlanner, ReachPlannerParams
+from pepper_drake.planning.reach_plan import ReachPlannerParams
+from pepper_drake.planning.standing_places import StandingPlaces
 from pepper_drake.systems.clearance_monitor import ClearanceMonitor
 
 Array = npt.NDArray[np.float64]
@@ -44,6 +45,7 @@ class KnownScene:
         scene: The scene.
         plant: Pepper and the scene.
         checker: Drake's collision checker over it, with `padding` between robot and scene.
+        arm_checker: The same, but the body, which stands, is not looked at.
         arm_index: (5,) where the arm's joints are among the plant's positions.
         lower: (5,) limits of the arm's joints, rad.
         upper: (5,) rad.
@@ -72,6 +74,8 @@ class KnownScene:
                 implicit_context_parallelism=False,
             )
         )
+        self.arm_checker = self.checker.Clone()
+        self._hold_body(self.arm_checker)
         self._context = self.checker.model_context()
         self._moving = [m for m in self._models.moving if m.name != self._models.goal_object]
         self._start = self._start_positions()
@@ -116,49 +120,40 @@ class KnownScene:
         return q
 
     def free(self, joints: Array, base_pose: Array) -> bool:
-        """Whether nothing is nearer than the padding, and the elbow is within its limits."""
+        """Whether nothing is nearer to the arm than the padding, and the elbow within its limits.
+
+        Args:
+            joints: (5,) the arm's, rad.
+            base_pose: (3,) x, y, yaw in W.
+        """
         low, high = elbow_roll_limits(float(joints[_ELBOW_YAW]), self.scene.arm)
         if not low - 1e-9 <= joints[_ELBOW_ROLL] <= high + 1e-9:
             return False
-        return self.checker.CheckConfigCollisionFree(self.positions(joints, base_pose))
+        return self.arm_checker.CheckConfigCollisionFree(self.positions(joints, base_pose))
 
-    def hold_body(self) -> None:
-        """From now on `free` looks at the arm alone: the body, once it stands, moves no more."""
+    def _hold_body(self, checker: SceneGraphCollisionChecker) -> None:
+        """Takes out all pairs without a link of the arm."""
         arm = {*arm_link_names(self.scene.arm), f"{self.scene.arm[0].upper()}Shoulder"}
-        bodies = [self.plant.get_body(index) for index in self.plant.GetBodyIndices(self._pepper)]
-        rest = [body for body in bodies if body.name() not in arm]
-        others = [
-            body
-            for k in range(self.plant.num_bodies())
-            if (body := self.plant.get_body(BodyIndex(k))).name() not in arm
-        ]
-        for one in rest:
-            for other in others:
-                self._filter(one, other)
-
-    def _filter(self, one: RigidBody, other: RigidBody) -> None:
-        if one.index() != other.index() and not self.checker.IsCollisionFilteredBetween(
-            one.index(), other.index()
-        ):
-            self.checker.SetCollisionFilteredBetween(one.index(), other.index(), True)
+        bodies = [BodyIndex(k) for k in range(self.plant.num_bodies())]
+        resting = [k for k in bodies if self.plant.get_body(k).name() not in arm]
+        for one, other in itertools.combinations(resting, 2):
+            robots = checker.IsPartOfRobot(one) or checker.IsPartOfRobot(other)
+            if robots and not checker.IsCollisionFilteredBetween(one, other):
+                checker.SetCollisionFilteredBetween(one, other, True)
 
     def places_to_stand(self) -> Iterator[Array]:
-        """The base poses (3,) that our own planner would try here, were there no cameras."""
-        scene = self.scene
-        planner = ReachPlanner(
-            model=shared_control_model(),
-            arm=scene.arm,
-            X_OG=scene.pre_grasp(),
-            primitive=make_primitive(None, scene.arm),
-            coupling=None,
-            ik=DifferentialIkParams(),
-            params=ReachPlannerParams(),
+        """The base poses (3,) that our own planner would try here, if it knew everything."""
+        scene, params = self.scene, ReachPlannerParams()
+        shown_goal = make_primitive(None, scene.arm).goal
+        places = StandingPlaces(
+            shared_control_model(), scene.arm, scene.pre_grasp(), shown_goal, params
         )
 
-        def has_room(places: Array) -> npt.NDArray[np.bool_]:
-            return np.array([self.free(self.start, place) for place in places])
+        def has_room(some: Array) -> npt.NDArray[np.bool_]:
+            q = [self.positions(self.start, place) for place in some]
+            return np.array([self.checker.CheckConfigCollisionFree(one) for one in q])
 
-        return planner.places_to_stand(
+        return places(
             self._start[self._base_index],
             self._start[self._indices(BODY_JOINTS)],
             scene.goal.pose(),

@@ -13,7 +13,6 @@ obstacle's end. A scene in which that finds nothing may still have a way through
 as one that can be solved, unless another method gets there.
 """
 
-import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -105,32 +104,41 @@ class PlannedReach:
     def _run(self, case: Case) -> tuple[MethodResult, KnownScene, _Found | None]:
         begin = time.perf_counter()
         known = KnownScene(case.build())
-        places = list(known.places_to_stand())
-        known.hold_body()
-        found = self._search(known, places, case.seed)
+        found = self._search(known, case.seed)
         result = MethodResult(planning_seconds=time.perf_counter() - begin)
         if found is None:
             result.outcome, result.reason = "refused", "no_clear_path"
-            result.sentence = f"no way was found from any of {len(places)} places to stand"
+            result.sentence = "no way was found from any place to stand"
         else:
             _measure(result, known, found)
         return result, known, found
 
-    def _search(self, known: KnownScene, places: list[Array], seed: int) -> _Found | None:
+    def _search(self, known: KnownScene, seed: int) -> _Found | None:
         """The first motion from any place that touches nothing and ends at the goal."""
         quiet = known.quiet_after
-        for place, time_of_scene in itertools.product(places, (0.0, quiet) if quiet else (0.0,)):
-            known.set_time(time_of_scene)
-            begin = time.perf_counter()
-            for motion in self.motions(known, place, seed):
-                seconds = time.perf_counter() - begin
-                error, _ = pose_error(known.hand_poses(motion[-1:], place)[0], known.X_WG)
-                if error <= _TOLERANCE:
-                    for waiting in np.arange(0.0, quiet + _PATIENCE, _PATIENCE):
-                        if known.clearance(_whole(known, motion, waiting), place)[0] > 0.0:
-                            return _Found(motion, float(waiting), place, seconds)
-                known.set_time(time_of_scene)
-                begin = time.perf_counter() - seconds
+        for place in known.places_to_stand():
+            for moment in (0.0, quiet) if quiet else (0.0,):
+                found = self._search_from(known, place, moment, seed)
+                if found is not None:
+                    return found
+            known.set_time(0.0)
+        return None
+
+    def _search_from(
+        self, known: KnownScene, place: Array, moment: float, seed: int
+    ) -> _Found | None:
+        """The same from one place, planned with the obstacles where they are at a moment."""
+        known.set_time(moment)
+        begin = time.perf_counter()
+        for motion in self.motions(known, place, seed):
+            seconds = time.perf_counter() - begin
+            error, _ = pose_error(known.hand_poses(motion[-1:], place)[0], known.X_WG)
+            for waiting in np.arange(0.0, known.quiet_after + _PATIENCE, _PATIENCE):
+                clearance, _ = known.clearance(_whole(known, motion, waiting), place)
+                if error <= _TOLERANCE and clearance > 0.0:
+                    return _Found(motion, float(waiting), place, seconds)
+            known.set_time(moment)
+            begin = time.perf_counter() - seconds
         return None
 
 

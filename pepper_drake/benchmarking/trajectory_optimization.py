@@ -65,9 +65,9 @@ def optimized_motion(
     problem.SetInitialGuess(BsplineTrajectory(problem.basis(), list(points.T[:, :, None])))
     problem.SetInitialGuess(_solved(problem))
     clear = MinimumDistanceLowerBoundConstraint(
-        collision_checker=known.checker,
+        collision_checker=known.arm_checker,
         bound=_BEYOND_PADDING,
-        collision_checker_context=known.checker.MakeStandaloneModelContext(),
+        collision_checker_context=known.arm_checker.MakeStandaloneModelContext(),
         penalty_function=None,
         influence_distance_offset=_INFLUENCE,
     )

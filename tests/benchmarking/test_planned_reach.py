@@ -1,0 +1,166 @@
+import numpy as np
+import pytest
+
+from pepper_drake.benchmarking.case import Case
+from pepper_drake.benchmarking.goal_search import goal_postures
+from pepper_drake.benchmarking.known_scene import KnownScene
+from pepper_drake.benchmarking.planned_reach import PlannedReach, optimized_motions, rrt_motions
+from pepper_drake.benchmarking.timed_path import timed_path
+from pepper_drake.models.scene import Obstacle, load_scene, save_scene
+from pepper_drake.planning.control_model import arm_joints, shared_control_model
+from pepper_drake.planning.differential_ik import DifferentialIkParams
+
+
+@pytest.fixture(scope="module")
+def free():
+    return KnownScene(load_scene("free"))
+
+
+@pytest.fixture(scope="module")
+def place(free):
+    return next(free.places_to_stand())
+
+
+def test_at_rest_the_robot_touches_nothing_where_it_may_stand(free, place):
+    assert free.free(free.start, place)
+    clearance, _ = free.clearance(free.start[None], place)
+    assert clearance > 0.02
+
+
+def test_a_place_inside_the_stand_is_none(free, place):
+    goal = free.scene.goal.position
+    clearance, pair = free.clearance(free.start[None], np.array([*goal[:2], 0.0]))
+    assert clearance < 0.0
+    assert "pepper" in pair
+
+
+def test_an_elbow_beyond_its_coupled_limit_is_not_free(free, place):
+    joints = free.start.copy()
+    joints[3] = free.lower[3] - 0.1
+    assert not free.free(joints, place)
+
+
+def test_goal_postures_put_the_hand_at_the_goal_and_touch_nothing(free, place):
+    postures = goal_postures(free, place, np.random.default_rng(0))
+    assert postures
+    for posture, X_WH in zip(postures, free.hand_poses(np.array(postures), place), strict=True):
+        error = np.linalg.norm(X_WH.translation() - free.X_WG.translation())
+        assert error < 0.001
+        assert free.clearance(posture[None], place)[0] > 0.0
+
+
+BASE = np.array([-0.3, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def crossing():
+    """A wall that begins to move at 1 s, and at 2 s stands where the robot stands."""
+    scene = load_scene("free")
+    scene.obstacles.append(
+        Obstacle(
+            name="wall",
+            shape="box",
+            size=[0.02, 0.3, 0.3],
+            position=[-0.3, 1.0, 1.0],
+            path=[[1.0, 0.0, 0.0, 0.0], [2.0, 0.0, -1.0, 0.0]],
+        )
+    )
+    return KnownScene(scene)
+
+
+def test_clearance_knows_where_an_obstacle_is_when(crossing):
+    path = np.repeat(crossing.start[None], 201, axis=0)
+    assert crossing.quiet_after == 2.0
+    assert crossing.clearance(path[:101], BASE)[0] == pytest.approx(0.1)
+    clearance, pair = crossing.clearance(path, BASE)
+    assert clearance < 0.0
+    assert "wall" in pair
+
+
+def test_a_timed_path_keeps_the_limits_and_rests_at_both_ends():
+    corners = np.array(
+        [[1.5, -0.2, 1.2, 0.5, 0.0], [1.0, -0.5, 1.0, 0.9, 0.3], [0.3, -0.3, 0, 1, 0]]
+    )
+    motion = timed_path("right", corners)
+    limits = shared_control_model().command_limits(
+        arm_joints("right"), speed_fraction=DifferentialIkParams().speed_fraction
+    )
+    speed = np.diff(motion, axis=0) / 0.01
+    np.testing.assert_allclose(motion[[0, -1]], corners[[0, -1]], atol=1e-9)
+    assert np.all(np.abs(speed[:-1]) <= 1.01 * limits.velocity)
+    assert np.all(np.abs(np.diff(speed[:-1], axis=0)) / 0.01 <= 1.1 * limits.acceleration)
+    # As fast as they allow: some joint is at a limit nearly all the time.
+    share = np.abs(np.diff(speed[:-1], axis=0)) / 0.01 / limits.acceleration
+    assert (
+        np.mean(
+            np.maximum(share.max(axis=1), (np.abs(speed[1:-1]) / limits.velocity).max(axis=1)) > 0.8
+        )
+        > 0.8
+    )
+
+
+def check_reached(result):
+    assert result.outcome == "reached"
+    assert result.clearance > 0.0
+    assert result.position_error < 0.01
+    assert 0.0 < result.first_motion_seconds <= result.planning_seconds
+    assert 0.3 < result.path_length < 1.5
+    assert 0.3 < result.duration < 5.0
+    assert result.jerk > 0.0
+
+
+def test_trajectory_optimisation_reaches_a_free_goal(tmp_path):
+    reach = PlannedReach(optimized_motions)
+    check_reached(reach.replay(Case(0, "free"), tmp_path))
+    assert "meshcat" in (tmp_path / "recording.html").read_text().lower()
+
+
+def test_rrt_connect_reaches_a_free_goal():
+    pytest.importorskip("ompl", reason="OMPL is in the bench extra")
+    check_reached(PlannedReach(rrt_motions)(Case(0, "free")))
+
+
+def test_what_cannot_be_reached_is_refused(tmp_path):
+    scene = load_scene("free")
+    goal = scene.goal.position
+    # A box around the hand's goal, open to nobody.
+    scene.obstacles = [
+        Obstacle(
+            name="case",
+            shape="box",
+            size=[0.3, 0.3, 0.3],
+            position=[goal[0], goal[1] - 0.19, goal[2] + 0.1],
+        )
+    ]
+    save_scene(scene, tmp_path / "closed.yaml")
+
+    def none(known, base_pose, seed):
+        return iter(goal_postures(known, base_pose, np.random.default_rng(seed), tries=2))
+
+    result = PlannedReach(none)(Case(0, str(tmp_path / "closed.yaml")))
+    assert (result.outcome, result.reason) == ("refused", "no_clear_path")
+    assert result.first_motion_seconds is None
+
+
+def test_who_knows_that_something_moves_waits_until_it_has_passed(free, place, monkeypatch):
+    motion = next(optimized_motions(free, place, 0))
+    assert free.clearance(motion, place)[0] > 0.0
+    scene = load_scene("free")
+    p_WG = free.X_WG.translation()
+    scene.obstacles.append(
+        Obstacle(
+            name="ball",
+            shape="sphere",
+            size=[0.03],
+            position=list(p_WG + [0.0, 0.0, 0.05]),
+            path=[[1.5, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.8]],
+        )
+    )
+    monkeypatch.setattr(Case, "build", lambda case: scene)
+    reach = PlannedReach(lambda known, base_pose, seed: iter([motion]))
+    result = reach(Case(0))
+    assert result.outcome == "reached"
+    assert result.first_motion_seconds > 1.0
+    assert result.duration == pytest.approx(
+        result.first_motion_seconds + len(motion) / 100, abs=0.1
+    )
