@@ -13,10 +13,12 @@ Record, Stop, Learn, Reach and Save, and sliders that move the goal and the obst
 
 Drawn are the demonstration in black; what Pepper makes of it in white, and in blue once the goal
 has moved; the cloud that it sees, red near the hand and blue far from it; the push of the obstacles
-as a red arrow. Save writes demonstration/ and primitive.yaml; at the end there is report.json.
+as a red arrow. What is recorded is kept in recording/ as it is recorded; Save writes demonstration/
+and primitive.yaml; at the end there is report.json.
 Exit code 0: done; 1: the script did not get what it waits for; 2: bad input.
 """
 
+import contextlib
 import json
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
@@ -29,8 +31,9 @@ from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.live.page import LivePage
 from pepper_drake.live.script import SCRIPTS, LiveScript, load_script, play
-from pepper_drake.live.session import LiveSession
+from pepper_drake.live.session import LiveSession, Mode
 from pepper_drake.live.show import LiveShow
+from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
 
 TEACHING_SCENE = SCENES_DIR / "teach.yaml"
@@ -88,7 +91,7 @@ def make_session(options: Namespace, meshcat: Meshcat) -> LiveSession:
     scene = load_scene(options.scene)
     if options.arm not in (None, scene.arm):
         scene = scene.mirrored()
-    return LiveSession(
+    simulation = LiveSimulation(
         scene,
         station=StationConfig(cameras=not options.no_cameras, seed=options.seed),
         movables=[name for name in options.move.split(",") if name],
@@ -96,6 +99,7 @@ def make_session(options: Namespace, meshcat: Meshcat) -> LiveSession:
         meshcat=meshcat,
         realtime=options.script is None or options.watch,
     )
+    return LiveSession(simulation, options.output)
 
 
 def run_script(show: LiveShow, script: LiveScript, options: Namespace) -> str:
@@ -124,11 +128,12 @@ def run_script(show: LiveShow, script: LiveScript, options: Namespace) -> str:
 
 def run_live(show: LiveShow, seconds: float | None) -> None:
     """Lets a person do what they like, until Ctrl-C or for some time."""
-    try:
-        while seconds is None or show.session.time < seconds:
+    session = show.session
+    with contextlib.suppress(KeyboardInterrupt):
+        while seconds is None or session.simulation.time < seconds:
             show.step()
-    except KeyboardInterrupt:
-        print()
+    if session.mode == Mode.RECORDED:
+        session.stop()
 
 
 def main() -> int:
@@ -138,9 +143,9 @@ def main() -> int:
     cli.quiet_libraries()
     meshcat = Meshcat()
     session = make_session(options, meshcat)
-    if script is not None and script.arm != session.arm:
+    if script is not None and script.arm != session.simulation.arm:
         script = script.mirrored()
-    show = LiveShow(session, LivePage(meshcat, session.diagram.movables), options.output)
+    show = LiveShow(session, LivePage(meshcat, session.simulation.diagram.movables))
     if not options.quiet and (script is None or options.watch):
         print(f"Open {meshcat.web_url()} in a browser; Ctrl-C ends.", flush=True)
     problem = ""
@@ -148,15 +153,15 @@ def main() -> int:
         problem = run_script(show, script, options)
     else:
         run_live(show, options.seconds)
-    pace = session.pace
+    pace = session.simulation.pace
     report = {
         "outcome": "failed" if problem else "done",
         "reason": problem,
-        "arm": session.arm,
+        "arm": session.simulation.arm,
         "cameras": not options.no_cameras,
         "mode": session.mode.value,
         "status": session.status,
-        "goal_distance": session.goal_distance(),
+        "goal_distance": session.simulation.goal_distance(),
         "simulated_seconds": pace.simulated_seconds,
         "wall_seconds": pace.wall_seconds,
         "frames_per_second": pace.frames_per_second,

@@ -303,7 +303,7 @@ class LiveTeaching(Diagram):
             "seen_clearance", SeenClearance(ArmGeometry(self._model, self.arm))
         )
         self._connect(self.perception.cloud_source.GetOutputPort("cloud_torso"), clearance, "cloud")
-        self._connect(self.arm_mode.active_output, clearance, "active")
+        self._connect(self.arm_mode.moving_output, clearance, "active")
         self._connect(self.arm_position, clearance, "joint_position")
         self._connect(
             self.arm_command.GetOutputPort("velocity_command"), clearance, "joint_velocity"

@@ -12,19 +12,21 @@ from pepper_drake.models.scene import Scene
 
 Vector = npt.NDArray[np.float64]
 
-BLACK, WHITE, BLUE = Rgba(0.0, 0.0, 0.0), Rgba(1.0, 1.0, 1.0), Rgba(0.1, 0.35, 0.95)
+BLACK, WHITE, BLUE = Rgba(0.0, 0.0, 0.0), Rgba(1.0, 1.0, 1.0, 0.7), Rgba(0.1, 0.35, 0.95, 0.8)
 _GUIDE, _PULL = Rgba(0.1, 0.7, 0.3, 0.8), Rgba(0.1, 0.7, 0.3, 0.6)
 _PUSH = Rgba(0.95, 0.2, 0.1)
 
-_FAR = 0.5
+_FAR = 0.3
 """At this distance from the hand the cloud is as blue as it gets, m."""
 _MOVED = 0.003
 """A goal that moved by less has not moved, m."""
-_ARROW = 0.02
+_ARROW = 0.04
 """Length of the coupling's arrow for each m/s², m."""
-_LONGEST_ARROW = 0.25
+_LONGEST_ARROW = 0.3
 _HEAD = 0.035
 _POINT_SPACING = 0.005
+_RADII = (0.004, 0.0025)
+"""Of paths, m: what Pepper does lies as a thicker, translucent tube about what it was shown."""
 _PATH_PERIOD, _CLOUD_PERIOD = 4, 6
 """Paths and cloud are drawn in every so manieth frame."""
 
@@ -107,13 +109,14 @@ class LiveDrawing:
 
     def update(self, session: LiveSession) -> None:
         """Draws what has changed since the last frame."""
-        X_WT = session.torso_pose()
-        p_WH = X_WT @ session.hand_pose().translation()
+        simulation = session.simulation
+        X_WT = simulation.torso_pose()
+        p_WH = X_WT @ simulation.hand_pose().translation()
         self._draw_guide(session, X_WT, p_WH)
-        self._draw_coupling(X_WT.rotation() @ session.coupling(), p_WH)
+        self._draw_coupling(X_WT.rotation() @ simulation.coupling(), p_WH)
         self._follow(session, p_WH)
         if self._frame % _CLOUD_PERIOD == 0:
-            self._draw_cloud(session.cloud(), p_WH)
+            self._draw_cloud(simulation.cloud(), p_WH)
         self._frame += 1
 
     def _draw_guide(self, session: LiveSession, X_WT: RigidTransform, p_WH: Vector) -> None:
@@ -122,7 +125,7 @@ class LiveDrawing:
             for path in ("live/guide", "live/pull"):
                 self._meshcat.SetProperty(path, "visible", limp)
         if limp:
-            p_WG = X_WT @ session.guide_pose().translation()
+            p_WG = X_WT @ session.simulation.guide_pose().translation()
             self._meshcat.SetTransform("live/guide", RigidTransform(p_WG))
             self._meshcat.SetTransform("live/pull", stretched(p_WH, p_WG))
 
@@ -152,14 +155,14 @@ class LiveDrawing:
             elif mode == Mode.REACHING:
                 self._meshcat.Delete("live/paths/reproduction")
                 self._count = 0
-                self._goal_at_start = session.goal_position()
+                self._goal_at_start = session.simulation.goal_position()
                 self._begin("reproduction/0", WHITE)
             elif not performs:
                 self._end()
         if not self._name:
             return
         if performs and self._color is not BLUE:
-            moved = np.linalg.norm(session.goal_position() - self._goal_at_start)
+            moved = np.linalg.norm(session.simulation.goal_position() - self._goal_at_start)
             if moved > _MOVED:
                 self._add(p_WH)
                 self._end()
@@ -184,7 +187,7 @@ class LiveDrawing:
     def _draw_path(self) -> None:
         if len(self._path) < 2:
             return
-        vertices, triangles = tube(np.array(self._path), 0.004)
+        vertices, triangles = tube(np.array(self._path), _RADII[self._color is BLACK])
         self._meshcat.SetTriangleMesh(
             f"live/paths/{self._name}", vertices.T, triangles.T, self._color
         )
@@ -204,10 +207,10 @@ def frame_workspace(meshcat: Meshcat, scene: Scene) -> None:
     """Looks at the taught arm's workspace from its side, without grid and axes."""
     side = 1.0 if scene.arm == "left" else -1.0
     target = np.array([scene.robot.x + 0.08, scene.robot.y + 0.1 * side, 0.86])
-    away = np.array([0.85, 0.8 * side, 0.38])
+    away = np.array([0.66, 0.64 * side, 0.34])
     # The panel hides the right of the page: what matters is shown a little to the left.
     right = np.cross(-away, [0.0, 0.0, 1.0])
-    target += 0.13 * right / np.linalg.norm(right)
+    target += 0.11 * right / np.linalg.norm(right)
     meshcat.SetCameraPose(target + away, target)
     for path in ("/Grid", "/Axes"):
         meshcat.SetProperty(path, "visible", False)

@@ -101,16 +101,16 @@ def play(show: LiveShow, script: LiveScript, tell: Callable[[str], None]) -> Non
         if step.press:
             show.press(step.press)
             show.step()
-            tell(f"{session.time:6.2f} s  {step.press}: {session.status}")
+            tell(f"{session.simulation.time:6.2f} s  {step.press}: {session.status}")
         elif step.lead:
             _lead(show, step)
-            tell(f"{session.time:6.2f} s  led the hand: {session.status}")
+            tell(f"{session.simulation.time:6.2f} s  led the hand: {session.status}")
         elif step.move:
             show.move(step.move, np.array(step.to))
-            tell(f"{session.time:6.2f} s  moved {step.move}")
+            tell(f"{session.simulation.time:6.2f} s  moved {step.move}")
         _wait(show, step)
         if step.until:
-            tell(f"{session.time:6.2f} s  {session.status}")
+            tell(f"{session.simulation.time:6.2f} s  {session.status}")
 
 
 def _lead(show: LiveShow, step: ScriptStep) -> None:
@@ -118,18 +118,18 @@ def _lead(show: LiveShow, step: ScriptStep) -> None:
     session = show.session
     path = GuidePath(
         [0.0, *(via.time for via in step.lead)],
-        [session.guide_pose(), *(make_pose(via.position, via.rpy) for via in step.lead)],
+        [session.simulation.guide_pose(), *(make_pose(via.position, via.rpy) for via in step.lead)],
     )
-    began = session.time
-    while session.time - began < path.end_time:
-        show.lead(path.pose(session.time - began))
+    began = session.simulation.time
+    while session.simulation.time - began < path.end_time:
+        show.lead(path.pose(session.simulation.time - began))
         show.step()
 
 
 def _wait(show: LiveShow, step: ScriptStep) -> None:
     session = show.session
-    end = session.time + step.wait
-    while session.time < end and (not step.until or session.mode != step.until):
+    end = session.simulation.time + step.wait
+    while session.simulation.time < end and (not step.until or session.mode != step.until):
         show.step()
     if step.until and session.mode != step.until:
         raise PepperDrakeError(

@@ -1,8 +1,5 @@
 """A live session on its page: what is pressed is done, what is done is shown."""
 
-import time
-from pathlib import Path
-
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
@@ -25,31 +22,28 @@ class LiveShow:
         page: The controls.
     """
 
-    def __init__(self, session: LiveSession, page: LivePage, folder: Path) -> None:
+    def __init__(self, session: LiveSession, page: LivePage) -> None:
         """Shows a session.
 
         Args:
             session: What happens.
             page: On which page.
-            folder: Where Save puts what was taught.
         """
-        self.session, self.page, self._folder = session, page, folder
-        self._drawing = LiveDrawing(page.meshcat, session.scene)
+        self.session, self.page = session, page
+        self._drawing = LiveDrawing(page.meshcat, session.simulation.scene)
         self._mode: Mode | None = None
-        self._hint, self._hint_pace, self._hint_time = "", session.pace, time.perf_counter()
+        self._hint, self._pace = "", session.simulation.pace
 
     def press(self, button: str) -> None:
         """Does what a button says."""
         session = self.session
-        if button == "Save":
-            session.save(self._folder)
-        else:
-            {
-                "Record": session.record,
-                "Stop": session.stop,
-                "Learn": session.learn,
-                "Reach": session.reach,
-            }[button]()
+        {
+            "Record": session.record,
+            "Stop": session.stop,
+            "Learn": session.learn,
+            "Reach": session.reach,
+            "Save": session.save,
+        }[button]()
 
     def move(self, name: str, offset: Vector) -> None:
         """Moves the goal object or an obstacle as its sliders do, to an offset (3,) in W [m].
@@ -57,7 +51,7 @@ class LiveShow:
         Raises:
             InputError: There is nothing of that name that can be moved.
         """
-        self.session.set_offset(name, offset)
+        self.session.simulation.set_offset(name, offset)
         self.page.set_offset(name, offset)
 
     def lead(self, X_TG: RigidTransform) -> None:
@@ -70,35 +64,33 @@ class LiveShow:
         for button in page.pressed():
             self.press(button)
         for name, offset in page.offsets().items():
-            session.set_offset(name, offset)
+            session.simulation.set_offset(name, offset)
         limp = session.mode in _LIMP
         if limp:
             self._lead(entered=self._mode not in _LIMP)
         self._mode = session.mode
         session.advance()
         self._drawing.update(session)
-        page.show_status(session.mode.value, session.status, self._pace())
+        page.show_status(session.mode.value, session.status, self._describe_pace())
 
     def _lead(self, *, entered: bool) -> None:
         """Moves the guide as sliders or game pad say."""
-        session, page = self.session, self.page
+        simulation, page = self.session.simulation, self.page
         velocity = page.pad_velocity()
-        session.set_guide_velocity(velocity)
+        simulation.set_guide_velocity(velocity)
         if entered or np.any(velocity):
-            X_TG = session.guide_pose()
+            X_TG = simulation.guide_pose()
             page.set_hand(X_TG)
-            session.set_guide_target(X_TG)
+            simulation.set_guide_target(X_TG)
         else:
-            session.set_guide_target(page.hand())
+            simulation.set_guide_target(page.hand())
 
-    def _pace(self) -> str:
+    def _describe_pace(self) -> str:
         """How fast it goes, in words, once a second."""
-        now, pace = time.perf_counter(), self.session.pace
-        if now - self._hint_time > _HINT_PERIOD:
-            before = self._hint_pace
-            wall = now - self._hint_time
+        before, pace = self._pace, self.session.simulation.pace
+        wall = pace.wall_seconds - before.wall_seconds
+        if wall > _HINT_PERIOD:
             frames = (pace.frames - before.frames) / wall
             rate = (pace.simulated_seconds - before.simulated_seconds) / wall
-            self._hint = f"{frames:.0f} frames/s, {rate:.2f} of real time"
-            self._hint_pace, self._hint_time = pace, now
+            self._hint, self._pace = f"{frames:.0f} frames/s, {rate:.2f} of real time", pace
         return self._hint

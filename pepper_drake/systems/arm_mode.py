@@ -35,12 +35,14 @@ class ArmModeSwitch(LeafSystem):
         - desired_velocity
         - holding
         - active
+        - moving
 
     Inputs: `mode` (1), an ArmMode; `measured_position` and `joint_target` (5), where the arm is and
     where it should go in the mode JOINTS, rad; `position_command` (5), ArmCommand's, rad;
     `hand_velocity` (5), the inverse kinematics', rad/s, which is evaluated in the mode HAND only.
     Outputs: `desired_velocity` (5), rad/s; `holding` (1), 1 while a guide may hold the hand: in
-    LIMP; `active` (1), 1 while the primitive runs: in HAND. No state.
+    LIMP; `active` (1), 1 while the primitive runs: in HAND; `moving` (1), 1 while the arm moves by
+    itself: in JOINTS and HAND. No state.
 
     Args:
         time_constant: With which the command follows a joint target, s.
@@ -64,10 +66,11 @@ class ArmModeSwitch(LeafSystem):
         )
         self.holding_output = self._declare_flag("holding", ArmMode.LIMP)
         self.active_output = self._declare_flag("active", ArmMode.HAND)
+        self.moving_output = self._declare_flag("moving", ArmMode.JOINTS, ArmMode.HAND)
 
-    def _declare_flag(self, name: str, mode: ArmMode) -> OutputPort:
+    def _declare_flag(self, name: str, *modes: ArmMode) -> OutputPort:
         def calc(context: Context, output: BasicVector) -> None:
-            output.SetAtIndex(0, float(self._mode(context) == mode))
+            output.SetAtIndex(0, float(self._mode(context) in modes))
 
         return self.DeclareVectorOutputPort(name, 1, calc, {self.mode_input.ticket()})
 

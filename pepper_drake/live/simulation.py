@@ -1,0 +1,255 @@
+"""The simulated Pepper of a live session: what it is told, and what it measures, between frames."""
+
+import time
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, System
+
+from pepper_drake.diagrams.live_teaching import PUBLISH_PERIOD, LiveTeaching, with_movables
+from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.errors import InputError, PepperDrakeError
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.pepper import arm_group
+from pepper_drake.models.scene import Scene
+from pepper_drake.perception.cloud_points import cloud_points
+from pepper_drake.planning.command_check import StopReason
+from pepper_drake.systems.arm_mode import ArmMode
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast a session ran: over what time, s, and how many frames it showed."""
+
+    simulated_seconds: float = 0.0
+    wall_seconds: float = 0.0
+    frames: int = 0
+
+    @property
+    def realtime_rate(self) -> float:
+        """Simulated seconds by second."""
+        return self.simulated_seconds / max(self.wall_seconds, 1e-9)
+
+    @property
+    def frames_per_second(self) -> float:
+        """Frames by second of wall time."""
+        return self.frames / max(self.wall_seconds, 1e-9)
+
+
+class LiveSimulation:
+    """A LiveTeaching diagram and its simulator, from frame to frame.
+
+    Attributes:
+        diagram: What is simulated.
+        simulator: Its simulator.
+        arm_mode: Who moves the arm.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        station: StationConfig | None = None,
+        movables: Collection[str] = (),
+        coupling: str | None = None,
+        meshcat: Meshcat | None = None,
+        realtime: bool = False,
+    ) -> None:
+        """Makes the simulation; Pepper stands where the scene has it, its arm limp and held.
+
+        Args:
+            scene: With the goal within reach.
+            station: How the robot is simulated.
+            movables: Obstacles that can be moved, besides those that have a path in the scene.
+            coupling: The obstacle coupling's name; the scene's if left out.
+            meshcat: Where the robot is shown, if anywhere.
+            realtime: Whether it runs no faster than real time.
+        """
+        self.diagram = LiveTeaching(
+            with_movables(scene, movables),
+            make_primitive(None, scene.arm),
+            make_coupling(coupling or scene.coupling),
+            station=station,
+            meshcat=meshcat,
+        )
+        self.simulator = Simulator(self.diagram)
+        self.arm_mode = ArmMode.LIMP
+        self._offsets = {name: np.zeros(3) for name in self.diagram.movables}
+        self._guide_velocity = np.zeros(6)
+        self._frames = 0
+        self._began = time.perf_counter()
+        self._fix("arm_mode", [float(self.arm_mode)])
+        self._fix("guide_target", RigidTransform())
+        self._fix("guide_velocity", self._guide_velocity)
+        self._fix("joint_target", np.zeros(5))
+        for name, offset in self._offsets.items():
+            self._fix(f"{name}.target", offset)
+        self.simulator.set_target_realtime_rate(1.0 if realtime else 0.0)
+        self.simulator.Initialize()
+        self._take_hand()
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, with what can be moved on rails."""
+        return self.diagram.scene
+
+    @property
+    def arm(self) -> str:
+        """The arm that is taught, "left" or "right"."""
+        return self.diagram.arm
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.simulator.get_context().get_time())
+
+    @property
+    def pace(self) -> Pace:
+        """How fast it has run since it was made, all included."""
+        return Pace(self.time, time.perf_counter() - self._began, self._frames)
+
+    def advance(self) -> None:
+        """Simulates up to the next frame.
+
+        Raises:
+            PepperDrakeError: Drake's solver finds no next step.
+        """
+        self._frames += 1
+        try:
+            self.simulator.AdvanceTo(self._frames * PUBLISH_PERIOD)
+        except RuntimeError as error:
+            sentence = str(error).splitlines()[0]
+            raise PepperDrakeError(
+                f"the simulation cannot go on at {self.time:.2f} s: {sentence}"
+            ) from None
+
+    def torso_pose(self) -> RigidTransform:
+        """Returns X_WT."""
+        return RigidTransform(self._eval(self.diagram.station, "torso_pose"))
+
+    def hand_pose(self) -> RigidTransform:
+        """Returns X_TH."""
+        return RigidTransform(self._eval(self.diagram.station, f"{self.arm}_hand_pose"))
+
+    def guide_pose(self) -> RigidTransform:
+        """Returns X_TG of the guide."""
+        X_WG = self._eval(self.diagram.guide, "guide_pose")
+        return self.torso_pose().InvertAndCompose(RigidTransform(X_WG))
+
+    def joints(self) -> Vector:
+        """Returns the taught arm's joints (5,) [rad]."""
+        port = self.diagram.arm_position
+        return np.array(port.Eval(self._context(port.get_system())))
+
+    def samples(self, start: float) -> tuple[Vector, Vector]:
+        """Returns what was recorded from a time on [s]: times (N,) since then, samples (N, 12)."""
+        times, samples = self.diagram.recorder.samples(self.simulator.get_context())
+        recorded = times >= start - 1e-9
+        return times[recorded] - start, samples[recorded]
+
+    def goal_position(self) -> Vector:
+        """Returns where the hand's goal is (3,) in T [m]."""
+        return np.array(self._eval(self.diagram.hand_goal, "goal_position"))
+
+    def goal_distance(self) -> float:
+        """Returns how far the hand is from its goal [m]."""
+        return float(np.linalg.norm(self.goal_position() - self.hand_pose().translation()))
+
+    def goal_is_seen(self) -> bool:
+        """Tells whether Pepper knows where the goal is."""
+        estimator = self.diagram.perception.goal_estimator
+        return estimator is None or bool(self._eval(estimator, "valid")[0])
+
+    def cloud(self) -> Vector:
+        """Returns the obstacles that Pepper sees or remembers (P, 3) in W [m]."""
+        source = self.diagram.perception.cloud_source
+        if source is None:
+            return np.zeros((0, 3))
+        return cloud_points(self._eval(source, "cloud"))
+
+    def tau(self) -> float:
+        """Returns the duration of the movement, as the goal has extended it so far [s]."""
+        return float(self._eval(self.diagram.canonical, "tau")[0])
+
+    def coupling(self) -> Vector:
+        """Returns what the obstacles do to the hand (3,) in T [m/s²]: C_t / tau²."""
+        if self.arm_mode != ArmMode.HAND or self.diagram.coupling is None:
+            return np.zeros(3)
+        return np.array(self._eval(self.diagram.coupling, "coupling")) / self.tau() ** 2
+
+    def stop_reason(self) -> StopReason:
+        """Returns why the safety monitor has stopped the arm since its mode was set last."""
+        return StopReason(int(self._eval(self.diagram.safety, "stop_reason")[0]))
+
+    def set_arm_mode(self, mode: ArmMode) -> None:
+        """Changes who moves the arm; the arm stays where it is."""
+        limp = mode == ArmMode.LIMP
+        if limp != (self.arm_mode == ArmMode.LIMP):
+            self.diagram.station.set_stiffness(arm_group(self.arm), 0.0 if limp else 1.0)
+            if limp:
+                self._take_hand()
+        # A stop of the safety monitor is over when it has been decided what comes next.
+        self._reset(self.diagram.safety)
+        self.arm_mode = mode
+        self._fix("arm_mode", [float(mode)])
+
+    def set_guide_target(self, X_TG: RigidTransform) -> None:
+        """Puts the guide's target to a pose in T; the guide follows smoothly."""
+        self._fix("guide_target", RigidTransform(X_TG))
+
+    def set_guide_velocity(self, velocity: Vector) -> None:
+        """Moves the guide with a velocity (6,), angular and linear in T, instead of to a target."""
+        if np.any(velocity) or np.any(self._guide_velocity):
+            self._guide_velocity = np.array(velocity, dtype=float)
+            self._fix("guide_velocity", self._guide_velocity)
+
+    def set_joint_target(self, joints: Vector) -> None:
+        """Says where the arm goes in the mode JOINTS, (5,) [rad]."""
+        self._fix("joint_target", joints)
+
+    def set_primitive(self, primitive: MovementPrimitive) -> None:
+        """Says what the arm performs in the mode HAND."""
+        self._fix("primitive", primitive)
+
+    def set_offset(self, name: str, offset: Vector) -> None:
+        """Moves the goal object or an obstacle to an offset (3,) [m] from its place in the scene.
+
+        Raises:
+            InputError: There is nothing of that name that can be moved.
+        """
+        if name not in self._offsets:
+            raise InputError(f'"{name}" cannot be moved; {", ".join(self._offsets)} can')
+        if not np.array_equal(self._offsets[name], offset):
+            self._offsets[name] = np.array(offset, dtype=float)
+            self._fix(f"{name}.target", self._offsets[name])
+
+    def _take_hand(self) -> None:
+        """Lets the guide take the hand where the hand is now."""
+        self._reset(self.diagram.guide)
+        self.set_guide_target(self.hand_pose())
+        self.set_guide_velocity(np.zeros(6))
+
+    def _reset(self, system: System) -> None:
+        system.SetDefaultContext(system.GetMyMutableContextFromRoot(self._root))
+
+    @property
+    def _root(self) -> Context:
+        return self.simulator.get_mutable_context()
+
+    def _context(self, system: System) -> Context:
+        return system.GetMyContextFromRoot(self._root)
+
+    def _fix(self, port: str, value: object) -> None:
+        self.diagram.GetInputPort(port).FixValue(self._root, value)
+
+    def _eval(self, system: System, port: str) -> Any:
+        return system.GetOutputPort(port).Eval(self._context(system))
