@@ -3,6 +3,8 @@
   --way guided    a person leads the limp arm by the hand, along a script of via points
   --way joints    a person drags the arm's joints, one after the other
   --way gamepad   a person steers the hand with a game pad's sticks and buttons
+  --way marker    a person opposite the robot moves a marker; a camera of the head sees it, and
+                  the arm does the same, scaled to its own size
 
 Writes a folder with translation.txt, rotation.txt and joints.csv (the demonstration), report.json
 and recording.html (a stand-alone page that shows the motion). What is recorded is on the disk
@@ -12,6 +14,8 @@ and --recover makes it a finished demonstration.
   record.py --guide reach                     the script that ships
   record.py --guide my_guide.yaml --arm left  a script of your own, mirrored for the left arm
   record.py --way joints                      as it ships; --guide FILE for your own
+  record.py --way marker --guide mine.yaml    its fields scale and yaw say how the person's
+                                              motion becomes the arm's
   record.py --recover out/record              keep what an interrupted recording left
 """
 
@@ -31,6 +35,7 @@ from pepper_drake.cli import (
     run,
     stop_on_interrupt,
 )
+from pepper_drake.diagrams.marker_teaching import record_marker
 from pepper_drake.diagrams.recording import (
     Recording,
     RecordOptions,
@@ -42,11 +47,17 @@ from pepper_drake.learning import Demonstration
 from pepper_drake.learning.recording import recover
 from pepper_drake.models.guide import GUIDES, load_guide
 from pepper_drake.models.joint_script import JOINT_SCRIPTS, load_joint_script
+from pepper_drake.models.marker_script import MARKER_SCRIPTS, load_marker_script
 from pepper_drake.models.pad_script import PAD_SCRIPTS, load_pad_script
 
 MAX_FINAL_DISTANCE = 0.02
 """Farther from where the script has it [m] than this at the end, the hand did not follow."""
-SHIPPED = {"guided": GUIDES, "joints": JOINT_SCRIPTS, "gamepad": PAD_SCRIPTS}
+SHIPPED = {
+    "guided": GUIDES,
+    "joints": JOINT_SCRIPTS,
+    "gamepad": PAD_SCRIPTS,
+    "marker": MARKER_SCRIPTS,
+}
 """The names of the scripts that ship, by the way to teach; the first is the default."""
 
 
@@ -106,7 +117,7 @@ def record(arguments: argparse.Namespace) -> int:
             realtime=arguments.live,
             progress=not arguments.quiet,
         )
-        arm, recording = perform(arguments, options)
+        arm, recording, seen = perform(arguments, options)
     wall_seconds = time.perf_counter() - start
     demonstration = recording.demonstration
 
@@ -124,6 +135,7 @@ def record(arguments: argparse.Namespace) -> int:
         "derivation": demonstration.derivation,
         "guide_distance_rms": recording.distance_rms,
         "final_guide_distance": recording.final_distance,
+        **seen,
         "wall_seconds": wall_seconds,
         "seed": arguments.seed,
     }
@@ -135,22 +147,33 @@ def record(arguments: argparse.Namespace) -> int:
     return EXIT_DONE if followed else EXIT_FAILED
 
 
-def perform(arguments: argparse.Namespace, options: RecordOptions) -> tuple[str, Recording]:
-    """Loads the way's script and records it; returns the arm as well."""
+def perform(
+    arguments: argparse.Namespace, options: RecordOptions
+) -> tuple[str, Recording, dict[str, float]]:
+    """Loads the way's script and records it; returns the arm and what a camera saw, as well."""
     way = arguments.way
     name = arguments.guide or SHIPPED[way][0]
     mirror = arguments.arm
     if way == "joints":
         joints = load_joint_script(name)
         joints = joints if mirror in (None, joints.arm) else joints.mirrored()
-        return joints.arm, record_joints(joints, options)
+        return joints.arm, record_joints(joints, options), {}
     if way == "gamepad":
         pad = load_pad_script(name)
         pad = pad if mirror in (None, pad.arm) else pad.mirrored()
-        return pad.arm, record_pad(pad, options)
+        return pad.arm, record_pad(pad, options), {}
+    if way == "marker":
+        marker = load_marker_script(name)
+        marker = marker if mirror in (None, marker.arm) else marker.mirrored()
+        result = record_marker(marker, options, seed=arguments.seed)
+        seen = {
+            "sightings": len(result.sightings.times),
+            "sighting_error_rms": result.tracking_error_rms,
+        }
+        return marker.arm, result.recording, seen
     guide = load_guide(name)
     guide = guide if mirror in (None, guide.arm) else guide.mirrored()
-    return guide.arm, record_guided(guide, options)
+    return guide.arm, record_guided(guide, options), {}
 
 
 def summary(demonstration: Demonstration) -> str:

@@ -147,7 +147,7 @@ def record_guided(script: GuideScript, options: RecordOptions | None = None) -> 
         options: How the recording is made.
     """
     options = options or RecordOptions()
-    builder, teaching = _teaching(script, "hand", options)
+    builder, teaching = make_teaching(script, "hand", options)
     plant_context = teaching.plant.CreateDefaultContext()
     X_WT = teaching.plant.GetFrameByName("torso").CalcPoseInWorld(plant_context)
     X_WH = teaching.plant.GetFrameByName(hand_frame(script.arm)).CalcPoseInWorld(plant_context)
@@ -161,7 +161,7 @@ def record_guided(script: GuideScript, options: RecordOptions | None = None) -> 
     session = Session(builder.Build(), teaching, options)
     recorded, motion, stopped = session.run(path.end_time + script.rest, script.name)
     guided = [(X_WT.inverse() @ path.pose(time)).translation() for time in recorded.times]
-    return _recording(recorded, motion, stopped, np.array(guided))
+    return measured_recording(recorded, motion, stopped, np.array(guided))
 
 
 def record_joints(script: JointScript, options: RecordOptions | None = None) -> Recording:
@@ -172,7 +172,7 @@ def record_joints(script: JointScript, options: RecordOptions | None = None) -> 
         options: How the recording is made.
     """
     options = options or RecordOptions()
-    builder, teaching = _teaching(script, "joints", options)
+    builder, teaching = make_teaching(script, "joints", options)
     path = joint_path(script)
     source = builder.AddNamedSystem(
         "scripted_joints",
@@ -183,7 +183,7 @@ def record_joints(script: JointScript, options: RecordOptions | None = None) -> 
     recorded, motion, stopped = session.run(path.end_time() + script.rest, script.name)
     geometry = ArmGeometry(shared_control_model(), script.arm)
     dragged = [geometry.hand_pose(path.value(time)[:, 0]).translation() for time in recorded.times]
-    return _recording(recorded, motion, stopped, np.array(dragged))
+    return measured_recording(recorded, motion, stopped, np.array(dragged))
 
 
 def record_pad(script: PadScript, options: RecordOptions | None = None) -> Recording:
@@ -194,7 +194,7 @@ def record_pad(script: PadScript, options: RecordOptions | None = None) -> Recor
         options: How the recording is made.
     """
     options = options or RecordOptions()
-    builder, teaching = _teaching(script, "hand", options)
+    builder, teaching = make_teaching(script, "hand", options)
 
     def pad_at(time: float) -> GamepadState:
         step = script.step_at(time)
@@ -213,7 +213,7 @@ def record_pad(script: PadScript, options: RecordOptions | None = None) -> Recor
     session = Session(builder.Build(), teaching, options)
     recorded, motion, stopped = session.run(script.end_time + script.rest, script.name)
     log = steered.FindLog(session.simulator.get_context())
-    return _recording(recorded, motion, stopped, log.data().T)
+    return measured_recording(recorded, motion, stopped, log.data().T)
 
 
 def joint_path(script: JointScript) -> PiecewisePolynomial:
@@ -234,9 +234,10 @@ def joint_path(script: JointScript) -> PiecewisePolynomial:
     return PiecewisePolynomial.CubicHermite(times, knots, np.zeros_like(knots))
 
 
-def _teaching(
+def make_teaching(
     script: TeachingScript, guided_by: str, options: RecordOptions
 ) -> tuple[DiagramBuilder, Teaching]:
+    """Starts a diagram with the Teaching that a script is for."""
     builder = DiagramBuilder()
     teaching = Teaching(
         script.arm, script.positions(), guided_by=guided_by, meshcat=options.meshcat
@@ -244,7 +245,7 @@ def _teaching(
     return builder, builder.AddNamedSystem("teaching", teaching)
 
 
-def _recording(
+def measured_recording(
     recorded: Demonstration, motion: Demonstration, stopped: bool, scripted: Vector
 ) -> Recording:
     """Compares what was recorded with where the script has the hand in T, (N, 3)."""

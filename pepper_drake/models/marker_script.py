@@ -1,0 +1,87 @@
+"""Marker scripts: how a person moves a marker before the robot's eyes, as typed YAML files."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from pepper_drake.errors import InputError
+from pepper_drake.models.guide import ViaPoint
+from pepper_drake.models.teaching_script import TeachingScript, check_vector, load_script
+
+MARKER_SCRIPTS = ("marker",)
+"""The names of the marker scripts that ship."""
+
+CAMERAS = ("top", "bottom")
+
+FACING = RollPitchYaw(np.pi / 2, 0.0, -np.pi / 2).ToRotationMatrix()
+"""R_TM of a marker that is held upright and faces the robot: x to its left, y up, z to it."""
+
+
+@dataclass
+class MarkerScript(TeachingScript):
+    """A person opposite the robot moves a marker, which is seen by a camera of the head.
+
+    The map from the person's workspace to the arm's is stated, not guessed: see `WorkspaceMap`.
+    """
+
+    camera: str = "top"  # The head's camera that looks.
+    period: float = 0.1  # Between two images [s].
+    marker_id: int = 11  # In DICT_4X4_50.
+    marker_size: float = 0.08  # Edge of the black square [m].
+    scale: float = 0.6  # Of the arm's motion to the person's: the ratio of their arms' lengths.
+    yaw: float = np.pi  # From the person's axes to the robot's, about z [rad]; pi: face to face.
+    # The marker's way: its middle in T [m], and how it is turned from facing the robot.
+    path: list[ViaPoint] = field(default_factory=list)
+
+    def check(self) -> None:
+        """Raises InputError, in one sentence that names the field, if it makes no sense."""
+        super().check()
+        if self.camera not in CAMERAS:
+            raise InputError(f'camera is "{self.camera}"; it must be one of {", ".join(CAMERAS)}')
+        if not 0 <= self.marker_id < 50:
+            raise InputError(f"marker_id is {self.marker_id}; DICT_4X4_50 has 0 to 49")
+        for name in ("period", "marker_size", "scale"):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f"{name} is {getattr(self, name):g}; it must be above 0")
+        if not np.isfinite(self.yaw):
+            raise InputError("yaw must be a finite number")
+        if len(self.path) < 3:
+            raise InputError(f"path holds {len(self.path)} poses; it needs at least three")
+        if self.path[0].time != 0.0:
+            raise InputError(f"path[0].time is {self.path[0].time:g} s; it must be 0")
+        for index, via in enumerate(self.path):
+            check_vector(f"path[{index}].position", via.position)
+            check_vector(f"path[{index}].rpy", via.rpy)
+            if index and not via.time > self.path[index - 1].time:
+                raise InputError(f"path[{index}].time is {via.time:g} s; times must increase")
+
+    def poses(self) -> tuple[list[float], list[RigidTransform]]:
+        """Returns the times [s], the rest at the start included, and the poses X_TM."""
+        times = [self.rest + via.time for via in self.path]
+        poses = [
+            RigidTransform(
+                RollPitchYaw(np.array(via.rpy)).ToRotationMatrix() @ FACING, via.position
+            )
+            for via in self.path
+        ]
+        return times, poses
+
+    def mirrored(self) -> Self:
+        """Returns the script for the other arm, mirrored at the robot's x-z plane."""
+        mirror = super().mirrored()
+        mirror.yaw = -self.yaw
+        for via in mirror.path:
+            via.mirror()
+        return mirror
+
+
+def load_marker_script(name_or_path: str | Path) -> MarkerScript:
+    """Loads and checks a marker script that ships (by its name) or a YAML file.
+
+    Raises:
+        InputError: With one sentence that names the file and the field.
+    """
+    return load_script(MarkerScript, name_or_path, MARKER_SCRIPTS)
