@@ -39,7 +39,7 @@ def test_positions_are_those_of_a_pinhole_camera():
     assert tracker.sighting_output.Eval(context)[0] == -np.inf
 
     distance = FOCAL * SIZE / EDGE
-    for number, (left, top) in enumerate([(200, 150), (230, 160), (400, 300)], start=1):
+    for number, (left, top) in enumerate([(200, 150), (230, 160), (250, 200)], start=1):
         tracker.image_input.FixValue(context, picture(left, top))
         tracker.time_stamp_input.FixValue(context, [0.1 * number])
         simulator.AdvanceTo(0.1 * (number + 1))
@@ -47,10 +47,9 @@ def test_positions_are_those_of_a_pinhole_camera():
         u, v = left + (EDGE - 1) / 2 - 319.5, top + (EDGE - 1) / 2 - 239.5
         expected = [distance, -u * distance / FOCAL, 0.3 - v * distance / FOCAL]
         assert sighting[0] == pytest.approx(0.1 * number)
-        # Its edges are as sharp as no camera makes them: good for a pixel in sixty.
-        np.testing.assert_allclose(sighting[1:4], expected, atol=distance / EDGE)
+        np.testing.assert_allclose(sighting[1:4], expected, atol=1e-3)
         facing = FACING.ToQuaternion().wxyz()
-        assert 2 * np.arccos(min(abs(sighting[4:] @ facing), 1.0)) < 0.1
+        assert 2 * np.arccos(min(abs(sighting[4:] @ facing), 1.0)) < 0.01
 
     # An image without the marker leaves the last sighting as it is.
     before = sighting.copy()
