@@ -61,7 +61,7 @@ class StationConfig:
     """Whether the cameras exist; without them a run is several times faster."""
     camera_period: float = 0.2
     """Time between images of each camera, s."""
-    camera_latency: float = 0.1
+    camera_latency: float = 0.15
     """From an image's capture until it is out, s; assumed for images that come over a network."""
     noise: bool = True
     """Whether the cameras have the noise of the real ones."""
