@@ -21,7 +21,12 @@ from pepper_drake.optimization.movement_problem import make_task, movement_probl
 from pepper_drake.optimization.optimizer import Optimizer
 from pepper_drake.optimization.outcome import Outcome
 from pepper_drake.optimization.parallel import dask_cluster, evaluate_all, processes
-from pepper_drake.optimization.parameters import MovementParameters, all_weights, smooth_bumps
+from pepper_drake.optimization.parameters import (
+    MovementParameters,
+    all_weights,
+    joint_bumps,
+    smooth_bumps,
+)
 from pepper_drake.optimization.pi2_cma import Pi2Cma
 from pepper_drake.optimization.problem import Problem
 from pepper_drake.optimization.search import search
@@ -46,6 +51,7 @@ __all__ = [
     "compare_methods",
     "dask_cluster",
     "evaluate_all",
+    "joint_bumps",
     "load_cost",
     "make_optimizer",
     "make_task",

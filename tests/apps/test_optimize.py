@@ -5,7 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from pepper_drake.diagrams.reach_setup import SHIPPED_DEMONSTRATION
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.example_motions import example_demonstrations
 from pepper_drake.optimization import History
@@ -29,6 +31,18 @@ def motion(tmp_path_factory):
     return path
 
 
+@pytest.fixture
+def plain_figures(monkeypatch):
+    """Empty figures, where a test is about something else."""
+    for name in ("draw_costs", "draw_ways"):
+        monkeypatch.setattr(
+            f"pepper_drake.reporting.optimization_report.{name}", lambda *_, **__: Figure()
+        )
+    monkeypatch.setattr(
+        "pepper_drake.optimization.ratings.draw_reproductions", lambda *_, **__: Figure()
+    )
+
+
 def test_the_reports_run(monkeypatch, tmp_path, capsys, motion):
     assert run_app(monkeypatch, motion, *AWAY, "--output", tmp_path) == 0
     said = capsys.readouterr()
@@ -48,6 +62,7 @@ def test_the_reports_run(monkeypatch, tmp_path, capsys, motion):
         assert (tmp_path / name).stat().st_size > 10_000
 
 
+@pytest.mark.usefixtures("plain_figures")
 def test_interrupted_and_resumed(monkeypatch, tmp_path, capsys, motion):
     from pepper_drake.optimization.fast_rollouts import FastRollouts
 
@@ -75,6 +90,7 @@ def test_interrupted_and_resumed(monkeypatch, tmp_path, capsys, motion):
     assert "--resume: seed was 0 and is 1 now" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("plain_figures")
 def test_around_obstacles_from_a_primitive(monkeypatch, tmp_path, motion):
     primitive = MovementPrimitive.fit(Demonstration.load(motion))
     primitive.save(tmp_path / "primitive.yaml")
@@ -94,6 +110,7 @@ def test_around_obstacles_from_a_primitive(monkeypatch, tmp_path, motion):
     assert report["costs"][0] > 0.3
 
 
+@pytest.mark.usefixtures("plain_figures")
 def test_a_tutor_types_scores(monkeypatch, tmp_path, motion):
     questions = []
     monkeypatch.setattr("builtins.input", lambda text: questions.append(text) or "6")
@@ -106,6 +123,7 @@ def test_a_tutor_types_scores(monkeypatch, tmp_path, motion):
     assert (tmp_path / "ratings.txt").read_text() == "6\n" * 4
 
 
+@pytest.mark.usefixtures("plain_figures")
 def test_a_tutor_writes_scores(monkeypatch, tmp_path, capsys, motion):
     scores = tmp_path / "scores.txt"
     scores.write_text("3\n9\n")
@@ -132,6 +150,27 @@ def test_all_methods_compared(monkeypatch, tmp_path, capsys, motion):
     assert (tmp_path / "comparison.png").stat().st_size > 20_000
 
 
+@pytest.mark.usefixtures("plain_figures")
+def test_the_whole_arm_around_a_table(monkeypatch, tmp_path, capsys):
+    x, y = np.meshgrid(np.arange(0.15, 0.6, 0.02), np.arange(-0.7, 0.3, 0.02))
+    points = np.column_stack((x.ravel(), y.ravel(), np.full(x.size, -0.08)))
+    np.savetxt(tmp_path / "cloud.txt", points)
+    code = run_app(
+        monkeypatch,
+        *(SHIPPED_DEMONSTRATION, "--obstacles", tmp_path / "cloud.txt"),
+        *("--rollouts", "kinematics", "--method", "cmaes", "--exploration", "0.0036"),
+        *("--samples", "24", "--updates", "40", "--target", "0.02", "--seed", "1"),
+        *("--output", tmp_path / "out"),
+    )
+    assert code == 0
+    assert "arm_clearance" in capsys.readouterr().out
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["best_cost"] <= 0.02
+    assert report["updates"] < 40
+    assert report["parameters"] == 30
+    assert report["best_terms"]["arm_clearance"] > 0.012
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -144,6 +183,9 @@ def test_all_methods_compared(monkeypatch, tmp_path, capsys, motion):
         ([*AWAY, "--cost", "hand_to_obstacles"], "needs obstacles"),
         (["--obstacles", "none.txt"], "none.txt: no such file"),
         (["--cost", "jerk", "--clearance", "-1"], "--clearance: -1.0 m is negative"),
+        ([*AWAY, "--scene", "table"], "--scene: is for --rollouts diagram only"),
+        ([*AWAY, "--free", "joints"], "it has no joints"),
+        (["--rollouts", "kinematics", "--cost", "jerk"], "it has no joints"),
     ],
 )
 def test_bad_options_are_one_sentence(monkeypatch, tmp_path, capsys, motion, options, words):
