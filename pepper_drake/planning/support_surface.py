@@ -7,7 +7,6 @@ the surface is taken to go on along its front edge.
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import theilslopes
 
 Vector = npt.NDArray[np.float64]
 
@@ -22,13 +21,15 @@ _BEYOND = 0.5
 _DEPTH = 0.2
 """How deep, from the edge, m."""
 _SPACING = 0.02
+_RAGGED = 0.012
+"""How far points of a straight edge may be off it, m."""
 
 
 def supposed_surface(cloud_W: Vector, p_WO: Vector, p_WB: Vector) -> Vector:
     """Points (K, 3) of the surface beside what was seen of it, m.
 
-    The front edge is the line through the points nearest to the robot, stripe by stripe, by the
-    median of slopes (Theil 1950, Sen 1968), which stripes that are half hidden do not bend.
+    The front edge is where the surface begins in front of the goal, stripe by stripe. Farther aside
+    the view, which is a fan, may begin behind the edge: those stripes do not count.
 
     Args:
         cloud_W: (P, 3) what was seen.
@@ -53,7 +54,7 @@ def supposed_surface(cloud_W: Vector, p_WO: Vector, p_WB: Vector) -> Vector:
         return np.zeros((0, 3))
     front = np.full(len(numbers), np.inf)
     np.minimum.at(front, index, depth)
-    slope, offset = theilslopes(front, (numbers + 0.5) * _BIN)[:2]
+    slope, offset = _front_line((numbers + 0.5) * _BIN, front)
     behind = depth - (offset + slope * along)
     beyond = np.arange(_SPACING, _BEYOND, _SPACING)
     rows = []
@@ -65,3 +66,24 @@ def supposed_surface(cloud_W: Vector, p_WO: Vector, p_WB: Vector) -> Vector:
             rows.append(p_WB[:2] + x[:, None] * ahead + y[:, None] * left)
     xy = np.concatenate(rows) if rows else np.zeros((0, 2))
     return np.column_stack((xy, np.full(len(xy), p_WO[2])))
+
+
+def _front_line(y: Vector, front: Vector) -> tuple[float, float]:
+    """Slope and offset of the edge x = offset + slope y from where stripes (N,) at y begin.
+
+    The edge is the side of their convex hull that faces the robot, at y = 0, made better by least
+    squares through all stripes that begin there.
+    """
+    best = (0.0, float(front.min()))
+    rise = (front - front[:, None]) / np.where(y == y[:, None], 1.0, y - y[:, None])
+    for i, j in zip(*np.nonzero((y[:, None] <= 0.0) & (y > 0.0)), strict=True):
+        # Of all lines through a stripe on either side, the one below which none begins.
+        if np.all(front >= front[i] + rise[i, j] * (y - y[i]) - 1e-9):
+            best = (float(rise[i, j]), float(front[i] - rise[i, j] * y[i]))
+            break
+    slope, offset = best
+    on = front <= offset + slope * y + _RAGGED
+    if np.count_nonzero(on) < 2:
+        return best
+    slope, offset = np.polyfit(y[on], front[on], 1)
+    return float(slope), float(offset)
