@@ -167,7 +167,8 @@ def _load_primitive(path: Path) -> Motion:
     names = primitive.posture.names if primitive.posture is not None else ()
     way = np.linalg.norm(np.diff(rollout.positions, axis=0), axis=1).sum()
     return Motion(
-        name=path.stem,
+        # All apps call it primitive.yaml: the folder tells one from another.
+        name=path.stem if path.stem != "primitive" else path.resolve().parent.name,
         arm=_arm_of(names, rollout.positions),
         times=rollout.times,
         # Its joints are only where the arm tends to: the hand is drawn where it is told to be.

@@ -131,4 +131,6 @@ def test_a_primitive_is_rolled_out(tmp_path):
     MovementPrimitive.fit(demo).save(tmp_path / "reach.yaml")
     motion = load_motion(tmp_path / "reach.yaml")
     assert (motion.name, motion.arm) == ("reach", "right")
+    MovementPrimitive.fit(demo).save(tmp_path / "learned" / "primitive.yaml")
+    assert load_motion(tmp_path / "learned" / "primitive.yaml").name == "learned"
     np.testing.assert_allclose(motion.hand_T[-1], demo.positions[-1], atol=2e-3)

@@ -1,0 +1,136 @@
+"""The tutorial does what it says: its commands and its Python run, and print what it prints."""
+
+import itertools
+import json
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+TUTORIAL = ROOT / "docs" / "tutorial.md"
+SHOWN_ONLY = "<!-- shown only -->"
+
+
+@dataclass
+class Block:
+    language: str
+    text: str
+    line: int
+    executed: bool
+
+
+def blocks():
+    text = TUTORIAL.read_text()
+    found = []
+    for match in re.finditer(r"^```(\w+)\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL):
+        before = text[: match.start()].rstrip()
+        found.append(
+            Block(
+                language=match.group(1),
+                text=match.group(2),
+                line=text[: match.start()].count("\n") + 1,
+                executed=match.group(1) in ("sh", "python") and not before.endswith(SHOWN_ONLY),
+            )
+        )
+    return found
+
+
+BLOCKS = blocks()
+APP_COMMAND = re.compile(r"^\.venv/bin/python (apps/\w+\.py)(.*)$", flags=re.MULTILINE)
+
+# All in one process, as imports are most of the time that the apps take.
+DRIVER = """
+import contextlib, io, json, runpy, shlex, subprocess, sys
+from pathlib import Path
+from pepper_drake import cli
+
+cli.quiet_libraries = lambda: None  # It would take standard output away from us.
+task = json.loads(sys.argv[1])
+root, names = Path(task["root"]), {}
+
+def run_app(line):
+    _, app, *arguments = shlex.split(line)
+    sys.argv = [app, *arguments]
+    try:
+        runpy.run_path(str(root / app), run_name="__main__")
+    except SystemExit as end:
+        if end.code:
+            raise RuntimeError(f"{line}: exit code {end.code}") from None
+
+def run(block):
+    if block["language"] == "python":
+        exec(compile(block["text"], f"tutorial line {block['line']}", "exec"), names)
+    elif block["text"].startswith(".venv/bin/python "):
+        for line in block["text"].replace("\\\\\\n", " ").splitlines():
+            run_app(line)
+    else:
+        subprocess.run(["bash", "-euc", block["text"]], check=True)
+
+def printed_by(action, argument):
+    with contextlib.redirect_stdout(io.StringIO()) as output:
+        action(argument)
+    return output.getvalue()
+
+printed = [printed_by(run, block) for block in task["blocks"]]
+helps = {app: printed_by(run_app, f"python {app} --help") for app in task["apps"]}
+Path("results.json").write_text(json.dumps({"printed": printed, "helps": helps}))
+"""
+
+EXECUTED = [block for block in BLOCKS if block.executed]
+APPS = sorted({app for block in BLOCKS for app, _ in APP_COMMAND.findall(block.text)})
+SHOWN_OUTPUTS = {
+    block.line: after
+    for block, after in itertools.pairwise(BLOCKS)
+    if block.executed and after.language == "text"
+}
+
+
+def run_tutorial(folder):
+    """What each executed block printed, and each app's help, which is all that a folder needs."""
+    (folder / "pepper_drake").symlink_to(ROOT / "pepper_drake")
+    task = {"root": str(ROOT), "blocks": [vars(block) for block in EXECUTED], "apps": APPS}
+    result = subprocess.run(
+        [sys.executable, "-c", DRIVER, json.dumps(task)], cwd=folder, capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr[-2000:]
+    results = json.loads((folder / "results.json").read_text())
+    return results["printed"], results["helps"]
+
+
+def same_but_for_digits(shown, printed):
+    words = re.split(r"[-+]?\d+(?:\.\d+)?(?:e-?\d+)?", shown)
+    pattern = r"\s*[-+]?\d[-+.e\d]*".join(re.escape(word.rstrip()) for word in words)
+    return re.match(pattern, printed)
+
+
+def test_the_tutorial_runs_and_shows_what_is_printed(tmp_path):
+    """One test, so that one process runs it: words as they stand, numbers of any digits."""
+    printed, helps = run_tutorial(tmp_path)
+    for block, output in zip(EXECUTED, printed, strict=True):
+        for shown in (
+            SHOWN_OUTPUTS[block.line].text.splitlines() if block.line in SHOWN_OUTPUTS else []
+        ):
+            lines = output.splitlines()
+            assert any(same_but_for_digits(shown, line) for line in lines), (shown, lines)
+    for block in BLOCKS:
+        for app, arguments in APP_COMMAND.findall(block.text):
+            for option in re.findall(r"--[a-z-]+", arguments):
+                assert option in helps[app], (block.line, option)
+
+
+def test_numbers_may_differ_and_words_may_not():
+    assert same_but_for_digits("reached 0.6 mm", "reached   1.21e-05 mm  (60 steps)")
+    assert not same_but_for_digits("reached 0.6 mm", "missed 0.6 mm")
+    assert not same_but_for_digits("reached 0.6 mm", "reached mm")
+
+
+def test_most_of_the_tutorial_is_executed():
+    assert len(EXECUTED) >= 8
+    assert len(SHOWN_OUTPUTS) >= 5
+
+
+def test_what_the_tutorial_links_to_is_there():
+    for link in re.findall(r"\]\(([^)#]+)", TUTORIAL.read_text()):
+        assert link.startswith("https://") or (TUTORIAL.parent / link).exists(), link
