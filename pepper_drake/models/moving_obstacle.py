@@ -8,12 +8,11 @@ wait, for the arm to get there is not its business.
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Capsule
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.scene import Obstacle, Scene
-from pepper_drake.models.shapes import PlacedShape, distances
+from pepper_drake.models.shapes import distances
 
 Array = npt.NDArray[np.float64]
 
@@ -29,12 +28,12 @@ _LIFT = 0.001
 """Between what rolls and the table [m]."""
 _GAP = 0.015
 """Least distance to what stands on the table [m]."""
-_HAND = 0.13
-"""Radius about the hand's goal, and of the forearm behind it, that is left free [m]."""
+_FREE = 0.11
+"""What is left free about the hand's goal and the forearm behind it [m]."""
 _FOREARM = 0.22
-_NEAREST, _FARTHEST = 0.02, 0.15
-"""How near it comes to what is left free [m]."""
-_MAX_TRIES = 500
+_FARTHEST = 0.10
+"""It comes at least so near to what is left free [m]."""
+_MAX_TRIES = 1000
 """For each kind of thing."""
 
 
@@ -50,30 +49,41 @@ def moving_obstacle(scene: Scene, rng: np.random.Generator) -> Obstacle:
     """
     top = next(o for o in scene.obstacles if o.name == "table_top")
     near = [o for o in scene.solids() if o.name != "table_top" and "leg" not in o.name]
-    reserved = _arm_at_goal(scene)
+    final = _arm_at_goal(scene)
     for kind in rng.permutation(_KINDS):
         for _ in range(_MAX_TRIES):
             obstacle = _draw(str(kind), scene, rng)
             poses = _poses(obstacle)
-            if not _over_table(obstacle, poses, top):
-                continue
-            nearest = float(distances(obstacle.solid(), poses, [reserved]).min())
-            if not _NEAREST <= nearest <= _FARTHEST:
-                continue
-            if distances(obstacle.solid(), poses, near).min() >= _GAP:
+            axis = _axis(obstacle, poses)
+            if (
+                _over_table(obstacle, axis, top)
+                and 0.0 <= _distance(axis, *final) - _FREE - obstacle.size[0] <= _FARTHEST
+                and distances(obstacle.solid(), poses, near).min() >= _GAP
+            ):
                 return obstacle
     raise InputError(f"{scene.name}: the table is too full for anything to move over it")
 
 
-def _arm_at_goal(scene: Scene) -> PlacedShape:
-    """The hand at its goal and the forearm behind it, as a capsule."""
-    X_WG = scene.goal.pose() @ scene.pre_grasp()
+def _arm_at_goal(scene: Scene) -> tuple[Array, Array]:
+    """The hand at its goal, and the forearm's other end, in the world [m]."""
+    hand = (scene.goal.pose() @ scene.pre_grasp()).translation()
     side = 1.0 if scene.arm == "left" else -1.0
     # The elbow is nearer to the robot, and on the arm's side.
-    towards = np.array([-1.0, 0.4 * side, 0.0]) / np.hypot(1.0, 0.4)
-    pitch_from_z = RollPitchYaw(0.0, np.pi / 2, np.arctan2(towards[1], towards[0]))
-    center = X_WG.translation() + 0.5 * _FOREARM * towards
-    return PlacedShape("arm", Capsule(_HAND, _FOREARM), RigidTransform(pitch_from_z, center))
+    return hand, hand + _FOREARM * np.array([-1.0, 0.4 * side, 0.0]) / np.hypot(1.0, 0.4)
+
+
+def _axis(obstacle: Obstacle, poses: list[RigidTransform]) -> Array:
+    """Points (N, 7, 3) on its axis along its way; a ball's are all its centre."""
+    half = obstacle.size[1] / 2 if len(obstacle.size) > 1 else 0.0
+    along = np.linspace([0.0, 0.0, -half], [0.0, 0.0, half], 7)
+    return np.array([along @ X.rotation().matrix().T + X.translation() for X in poses])
+
+
+def _distance(points: Array, one: Array, other: Array) -> float:
+    """The least distance of points (..., 3) to the line between two [m]."""
+    line = other - one
+    share = np.clip((points - one) @ line / (line @ line), 0.0, 1.0)
+    return float(np.linalg.norm(points - one - share[..., None] * line, axis=-1).min())
 
 
 def _draw(kind: str, scene: Scene, rng: np.random.Generator) -> Obstacle:
@@ -91,7 +101,7 @@ def _draw(kind: str, scene: Scene, rng: np.random.Generator) -> Obstacle:
     if kind == "person_arm":
         obstacle.shape, obstacle.size, obstacle.color = "capsule", [radius, _ARM], list(_SKIN)
         obstacle.rpy = [0.0, np.pi / 2, heading]
-        z = height + radius + float(rng.uniform(0.01, 0.10))
+        z = height + radius + float(rng.uniform(0.01, 0.20))
         start -= along * _ARM / 2  # Its fingers come to the end of the way; the rest is behind.
     elif kind == "rolling_ball":
         obstacle.shape, obstacle.size = "sphere", [radius]
@@ -128,13 +138,11 @@ def _poses(obstacle: Obstacle, count: int = 12) -> list[RigidTransform]:
     ]
 
 
-def _over_table(obstacle: Obstacle, poses: list[RigidTransform], top: Obstacle) -> bool:
+def _over_table(obstacle: Obstacle, axis: Array, top: Obstacle) -> bool:
     """Whether it never comes to the robot's side of the edge, and what rolls stays on the table."""
     radius = obstacle.size[0]
-    half = obstacle.size[1] / 2 if len(obstacle.size) > 1 else 0.0
-    ends = np.array([(X @ [0.0, 0.0, s * half])[:2] for X in poses for s in (-1.0, 1.0)])
     low = np.array(top.position[:2]) - np.array(top.size[:2]) / 2 + radius
     high = np.array(top.position[:2]) + np.array(top.size[:2]) / 2 - radius
     if obstacle.shape == "capsule":
-        return bool(np.all(ends[:, 0] >= low[0]))
-    return bool(np.all((ends >= low) & (ends <= high)))
+        return bool(np.all(axis[..., 0] >= low[0]))
+    return bool(np.all((axis[..., :2] >= low) & (axis[..., :2] <= high)))

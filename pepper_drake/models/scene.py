@@ -194,9 +194,9 @@ class Scene:
         if not still:
             return
         times, poses = obstacle.poses_along(0.05)
-        depths = -distances(obstacle.solid(), poses, still)
-        row, column = np.unravel_index(int(depths.argmax()), depths.shape)
-        if depths[row, column] > 1e-3:
+        inside = np.argwhere(distances(obstacle.solid(), poses, still) < -1e-3)
+        if len(inside):
+            row, column = inside[0]
             raise InputError(
                 f'{field_name} runs into "{still[column].name}" at {times[row]:.2f} s; '
                 "change the path or move one of them"

@@ -1,0 +1,67 @@
+import pytest
+
+from pepper_drake.benchmarking import batch, methods
+from pepper_drake.benchmarking.batch import Task, run_task, run_tasks
+from pepper_drake.benchmarking.case import Case
+from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.errors import InputError
+
+
+class Fixed:
+    """A method that always says the same."""
+
+    options = None
+
+    def __call__(self, case):
+        return MethodResult(outcome="reached", clearance=0.01 * case.seed)
+
+
+@pytest.fixture
+def fixed(monkeypatch):
+    method = methods.Method("z", "fixed", "", Fixed())
+    monkeypatch.setattr(methods, "METHODS", (method,))
+
+
+def test_a_result_says_whose_it_is_and_is_kept(fixed, tmp_path):
+    result = run_task(Task("z", Case(4)), tmp_path)
+    assert (result.case, result.method, result.outcome) == ("random_4", "z", "reached")
+    assert result.wall_seconds > 0.0
+    assert MethodResult.load(tmp_path / "results" / "random_4" / "z.json") == result
+
+
+def test_what_is_there_is_not_run_again(fixed, tmp_path, monkeypatch):
+    tasks = [Task("z", Case(seed)) for seed in (3, 1, 2)]
+    for task in tasks:
+        run_task(task, tmp_path)
+    monkeypatch.setattr(batch, "_in_process", None)  # Nothing may be run.
+    shown = []
+    results = run_tasks(tasks, tmp_path, progress=shown.append)
+    assert [result.case for result in results] == ["random_3", "random_1", "random_2"]
+    assert shown == results
+
+
+def test_a_run_that_breaks_down_is_an_error_with_a_sentence_and_is_tried_again(tmp_path):
+    good = Task("g", Case(0, "free"))
+    MethodResult(good.case.name, "g", "refused").save(good.file(tmp_path))
+    bad = Task("a", Case(0, str(tmp_path / "nowhere.yaml")))
+    for _ in range(2):
+        results = run_tasks([bad, good], tmp_path, jobs=2)
+        assert [result.outcome for result in results] == ["error", "refused"]
+        assert "nowhere.yaml" in results[0].sentence
+
+
+def test_a_file_that_is_no_result_is_said_at_once(tmp_path):
+    task = Task("a", Case(0))
+    task.file(tmp_path).parent.mkdir(parents=True)
+    task.file(tmp_path).write_text("{}garbage")
+    with pytest.raises(InputError, match=r"a\.json"):
+        run_tasks([task], tmp_path)
+
+
+def test_an_unknown_letter_is_answered_with_those_there_are():
+    with pytest.raises(InputError, match=r'"q".*d \(ours, adapted\)'):
+        methods.method_named("q")
+
+
+def test_letters_are_different_and_the_briefs_methods_are_there():
+    assert [method.letter for method in methods.METHODS] == list("abcdefg")

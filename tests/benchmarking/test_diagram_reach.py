@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from pepper_drake.benchmarking.diagram_reach import commanded_hand, first_motion, outcome_of
+from pepper_drake.models.pepper import BODY_JOINTS
+from pepper_drake.planning.arm_geometry import ArmGeometry
+from pepper_drake.planning.control_model import arm_joints, body_indices, shared_control_model
+
+
+@pytest.mark.parametrize(
+    ("report", "clearance", "started", "outcome"),
+    [
+        ("reached", 0.02, True, "reached"),
+        ("reached", 0.0, True, "touched"),
+        ("failed", -0.01, True, "touched"),
+        ("failed", -0.01, False, "touched"),
+        ("failed", 0.02, True, "failed"),
+        ("failed", 0.02, False, "refused"),
+    ],
+)
+def test_touching_counts_before_all_else(report, clearance, started, outcome):
+    assert outcome_of(report, clearance, started) == outcome
+
+
+class Log:
+    """Ten rows; the arm may start at row 4 and is commanded to move from row 6 on."""
+
+    time_s = np.arange(10) / 100
+    joint_command_rad = np.zeros((10, len(BODY_JOINTS)))
+
+
+def test_the_first_motion_waits_for_the_plan_and_for_the_first_command():
+    log = Log()
+    log.joint_command_rad = np.zeros((10, len(BODY_JOINTS)))
+    log.joint_command_rad[:, 0] = np.arange(10)  # The head moves all the time.
+    log.joint_command_rad[6:, body_indices(arm_joints("right"))[1]] = 0.01
+    moving = np.arange(10) >= 4
+    assert first_motion(log, moving, "right", 0.15) == pytest.approx(0.15 + 0.02)
+    assert np.isnan(first_motion(log, moving, "left", 0.15))
+
+
+def test_the_commanded_hand_is_where_the_arms_joints_put_it():
+    commands = np.zeros((2, len(BODY_JOINTS)))
+    commands[1, body_indices(arm_joints("left"))] = [0.3, 0.4, -0.5, -0.6, 0.7]
+    hand = commanded_hand(commands, "left")
+    geometry = ArmGeometry(shared_control_model(), "left")
+    for row, joints in zip(hand, ([0.0] * 5, [0.3, 0.4, -0.5, -0.6, 0.7]), strict=True):
+        np.testing.assert_allclose(row, geometry.hand_pose(np.array(joints)).translation())
