@@ -94,7 +94,8 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
         closest_pair=report.closest_pair,
         position_error=report.final_position_error,
         orientation_error=report.final_orientation_error,
-        wall_seconds=report.wall_seconds,
+        goal_estimate_error=report.goal_estimate_error,
+        realtime_factor=report.realtime_factor,
     )
     if not moving.any() or report.planning_seconds is None:
         return measured

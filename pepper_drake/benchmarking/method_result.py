@@ -42,6 +42,10 @@ class MethodResult:
     closest_pair: str = ""
     position_error: float | None = None
     orientation_error: float | None = None
+    goal_estimate_error: float | None = None
+    """Between the estimated and the true goal of the hand at the end."""
+    realtime_factor: float | None = None
+    """Simulated time over the simulation's wall time."""
     wall_seconds: float = 0.0
 
     def save(self, path: Path) -> None:

@@ -65,6 +65,8 @@ _MEDIANS = (
     "clearance",
     "position_error",
     "orientation_error",
+    "goal_estimate_error",
+    "realtime_factor",
 )
 
 
