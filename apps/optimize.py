@@ -238,8 +238,11 @@ def started(options: Namespace) -> History:
 
 
 @contextmanager
-def workers(options: Namespace) -> Iterator[Executor | None]:
-    """Whoever does the work."""
+def workers(options: Namespace, alone: bool) -> Iterator[Executor | None]:
+    """Whoever does the work; nobody else where it has to be done alone."""
+    if alone:
+        yield None
+        return
     where = dask_cluster(options.dask) if options.dask is not None else processes(options.jobs)
     with where as executor:
         yield executor
@@ -307,7 +310,7 @@ def run_search(options: Namespace, problem: Problem, evaluate: MovementRollouts)
     )
     interrupted = False
     try:
-        with workers(options) as executor, bar:
+        with workers(options, alone=rating > 0.0) as executor, bar:
             search(
                 problem,
                 optimizer,

@@ -67,7 +67,7 @@ class KinematicRollouts:
     @property
     def at_once(self) -> int:
         """How many samples suit one call."""
-        return 16
+        return 8
 
     def __call__(self, samples: Array) -> Array:
         """Returns the costs (S,) or (S, N) of parameters (S, n)."""

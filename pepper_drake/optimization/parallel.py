@@ -1,15 +1,18 @@
 """Costs of many parameters, on one core, on several, or on a cluster: the same numbers."""
 
+import pickle
 import signal
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
+from functools import lru_cache
 from multiprocessing import get_context
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError
+from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.optimization.problem import Evaluate, Problem
 
 Array = npt.NDArray[np.float64]
@@ -52,13 +55,38 @@ def _results(
         for k, chunk in todo.items():
             yield k, costs_of(evaluate, chunk)
         return
-    futures = {executor.submit(costs_of, evaluate, chunk): k for k, chunk in todo.items()}
+    work: Callable[[Any, Array], Array]
+    what: Any
+    try:
+        # An evaluator that is sent keeps what it has prepared for later chunks, and updates.
+        work, what = _costs_of_sent, pickle.dumps(evaluate)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        work, what = costs_of, evaluate  # For executors within this process.
+    futures = {executor.submit(work, what, chunk): k for k, chunk in todo.items()}
     try:
         for future in as_completed(futures):
             yield futures[future], future.result()
+    except BrokenExecutor:
+        raise PepperDrakeError(
+            "a worker process has died; what was evaluated is kept, use fewer jobs"
+        ) from None
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"a worker has no {error.name}; install pepper-drake where the workers run"
+        ) from None
     finally:
         for future in futures:
             future.cancel()
+
+
+@lru_cache(maxsize=2)
+def _received(sent: bytes) -> Evaluate:
+    evaluate: Evaluate = pickle.loads(sent)
+    return evaluate
+
+
+def _costs_of_sent(sent: bytes, samples: Array) -> Array:
+    return costs_of(_received(sent), samples)
 
 
 def costs_of(evaluate: Evaluate, samples: Array) -> Array:

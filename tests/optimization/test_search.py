@@ -1,16 +1,19 @@
+import os
+import signal
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pepper_drake.errors import InputError
+from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.optimization import (
     METHODS,
     CostWeights,
     FastRollouts,
     History,
     all_weights,
+    evaluate_all,
     make_optimizer,
     make_task,
     movement_problem,
@@ -118,6 +121,24 @@ def test_the_same_result_on_a_dask_cluster(problem):
             optimizer = make_optimizer("algorithm3", problem, seed=5)
             together = search(problem, optimizer, 2, executor=executor)
     same(alone, together)
+
+
+def dies(samples):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_process_that_dies_is_one_sentence():
+    problem = replace(bowl([0.3]), evaluate=dies)
+    with pytest.raises(PepperDrakeError, match="a worker process has died"):  # noqa: SIM117
+        with processes(2) as executor:
+            evaluate_all(problem, np.zeros((4, 1)), executor)
+
+
+def test_functions_that_cannot_be_sent_are_for_executors_here():
+    problem = replace(bowl([0.3]), evaluate=lambda x: x[:, 0] ** 2)
+    with ThreadPoolExecutor(2) as executor:
+        costs = evaluate_all(problem, np.arange(6.0)[:, None], executor)
+    assert costs.tolist() == [0.0, 1.0, 4.0, 9.0, 16.0, 25.0]
 
 
 def test_nobody_at_the_address_is_one_sentence():
