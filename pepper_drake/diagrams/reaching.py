@@ -314,6 +314,8 @@ class Reaching(Diagram):
         builder.Connect(station.GetOutputPort("joint_position"), measured.get_input_port())
         self.arm_position = measured.get_output_port()
         self._connect(self.active, self.arm_command, "active")
+        for name in ("position_command", "velocity_command"):
+            self._connect(self.arm_command.GetOutputPort(name), self.supervisor, f"arm_{name}")
         self._connect(self.differential_ik.get_output_port(), self.arm_command, "desired_velocity")
         self._connect(self.arm_position, self.arm_command, "measured_position")
 

@@ -91,6 +91,7 @@ class ReachPlanner:
 
     Attributes:
         shown: The movement as it was shown.
+        arm_in_body: Where the arm's joints are among `BODY_JOINTS`.
 
     Raises:
         InputError: The primitive has no orientation or no posture.
@@ -121,7 +122,7 @@ class ReachPlanner:
         self._geometry = ArmGeometry(model, arm)
         self._self_clearance = SelfClearance(model, self._geometry)
         self._rehearsal = Rehearsal(model, self._geometry, ik, params.settle)
-        self._arm_in_body = body_indices(arm_joints(arm))
+        self.arm_in_body = body_indices(arm_joints(arm))
         self._places = StandingPlaces(model, arm, X_OG, primitive.goal, params)
         self._body_layers: dict[tuple[float, ...], Vector] = {}
         self._adapter: ArmAdapter | None = None
@@ -356,7 +357,7 @@ class ReachPlanner:
         return _Situation(
             base_pose,
             ArmState(
-                joint_position[self._arm_in_body],
+                joint_position[self.arm_in_body],
                 np.zeros(5) if arm_velocity is None else arm_velocity,
             ),
             X_TO,
@@ -369,7 +370,7 @@ class ReachPlanner:
         """Distances of the body on the grid, for its joints rounded and its head straight."""
         rounded = np.round(joint_position / 0.05) * 0.05
         rounded[body_indices(["HeadYaw", "HeadPitch"])] = 0.0
-        rounded[self._arm_in_body] = 0.0
+        rounded[self.arm_in_body] = 0.0
         key = tuple(rounded)
         if key not in self._body_layers:
             context = self._model.create_context()

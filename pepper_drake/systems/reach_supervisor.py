@@ -24,7 +24,7 @@ from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
 from pepper_drake.planning.control_model import BODY_JOINTS
 from pepper_drake.planning.movement import Movement
-from pepper_drake.planning.reach_planner import ReachPlanner, ReachVerdict
+from pepper_drake.planning.reach_planner import ReachPlan, ReachPlanner, ReachVerdict
 from pepper_drake.systems.reach_mode import ReachMode
 
 Vector = npt.NDArray[np.float64]
@@ -56,6 +56,10 @@ class ReachTiming:
     """Distance of the hand to the goal at which it has arrived."""
     accepted_position: float = 0.010
     """The same, when the time is over."""
+    clearance_ahead: float = 0.006
+    """With less between the rest of the arm's way and what is seen, it is planned anew."""
+    clearance_lost: float = 0.003
+    """A plan with less clearance than that is planned anew when it has lost so much of it."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +78,9 @@ class ReachProgress:
         planning_seconds: Computing time of the last look at the reach from where the robot
             stands, s: what the arm waited for. The only value here that no seed decides.
         planned: The movement that was found for the place to stand.
-        movement: What is to be performed; None before it is decided.
-        movements: How many movements began so far.
+        plan: What is to be performed; None before it is decided.
+        movements: How many movements began so far: more than one when something came in the way.
+        cloud_time: Of the last cloud in which the way ahead was looked at, s.
     """
 
     mode: ReachMode = ReachMode.LOOKING
@@ -88,8 +93,14 @@ class ReachProgress:
     places: int = 0
     planning_seconds: float = np.nan
     planned: Movement | None = None
-    movement: Movement | None = None
+    plan: ReachPlan | None = None
     movements: int = 0
+    cloud_time: float = np.nan
+
+    @property
+    def movement(self) -> Movement | None:
+        """Of the plan."""
+        return None if self.plan is None else self.plan.movement
 
     def __deepcopy__(self, memo: dict) -> "ReachProgress":
         """Returns itself: Drake copies the state at each event, and this never changes."""
@@ -126,6 +137,8 @@ class ReachSupervisor(LeafSystem):
         - base_pose
         - hand_pose
         - desired_position (optional)
+        - arm_position_command (optional)
+        - arm_velocity_command (optional)
         - arrived
         - tau
         - stop_reason
@@ -142,7 +155,9 @@ class ReachSupervisor(LeafSystem):
     Inputs: `object_pose` X_WO; `goal_valid`, `goal_age` (1; s); `goal_position` (3), the hand's
     goal in T; `cloud` (PointCloud in W) and `cloud_time` (1; time of its last frame, not finite
     before the first); `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and
-    `desired_position` (3), where the primitive wants the hand in T; `arrived` (1); `tau` (1; s);
+    `desired_position` (3), where the primitive wants the hand in T; `arm_position_command` and
+    `arm_velocity_command` (5), rad and rad/s, without which a movement is not planned anew on the
+    way; `arrived` (1); `tau` (1; s);
     `stop_reason` (1; the safety monitor's `StopReason`).
     Outputs: `active` (1), the number of the movement while one runs, else 0; `primitive`,
     `coupling_law` and `X_OG`, abstract, of that movement, known a tick before it begins (see
@@ -173,6 +188,8 @@ class ReachSupervisor(LeafSystem):
             ("joint_position", len(BODY_JOINTS)),
             ("base_pose", 3),
             ("desired_position", 3),
+            ("arm_position_command", 5),
+            ("arm_velocity_command", 5),
             ("arrived", 1),
             ("tau", 1),
             ("stop_reason", 1),
@@ -317,7 +334,7 @@ class ReachSupervisor(LeafSystem):
         settled = time - progress.since
         if settled < self._timing.settling - 1.5 * self._time_step:
             return progress
-        if progress.movement is not None:
+        if progress.plan is not None:
             if settled < self._timing.settling:
                 return progress
             return replace(progress.to(ReachMode.REACHING, time), movements=1)
@@ -326,7 +343,7 @@ class ReachSupervisor(LeafSystem):
         progress = replace(progress, planning_seconds=perf_counter() - begin)
         if plan.verdict == ReachVerdict.CLEAR:
             # The hand's goal takes it up before the movement begins, at the next tick.
-            return replace(progress, movement=plan.movement)
+            return replace(progress, plan=plan)
         if progress.places < self._timing.places:
             return self._choose_place(context, progress, time)
         return progress.fail(time, plan.verdict.value, plan.sentence)
@@ -336,7 +353,31 @@ class ReachSupervisor(LeafSystem):
         p_TH = self._ports["hand_pose"].Eval(context).translation()
         return float(np.linalg.norm(self._ports[name].Eval(context) - p_TH))
 
+    def _look_ahead(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+        """Plans the rest of the movement anew when a new cloud shows something in its way."""
+        cloud_time = self._scalar(context, "cloud_time")
+        plan, commands = progress.plan, self._ports["arm_position_command"]
+        if plan is None or plan.joint_path is None or cloud_time == progress.cloud_time:
+            return progress
+        progress = replace(progress, cloud_time=cloud_time)
+        avoids = plan.movement is not None and plan.movement.coupling is not None
+        if not (avoids and commands.HasValue(context)):
+            return progress
+        seen = self._seen(context)
+        seen["joint_position"] = seen["joint_position"].copy()
+        seen["joint_position"][self._planner.arm_in_body] = commands.Eval(context)
+        timing = self._timing
+        enough = min(timing.clearance_ahead, plan.clearance - timing.clearance_lost)
+        if self._planner.clearance_ahead(plan, **seen) >= enough:
+            return progress
+        velocity = self._ports["arm_velocity_command"].Eval(context)
+        other = self._planner.replan(plan, joint_velocity=velocity, **seen)
+        if other.verdict != ReachVerdict.CLEAR:
+            return progress
+        return replace(progress, plan=other, movements=progress.movements + 1, since=time)
+
     def _reach(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+        progress = self._look_ahead(context, progress, time)
         timing = self._timing
         elapsed = time - progress.since
         tau = self._scalar(context, "tau")

@@ -319,3 +319,63 @@ def test_before_the_plan_it_is_the_movement_that_was_shown():
     rig = Rig()
     assert rig.value("primitive") is SHOWN.primitive
     assert rig.value("coupling_law") is SHOWN.coupling
+
+
+class Blocked(FakePlanner):
+    """A planner to whom the way ahead is blocked once the arm is on its way."""
+
+    arm_in_body = np.arange(5)
+    ahead = 0.02
+    detour = ReachPlan(
+        ReachVerdict.CLEAR, "", STAND, clearance=0.02, joint_path=np.zeros((9, 5)), movement=SHOWN
+    )
+
+    def clearance_ahead(self, plan, **seen):
+        self.asked.append(("clearance_ahead", seen))
+        return self.ahead
+
+    def replan(self, plan, **seen):
+        self.asked.append(("replan", seen))
+        return self.detour
+
+
+def blocked():
+    way = ReachPlan(
+        ReachVerdict.CLEAR, "", STAND, clearance=0.02, joint_path=np.ones((9, 5)), movement=SHOWN
+    )
+    rig = Rig(Blocked(reach=way))
+    rig.set(arm_position_command=0.1 * np.ones(5), arm_velocity_command=0.2 * np.ones(5))
+    return rig.until(ReachMode.REACHING).advance(0.1)
+
+
+def test_the_way_ahead_is_looked_at_once_for_each_cloud():
+    rig = blocked()
+    for time in (0.3, 0.5):
+        rig.set(cloud_time=[time])
+        rig.advance(0.3)
+    looks = [seen for name, seen in rig.planner.asked if name == "clearance_ahead"]
+    assert len(looks) == 3
+    np.testing.assert_array_equal(looks[0]["joint_position"][:5], 0.1 * np.ones(5))
+    assert not any(name == "replan" for name, _ in rig.planner.asked)
+
+
+def test_what_comes_in_the_way_makes_another_movement():
+    rig = blocked()
+    np.testing.assert_array_equal(rig.value("active"), [1.0])
+    rig.planner.ahead = 0.004
+    rig.set(cloud_time=[0.4])
+    rig.advance(0.1)
+    np.testing.assert_array_equal(rig.value("active"), [2.0])
+    assert rig.progress.plan is rig.planner.detour
+    ((_, seen),) = [asked for asked in rig.planner.asked if asked[0] == "replan"]
+    np.testing.assert_array_equal(seen["joint_velocity"], 0.2 * np.ones(5))
+
+
+def test_without_another_way_the_movement_goes_on():
+    rig = blocked()
+    rig.planner.ahead = 0.0
+    rig.planner.detour = plan(ReachVerdict.NO_CLEAR_PATH, "no way")
+    rig.set(cloud_time=[0.4])
+    rig.advance(0.1)
+    np.testing.assert_array_equal(rig.value("active"), [1.0])
+    assert rig.progress.mode == ReachMode.REACHING
