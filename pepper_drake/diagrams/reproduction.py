@@ -7,22 +7,20 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PdControllerGains
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
-    Adder,
-    ConstantVectorSource,
     LogVectorOutput,
     MatrixGain,
     Multiplexer,
     VectorLogSink,
 )
 
+from pepper_drake.diagrams.giving_way import add_hand_force, add_tracking, connect_couplings
 from pepper_drake.diagrams.lone_pepper import LonePepper, add_lone_pepper
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.coupling import Coupling
 from pepper_drake.learning.tracking_coupling import TrackingCoupling
-from pepper_drake.models.pepper import hand_frame
 from pepper_drake.planning.control_model import arm_joints, shared_control_model
 from pepper_drake.planning.differential_ik import (
     DifferentialIkParams,
@@ -37,8 +35,6 @@ from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
 from pepper_drake.systems.orientation_transformation_system import (
     OrientationTransformationSystem,
 )
-from pepper_drake.systems.push import HandForce
-from pepper_drake.systems.tracking_slowdown import TrackingSlowdown
 from pepper_drake.systems.transformation_system import TransformationSystem
 
 Vector = npt.NDArray[np.float64]
@@ -181,16 +177,16 @@ class Reproduction(Diagram):
     def _add_couplings(self, coupling: Coupling | None) -> None:
         """What obstacles and what the hand's own deviation do to phase and position."""
         builder = self._builder
-        acting = []
-        if self.params.tracking is not None:
-            tracking = builder.AddNamedSystem(
-                "tracking_slowdown",
-                TrackingSlowdown(self.params.tracking, self.params.ik.time_step),
-            )
-            builder.ConnectInput("active", tracking.active_input)
-            self._connect(self._translation.GetOutputPort("position"), tracking, "desired_position")
-            self._connect(self._hand("position"), tracking, "measured_position")
-            acting.append(tracking)
+        stubborn = TrackingCoupling(stopping=0.0, pull=0.0)
+        tracking = add_tracking(
+            builder,
+            self.params.tracking or stubborn,
+            self.params.ik.time_step,
+            desired_position=self._translation.GetOutputPort("position"),
+            measured_position=self._hand("position"),
+        )
+        builder.ConnectInput("active", tracking.active_input)
+        acting: list[System] = [tracking]
         if coupling is not None:
             obstacles = builder.AddNamedSystem("obstacle_coupling", ObstacleCoupling(coupling))
             builder.ExportInput(obstacles.GetInputPort("cloud"), "cloud")
@@ -200,20 +196,10 @@ class Reproduction(Diagram):
                 self._connect(self._translation.GetOutputPort(name), obstacles, name)
             self._connect(self._canonical.GetOutputPort("tau"), obstacles, "tau")
             acting.append(obstacles)
-        for name, size, target in (
-            ("slowdown", 1, self._canonical),
-            ("coupling", 3, self._translation),
-        ):
-            sources = [system.GetOutputPort(name) for system in acting]
-            if not sources:
-                nothing = ConstantVectorSource(np.zeros(size))
-                sources = [builder.AddNamedSystem(f"no_{name}", nothing).get_output_port()]
-            total = builder.AddNamedSystem(f"total_{name}", Adder(len(sources), size))
-            for number, source in enumerate(sources):
-                builder.Connect(source, total.get_input_port(number))
-            self._connect(total.get_output_port(), target, name)
-            builder.ExportOutput(total.get_output_port(), name)
-            self._log(name, total.get_output_port())
+        sums = connect_couplings(builder, acting, self._canonical, self._translation)
+        for name, port in sums.items():
+            builder.ExportOutput(port, name)
+            self._log(name, port)
 
     def _add_inverse_kinematics(self) -> None:
         """From the hand's next pose to the arm's next command."""
@@ -259,12 +245,11 @@ class Reproduction(Diagram):
 
     def _add_push(self) -> None:
         """What pushes at the hand from outside."""
-        builder, plant = self._builder, self.plant
-        force = builder.AddNamedSystem(
-            "hand_force", HandForce(plant.GetFrameByName(hand_frame(self.arm)))
+        plant = self.plant
+        force = add_hand_force(
+            self._builder, plant, self.arm, plant.get_applied_spatial_force_input_port()
         )
-        builder.Connect(force.spatial_forces_output, plant.get_applied_spatial_force_input_port())
-        builder.ExportInput(force.force_input, "push")
+        self._builder.ExportInput(force.force_input, "push")
 
     def _export(self) -> None:
         builder, robot = self._builder, self._robot

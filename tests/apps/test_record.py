@@ -32,15 +32,6 @@ def test_records_the_left_arm_into_a_folder(tmp_path):
     assert "meshcat" in (tmp_path / "recording.html").read_text().lower()
 
 
-def test_a_game_pad_gives_a_demonstration_as_well(tmp_path):
-    result = run("--way", "gamepad", "--output", tmp_path, "--quiet")
-    assert result.returncode == 0, result.stderr
-    assert result.stdout == ""
-    assert json.loads((tmp_path / "report.json").read_text())["way"] == "gamepad"
-    demo = Demonstration.load(tmp_path)
-    assert demo.positions[-1][0] > demo.positions[0][0] + 0.1  # In front of the body.
-
-
 def test_an_unreachable_guide_is_a_failure_with_a_reason(tmp_path):
     script = tmp_path / "far.yaml"
     script.write_text(
