@@ -12,7 +12,13 @@ from pepper_drake.planning.arm_kinematics import arm_kinematics
 from pepper_drake.planning.control_model import ControlModel, arm_joints
 from pepper_drake.planning.differential_ik import strictest_elbow_roll
 from pepper_drake.planning.goal_postures import GoalPostures
-from pepper_drake.planning.joint_paths import evenly_timed, needed_duration, resampled, shifted
+from pepper_drake.planning.joint_paths import (
+    evenly_timed,
+    needed_duration,
+    resampled,
+    shifted,
+    smoothed,
+)
 from pepper_drake.planning.path_cost import PathCost, PathCostParams
 from pepper_drake.planning.path_search import PathSearchParams, search_path
 from pepper_drake.planning.rrt_connect import RrtConnectParams, rrt_connect
@@ -141,7 +147,8 @@ class ArmAdapter:
         """
         demonstrations = self._demonstrations
         if played is not None:
-            own = resampled(played, self.params.samples)[None]
+            # What the barrier and the limits did to it leaves it jerky.
+            own = smoothed(smoothed(resampled(played, self.params.samples)))[None]
             demonstrations = np.concatenate((own, demonstrations))
         return self._adapt(start, X_TG, surroundings, demonstrations, self._duration, plan)
 

@@ -85,8 +85,13 @@ def evenly_timed(waypoints: Vector, samples: int) -> Vector:
     way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))))
     share = minimum_jerk(np.linspace(0.0, 1.0, samples)) * way[-1]
     path = np.stack([np.interp(share, way, column) for column in waypoints.T], axis=1)
-    half = samples // 20
+    return smoothed(path)
+
+
+def smoothed(path: Vector) -> Vector:
+    """A path (N, 5) with its corners rounded by a running mean over a tenth of it, same ends."""
+    half = max(len(path) // 20, 1)
     padded = np.concatenate((np.repeat(path[:1], half, 0), path, np.repeat(path[-1:], half, 0)))
     sums = np.cumsum(np.concatenate((np.zeros((1, 5)), padded)), axis=0)
-    smooth = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
-    return shifted(smooth, path[0], path[-1])
+    mean = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
+    return shifted(mean, path[0], path[-1])
