@@ -1,4 +1,4 @@
-"""Who uses a meshcat page: its websocket protocol by hand, and a real browser where there is one."""
+"""Who uses a meshcat page: its websocket protocol, and a real browser where there is one."""
 
 import asyncio
 import json
