@@ -8,21 +8,32 @@ import numpy as np
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.objects import GOAL_OBJECT
-from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS
+from pepper_drake.models.pepper import ARMS, BODY_JOINTS, JOINT_GROUPS, arm_group
 from pepper_drake.models.scene import Scene, load_scene
 from pepper_drake.playback.motion import Motion, Signal, Vector
+from pepper_drake.reporting.log_files import array_names, check_rows, read_arrays
 from pepper_drake.reporting.reach_log import ReachLog
 from pepper_drake.systems.reach_mode import ReachMode
 
 LOG, REPORT, SCENE = "log.npz", "report.json", "scene.yaml"
+TRANSLATION, PRIMITIVE = "translation.txt", "primitive.yaml"
+
+_REPRODUCTION_COLUMNS = {
+    "phase": None,
+    "slowdown": None,
+    "hand_position_torso_m": 3,
+    "desired_position_torso_m": 3,
+    "joint_position_rad": 5,
+}
 
 
 def load_motion(path: str | Path) -> Motion:
     """Loads whatever can be played back.
 
     Args:
-        path: The folder of a run of `apps/reach.py`; a demonstration, a folder or a text file; or
-            a primitive's YAML file, which is rolled out as it was learned.
+        path: The folder of a run, of `apps/reach.py` or `apps/reproduce.py`; a demonstration, a
+            folder or a text file; or a primitive's YAML file or the folder that it was written to,
+            which is rolled out as it was learned.
 
     Raises:
         InputError: There is no such file, or it is broken; one sentence that says what to do.
@@ -31,14 +42,19 @@ def load_motion(path: str | Path) -> Motion:
     if path.name == LOG:
         path = path.parent
     if (path / LOG).exists():
-        return _load_run(path)
+        is_reproduction = "slowdown" in array_names(path / LOG)
+        return _load_reproduction(path) if is_reproduction else _load_run(path)
+    if path.suffix == ".txt" or (path / TRANSLATION).exists():
+        return _load_demonstration(path, path.resolve().name.removesuffix(".txt"))
+    if (path / "demonstration" / TRANSLATION).exists():  # Of `apps/teach.py`.
+        return _load_demonstration(path / "demonstration", path.resolve().name)
     if path.suffix in (".yaml", ".yml"):
         return _load_primitive(path)
-    if path.suffix == ".txt" or (path / "translation.txt").exists():
-        return _load_demonstration(path)
+    if (path / PRIMITIVE).exists():
+        return _load_primitive(path / PRIMITIVE)
     raise InputError(
         f"{path}: nothing to play back; give the folder of a run (with {LOG}), a demonstration "
-        "(a folder with translation.txt, or a text file) or a primitive's YAML file"
+        f"(a folder with {TRANSLATION}, or a text file) or a primitive's YAML file"
     )
 
 
@@ -53,12 +69,10 @@ def _load_run(folder: Path) -> Motion:
         **dict(zip(JOINT_GROUPS["base"], log.base_pose_m_m_rad.T, strict=True)),
         **_object_positions(folder, scene, log.object_offset_m),
     }
-    for name, values in positions.items():
-        if not np.all(np.isfinite(values)):
-            raise InputError(f"{folder / LOG}: {name} is not finite; record the run again")
+    _check_finite(folder / LOG, positions)
     reaching = np.flatnonzero(log.mode == ReachMode.REACHING)
     return Motion(
-        name=folder.name,
+        name=folder.resolve().name,
         arm=scene.arm,
         times=log.time_s,
         positions=positions,
@@ -74,6 +88,45 @@ def _load_run(folder: Path) -> Motion:
         },
         figures=_run_figures(log, report),
     )
+
+
+def _load_reproduction(folder: Path) -> Motion:
+    path = folder / LOG
+    log = read_arrays(path, ("time_s", "goal_position_torso_m", *_REPRODUCTION_COLUMNS))
+    check_rows(path, log, _REPRODUCTION_COLUMNS)
+    report = _load_report(folder / REPORT)
+    arm = str(report.get("arm"))
+    if arm not in ARMS:
+        raise InputError(f"{folder / REPORT}: arm is {arm}; it must be one of {', '.join(ARMS)}")
+    positions = dict(zip(JOINT_GROUPS[arm_group(arm)], log["joint_position_rad"].T, strict=True))
+    _check_finite(path, positions)
+    times, hand = log["time_s"], log["hand_position_torso_m"]
+    moving = np.flatnonzero(log["phase"] < 1.0)
+    distance = np.linalg.norm(hand - log["goal_position_torso_m"], axis=1)
+    return Motion(
+        name=folder.resolve().name,
+        arm=arm,
+        times=times,
+        positions=positions,
+        arm_starts=float(times[moving[0]] if len(moving) else times[0]),
+        shown_T=log["desired_position_torso_m"],
+        signals={
+            "hand to goal": Signal("mm", 1000 * distance),
+            "waiting": Signal("", log["slowdown"]),
+            "phase": Signal("", log["phase"]),
+        },
+        figures=_report_figures(report)
+        | {
+            "whole run [s]": float(times[-1]),
+            "way of the hand [m]": float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum()),
+        },
+    )
+
+
+def _check_finite(path: Path, positions: dict[str, Vector]) -> None:
+    for name, values in positions.items():
+        if not np.all(np.isfinite(values)):
+            raise InputError(f"{path}: {name} is not finite; record the run again")
 
 
 def _object_positions(folder: Path, scene: Scene, offsets: Vector) -> dict[str, Vector]:
@@ -101,19 +154,20 @@ def _run_figures(log: ReachLog, report: dict[str, Any]) -> dict[str, str | float
     """What is worth comparing: of the report, and of the way that the hand took."""
     moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
     hand, times = log.hand_position_torso_m[moving], log.time_s[moving]
-    figures: dict[str, str | float] = {
-        "outcome": str(report["outcome"]),
-        "reason": str(report.get("reason", "")),
-        "scene": str(report.get("scene", "")),
-        "coupling": str(report.get("coupling", "")),
-        "whole run [s]": float(log.time_s[-1]),
-    }
+    figures = _report_figures(report) | {"whole run [s]": float(log.time_s[-1])}
     if len(hand) > 1:
         figures["arm moves [s]"] = float(times[-1] - times[0])
         figures["way of the hand [m]"] = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
+    return figures
+
+
+def _report_figures(report: dict[str, Any]) -> dict[str, str | float]:
+    figures: dict[str, str | float] = {
+        name: str(report.get(name, "")) for name in ("outcome", "reason", "scene", "coupling")
+    }
     scales = {
         "hand to goal [mm]": ("final_position_error", 1000.0),
-        "orientation error [deg]": ("final_orientation_error", np.degrees(1.0)),
+        "orientation error [deg]": ("final_orientation_error", float(np.degrees(1.0))),
         "least clearance [mm]": ("minimum_clearance", 1000.0),
         "tracking error [mm]": ("tracking_error_rms", 1000.0),
     }
@@ -136,14 +190,14 @@ def _load_report(path: Path) -> dict[str, Any]:
     return report
 
 
-def _load_demonstration(path: Path) -> Motion:
+def _load_demonstration(path: Path, name: str) -> Motion:
     # Imported here: learning brings SciPy, and a run needs none.
     from pepper_drake.learning.demonstration import Demonstration
 
     demo = Demonstration.load(path)
     joints = demo.joints if demo.joints is not None else np.zeros((len(demo.times), 0))
     return Motion(
-        name=demo.name,
+        name=name,
         arm=_arm_of(demo.joint_names, demo.positions),
         times=demo.times,
         positions=dict(zip(demo.joint_names, joints.T, strict=True)),

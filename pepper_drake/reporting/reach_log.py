@@ -3,13 +3,12 @@
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Self
-from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError
 from pepper_drake.models.pepper import BODY_JOINTS
+from pepper_drake.reporting.log_files import check_rows, read_arrays
 
 Vector = npt.NDArray[np.float64]
 
@@ -18,7 +17,6 @@ _COLUMNS: dict[str, int | None] = {
     "joint_position_rad": len(BODY_JOINTS),
     "joint_command_rad": len(BODY_JOINTS),
     "base_pose_m_m_rad": 3,
-    "object_offset_m": 3,
     "hand_position_torso_m": 3,
     "desired_position_torso_m": 3,
     "goal_position_torso_m": 3,
@@ -86,33 +84,8 @@ class ReachLog:
         Raises:
             InputError: The file is missing, is no log, lacks an array, or one has another shape.
         """
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                log = cls(**{f.name: data[f.name] for f in fields(cls)})
-        except FileNotFoundError:
-            raise InputError(f"{path}: there is no such log; run a reach first") from None
-        except KeyError as error:
-            missing = str(error.args[0]).split()[0]
-            raise InputError(f"{path}: the log lacks {missing}; record the run again") from None
-        except (ValueError, OSError, EOFError, BadZipFile):
-            raise InputError(f"{path}: this is no log of a reach; record the run again") from None
-        log._check(path)
-        return log
-
-    def _check(self, path: Path) -> None:
-        """Raises InputError unless the arrays fit together."""
-        rows = len(self.time_s)
-        if self.time_s.ndim != 1 or rows < 2 or not np.all(np.diff(self.time_s) > 0.0):
-            raise InputError(
-                f"{path}: time_s must hold at least two increasing times; record the run again"
-            )
-        for name, columns in _COLUMNS.items():
-            array = getattr(self, name)
-            wanted = (rows,) if columns is None else (rows, columns)
-            if name == "object_offset_m" and array.ndim == 2 and array.shape[1] % 3 == 0:
-                wanted = (rows, array.shape[1])
-            if array.shape != wanted:
-                raise InputError(
-                    f"{path}: {name} is {array.shape} where {wanted} is expected; "
-                    "record the run again"
-                )
+        arrays = read_arrays(path, (f.name for f in fields(cls)))
+        offsets = arrays["object_offset_m"]
+        things = offsets.shape[1] // 3 if offsets.ndim == 2 else 1
+        check_rows(path, arrays, {**_COLUMNS, "object_offset_m": 3 * things})
+        return cls(**arrays)

@@ -126,6 +126,53 @@ def test_a_demonstration_without_joints_shows_its_hand(tmp_path):
     assert motion.hand_rotations_T.shape == (len(demo.times), 4)
 
 
+def test_what_was_taught_in_the_browser_is_found_in_its_folder(tmp_path):
+    Demonstration.load(REACH).save(tmp_path / "taught" / "demonstration")
+    motion = load_motion(tmp_path / "taught")
+    assert motion.name == "taught"
+    assert motion.positions
+
+
+@pytest.fixture
+def reproduction(tmp_path):
+    """A run as `apps/reproduce.py` leaves it: the left shoulder rolls out, the hand goes up."""
+    folder = tmp_path / "pushed"
+    folder.mkdir()
+    times = np.arange(101) * 0.01
+    rest = np.zeros((101, 4))
+    hand = np.column_stack([np.full(101, 0.2), np.full(101, 0.2), 0.1 * times])
+    np.savez_compressed(
+        folder / "log.npz",
+        time_s=times,
+        phase=np.where(times < 0.5, 1.0, 0.1),
+        slowdown=np.linspace(0.0, 2.0, 101),
+        hand_position_torso_m=hand,
+        desired_position_torso_m=hand,
+        joint_position_rad=np.column_stack([rest[:, :1], times, rest[:, :3]]),
+        goal_position_torso_m=np.array([0.2, 0.2, 0.11]),
+    )
+    report = {"outcome": "reached", "arm": "left", "final_position_error": 0.01}
+    (folder / "report.json").write_text(json.dumps(report))
+    return folder
+
+
+def test_a_reproduction_moves_its_arm_and_says_when_it_waits(reproduction):
+    motion = load_motion(reproduction)
+    assert (motion.name, motion.arm, motion.scene) == ("pushed", "left", None)
+    assert motion.arm_starts == pytest.approx(0.5)
+    np.testing.assert_allclose(motion.positions["LShoulderRoll"], motion.times)
+    assert motion.signals["waiting"].values[-1] == 2.0
+    assert motion.signals["hand to goal"].values[-1] == pytest.approx(10.0)
+    assert motion.figures["hand to goal [mm]"] == pytest.approx(10.0)
+    assert motion.figures["way of the hand [m]"] == pytest.approx(0.1)
+
+
+def test_a_reproduction_by_no_arm_is_named(reproduction):
+    _written(reproduction, "report.json", '{"outcome": "reached", "arm": "third"}')
+    with pytest.raises(InputError, match=r"report\.json: arm is third; it must be one of left"):
+        load_motion(reproduction)
+
+
 def test_a_primitive_is_rolled_out(tmp_path):
     demo = Demonstration.load(REACH)
     MovementPrimitive.fit(demo).save(tmp_path / "reach.yaml")
@@ -133,4 +180,5 @@ def test_a_primitive_is_rolled_out(tmp_path):
     assert (motion.name, motion.arm) == ("reach", "right")
     MovementPrimitive.fit(demo).save(tmp_path / "learned" / "primitive.yaml")
     assert load_motion(tmp_path / "learned" / "primitive.yaml").name == "learned"
+    assert load_motion(tmp_path / "learned").name == "learned"
     np.testing.assert_allclose(motion.hand_T[-1], demo.positions[-1], atol=2e-3)

@@ -80,6 +80,17 @@ def test_arrays_that_do_not_fit_together_are_named(tmp_path, name, wrong):
         ReachLog.load(path)
 
 
+def test_a_log_with_a_damaged_array_is_no_log(tmp_path):
+    path = tmp_path / "log.npz"
+    make_log(ALL_WELL).save(path)
+    content = bytearray(path.read_bytes())
+    middle = content.find(b"joint_position_rad") + 2000
+    content[middle : middle + 64] = bytes(64)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"log\.npz: this is no log of a run; record"):
+        ReachLog.load(path)
+
+
 @pytest.mark.parametrize("modes", [ALL_WELL, [ReachMode.LOOKING, ReachMode.FAILED]])
 @pytest.mark.filterwarnings("error")
 def test_figures_are_drawn_whether_the_arm_moved_or_not(tmp_path, modes):
