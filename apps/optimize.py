@@ -48,6 +48,7 @@ from pepper_drake.optimization.methods import METHODS, make_optimizer
 from pepper_drake.optimization.movement_problem import (
     CLEARANCE,
     EXPLORATION,
+    JOINT_EXPLORATION,
     load_movement,
     load_points,
     make_task,
@@ -115,10 +116,9 @@ def make_parser() -> ArgumentParser:
     add(
         "--exploration",
         type=float,
-        default=EXPLORATION**2,
         metavar="R",
         help="the exploration rate r of equation 3.2: variance of the parameters [m²] "
-        "(default: %(default)s)",
+        f"(default: {EXPLORATION**2:g}, of joints {JOINT_EXPLORATION**2:g})",
     )
     add(
         "--decay",
@@ -212,7 +212,7 @@ def chosen_task(
 
 def method_settings(options: Namespace, method: str) -> dict[str, Any]:
     """What a method is told beside samples and seed."""
-    settings = {"rate": options.exploration}
+    settings = {"rate": options.exploration}  # None: that of the problem.
     return settings | {"decay": options.decay} if method in DECAYING else settings
 
 

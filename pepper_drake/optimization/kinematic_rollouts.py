@@ -29,11 +29,15 @@ Array = npt.NDArray[np.float64]
 SPEED_FRACTION = 0.5
 """Of the joints' rated speed that may be used."""
 
+GRID_ERROR = 0.005
+"""What gaps are taken to be smaller than the grid says, m."""
+
 
 class KinematicRollouts:
     """Costs of parameters, by performing the primitive with an arm that does what it is told.
 
-    The arm is spheres in a grid of distances to the obstacles, good to a few millimetres.
+    The arm is spheres in a grid of distances to the obstacles; its gaps are taken to be smaller by
+    what the grid may be wrong, so that a clearance that is asked for is kept.
 
     Args:
         parameters: What the numbers mean.
@@ -84,7 +88,8 @@ class KinematicRollouts:
         def gaps() -> Array:
             centers = kinematics.sphere_centers(poses)
             distances = self._distances().distance(centers)
-            return (distances - kinematics.spheres.radii[:, None]).min(axis=0).reshape(shape)
+            least = (distances - kinematics.spheres.radii[:, None]).min(axis=0)
+            return least.reshape(shape) - GRID_ERROR
 
         return Outcome(
             times,

@@ -19,6 +19,9 @@ Array = npt.NDArray[np.float64]
 EXPLORATION = 0.02
 """Default standard deviation of each parameter [m]: r = 4e-4 m² in equation 3.2."""
 
+JOINT_EXPLORATION = 0.06
+"""The same where joints are searched: 0.15 rad."""
+
 CLEARANCE = 0.02
 """Default distance to keep from obstacles [m]."""
 
@@ -61,7 +64,7 @@ def movement_problem(
     parameters: MovementParameters,
     evaluate: Evaluate,
     *,
-    exploration: float = EXPLORATION,
+    exploration: float | None = None,
     chunk: int | None = None,
 ) -> Problem:
     """Makes the problem of finding better parameters of a movement.
@@ -69,11 +72,14 @@ def movement_problem(
     Args:
         parameters: What is searched.
         evaluate: Their cost.
-        exploration: Standard deviation with which the search starts [m].
+        exploration: Standard deviation with which the search starts [m]; left out, one that suits
+            what is searched.
         chunk: How many samples one call takes; left out, as many as suit the evaluator.
     """
     if chunk is None:
         chunk = int(getattr(evaluate, "at_once", 1))
+    if exploration is None:
+        exploration = EXPLORATION if parameters.posture is None else JOINT_EXPLORATION
     # The nominal joints act through the inverse kinematics: no linear policy.
     features = parameters.features if parameters.posture is None else None
     return Problem(np.zeros(parameters.size), exploration, evaluate, chunk, features)

@@ -158,7 +158,7 @@ def test_the_whole_arm_around_a_table(monkeypatch, tmp_path, capsys):
     code = run_app(
         monkeypatch,
         *(SHIPPED_DEMONSTRATION, "--obstacles", tmp_path / "cloud.txt"),
-        *("--rollouts", "kinematics", "--method", "cmaes", "--exploration", "0.0036"),
+        *("--rollouts", "kinematics", "--method", "cmaes"),
         *("--samples", "24", "--updates", "40", "--target", "0.02", "--seed", "1"),
         *("--output", tmp_path / "out"),
     )
@@ -168,7 +168,7 @@ def test_the_whole_arm_around_a_table(monkeypatch, tmp_path, capsys):
     assert report["best_cost"] <= 0.02
     assert report["updates"] < 40
     assert report["parameters"] == 30
-    assert report["best_terms"]["arm_clearance"] > 0.012
+    assert report["best_terms"]["arm_clearance"] > 0.018
 
 
 @pytest.mark.parametrize(

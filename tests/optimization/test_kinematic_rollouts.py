@@ -20,6 +20,7 @@ from pepper_drake.optimization import (
 )
 from pepper_drake.optimization.arm_tracking import track_ways
 from pepper_drake.optimization.kinematic_rollouts import (
+    GRID_ERROR,
     KinematicRollouts,
     arm_and_limits,
     arm_shapes,
@@ -91,8 +92,10 @@ def test_the_outcome_is_what_drake_says(reach, led_by):
         gaps = (field.distance(exact) - geometry.spheres.radii).min(axis=1)
         near = gaps < 0.03
         assert near.any()
-        assert np.abs(outcome.arm_gaps[k] - gaps)[near].max() < 0.012
-        assert np.median(np.abs(outcome.arm_gaps[k] - gaps)[near]) < 0.003
+        # They are taken to be smaller, by what the grid is wrong.
+        off = outcome.arm_gaps[k][near] + GRID_ERROR - gaps[near]
+        assert np.abs(off).max() < 0.012
+        assert np.median(np.abs(off)) < 0.003
 
 
 def test_joints_that_lead_are_those_of_the_posture(reach):
@@ -114,11 +117,12 @@ def test_joints_that_lead_are_those_of_the_posture(reach):
 
 def test_a_demonstration_through_the_table_becomes_a_movement_around_it(reach):
     parameters = joint_bumps(reach, 6, end_state=False)
-    task = make_task(reach, obstacles=table(), clearance=0.026)
+    task = make_task(reach, obstacles=table(), clearance=0.02)
     cost = CostWeights(hand_to_goal=10.0, arm_to_obstacles=10.0, deviation=0.1)
     evaluate = KinematicRollouts(parameters, task, cost, led_by="joints")
     assert evaluate.measure(np.zeros(parameters.size))["arm_clearance"] < -0.02
-    problem = movement_problem(parameters, evaluate, exploration=0.06)
+    problem = movement_problem(parameters, evaluate)
+    assert problem.exploration == 0.06
     optimizer = make_optimizer("cmaes", problem, samples=24, seed=1)
     history = search(problem, optimizer, 40, evaluate_means=False, target=0.02)
     best, cost = history.best()
