@@ -6,6 +6,7 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py                              the table of the report's figure 4.1
   reach.py --scene shelf --arm left     another scene, the other arm
   reach.py --goal-motion up             the object moves while the arm is on its way
+  reach.py --push 0 0 5                 somebody pushes the hand on its way
   reach.py --no-avoidance               what happens without the obstacle coupling
   reach.py --live                       watch it in a browser, in real time
 
@@ -13,6 +14,7 @@ Results: report.json, log.npz, recording.html (open it in any browser), path.png
 scene.png. Exit code 0: reached; 1: not reached, the report says why; 2: bad input.
 """
 
+import math
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -20,13 +22,19 @@ from pathlib import Path
 from pydrake.geometry import Meshcat
 
 from pepper_drake import cli
+from pepper_drake.diagrams.giving_way import GivingWay
 from pepper_drake.diagrams.reach_run import ReachRun, RunOptions, save_result
 from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive, prepare_scene
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.errors import InputError
 from pepper_drake.models.scene_options import add_scene_options, chosen_scene
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.scene_picture import save_scene_picture
+from pepper_drake.systems.push import PushScript
+
+PUSH_DURATION = 0.5
+"""How long the hand is pushed [s]."""
 
 
 def make_parser() -> ArgumentParser:
@@ -57,6 +65,21 @@ def make_parser() -> ArgumentParser:
         "--no-avoidance", action="store_true", help="leave the obstacle coupling out"
     )
     parser.add_argument(
+        "--push",
+        type=float,
+        nargs=3,
+        metavar=("FX", "FY", "FZ"),
+        help="push at the hand for half a second, on its way, with this force in the world's axes "
+        "[N]; the arm is soft then, gives way, and waits",
+    )
+    parser.add_argument(
+        "--push-at",
+        type=float,
+        default=1.5,
+        metavar="S",
+        help="when, after the arm has started (default: %(default)s s)",
+    )
+    parser.add_argument(
         "--live", action="store_true", help="show it in a browser in real time, and stay open"
     )
     parser.add_argument(
@@ -78,6 +101,7 @@ def build(options: Namespace) -> Reaching:
             obstacle_motion_ports=options.moving,
         ),
         safety=not options.no_avoidance,
+        giving_way=giving_way(options),
     )
     return Reaching(
         scene,
@@ -85,6 +109,15 @@ def build(options: Namespace) -> Reaching:
         make_coupling("none" if options.no_avoidance else scene.coupling),
         config,
     )
+
+
+def giving_way(options: Namespace) -> GivingWay | None:
+    """How the arm gives way to the push that the options ask for, if they do."""
+    if options.push is None:
+        return None
+    if not all(map(math.isfinite, (*options.push, options.push_at))):
+        raise InputError("--push and --push-at must be finite numbers")
+    return GivingWay(pushes=(PushScript(tuple(options.push), options.push_at, PUSH_DURATION),))
 
 
 def main() -> int:

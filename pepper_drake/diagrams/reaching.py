@@ -3,18 +3,25 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     LogVectorOutput,
     MatrixGain,
     VectorLogSink,
 )
 
+from pepper_drake.diagrams.giving_way import (
+    GivingWay,
+    add_hand_force,
+    add_pushes,
+    add_tracking,
+    connect_couplings,
+)
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.coupling import Coupling
 from pepper_drake.models.objects import GOAL_OBJECT
-from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.models.pepper import JOINT_GROUPS, arm_group
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.goal import MarkedObject
 from pepper_drake.perception.goal_filter import GoalFilterParameters
@@ -66,6 +73,8 @@ class ReachingConfig:
     """Distance of the arm to the cloud at which the safety monitor stops it, m."""
     safety: bool = True
     """Whether a link that comes too close stops the arm."""
+    giving_way: GivingWay | None = None
+    """How the reaching arm gives way when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
     """Period of all logs, s."""
 
@@ -266,8 +275,30 @@ class Reaching(Diagram):
             self._connect(self.supervisor.GetOutputPort("coupling_law"), self.coupling, "law")
             self._connect(goal, self.coupling, "goal_position")
             self._connect(self.canonical.GetOutputPort("tau"), self.coupling, "tau")
-            self._connect(self.coupling.GetOutputPort("coupling"), self.translation, "coupling")
-            self._connect(self.coupling.GetOutputPort("slowdown"), self.canonical, "slowdown")
+        acting: list[System] = [] if self.coupling is None else [self.coupling]
+        if self.config.giving_way is not None:
+            acting.append(self._add_giving_way(self.config.giving_way))
+        connect_couplings(builder, acting, self.canonical, self.translation)
+
+    def _add_giving_way(self, giving_way: GivingWay) -> System:
+        """A soft arm, a movement that waits for it, and what pushes at its hand."""
+        builder, station, arm = self._builder, self.station, self.scene.arm
+        station.set_stiffness(arm_group(arm), giving_way.stiffness)
+        force = add_hand_force(builder, station.plant, arm, station.GetInputPort("applied_forces"))
+        self.logs["push"] = LogVectorOutput(
+            add_pushes(builder, giving_way.pushes, self.active, force),
+            builder,
+            self.config.log_period,
+        )
+        tracking = add_tracking(
+            builder,
+            giving_way.tracking,
+            self.config.ik.time_step,
+            desired_position=self.translation.GetOutputPort("position"),
+            measured_position=station.GetOutputPort(f"{arm}_hand_position"),
+        )
+        builder.Connect(self.active, tracking.active_input)
+        return tracking
 
     def _add_inverse_kinematics(self) -> None:
         """From the hand's next pose to the arm's next command."""
