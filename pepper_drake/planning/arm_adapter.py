@@ -59,8 +59,10 @@ class AdaptationParams:
     """Least distance to the goal object there, whose shape and place are known well, m."""
     limit_margin: float = 0.02
     """Kept to joint limits, rad."""
-    candidates: int = 2
+    candidates: int = 3
     """How many demonstrations' paths are searched from at most."""
+    good_cost: float = 4.0
+    """A clear path that costs less is taken at once; others are compared."""
     planner: RrtConnectParams = field(default_factory=RrtConnectParams)
     """Looks for a way where none of them could be bent to one."""
     padding: float = 0.015
@@ -81,6 +83,7 @@ class AdaptedPath:
         joints: (N, 5) at even times, rad.
         duration: s.
         slack: Least clearance less the wanted one, m.
+        cost: Its cost.
         origin: Which demonstration it came from, or `PLANNED`.
         generations: Of the search.
     """
@@ -88,6 +91,7 @@ class AdaptedPath:
     joints: Vector
     duration: float
     slack: float
+    cost: float
     origin: int
     generations: int
 
@@ -192,8 +196,9 @@ class ArmAdapter:
         chosen = _different(paths, cost, self.params.candidates)
         references = [(paths[number], int(origins[number])) for number in chosen]
         best: AdaptedPath | None = None
-        for reference, origin in itertools.chain(
-            references, self._planned(start, goals, surroundings) if plan else ()
+        for number, (reference, origin) in enumerate(
+            itertools.chain(references, self._planned(start, goals, surroundings) if plan else ()),
+            start=1,
         ):
             found = search_path(
                 reference,
@@ -202,17 +207,25 @@ class ArmAdapter:
                 upper=upper,
                 params=self.params.search,
             )
-            if best is None or found.slack > best.slack:
-                best = AdaptedPath(
-                    found.path,
-                    max(float(needed_duration(found.path, *self._limits)), duration),
-                    found.slack,
-                    origin,
-                    found.generations,
-                )
-            if best.slack > self.params.accepted_slack:
+            path = AdaptedPath(
+                found.path,
+                max(float(needed_duration(found.path, *self._limits)), duration),
+                found.slack,
+                found.cost,
+                origin,
+                found.generations,
+            )
+            best = path if best is None else max(best, path, key=self._rank)
+            if self._rank(best) > (True, -self.params.good_cost):
                 break
+            if number >= len(references) and best.slack > self.params.accepted_slack:
+                break  # The planner is asked for want of anything else.
         return best
+
+    def _rank(self, path: AdaptedPath) -> tuple[bool, float]:
+        """Order of paths: those that are clear by their cost, others by how much they lack."""
+        clear = path.slack > self.params.accepted_slack
+        return clear, -path.cost if clear else path.slack
 
     def _planned(
         self, start: Vector, goals: Vector, surroundings: Surroundings

@@ -95,6 +95,7 @@ def search_path(
             steps = np.zeros((1, size))
         else:
             steps = rng.standard_normal((params.population, size))
+            steps[0] = 0.0  # The mean itself: it lacks what is random about each path.
         paths = paths_of(mean + sigma * steps)
         rating = rate(paths)
         order = np.argsort(rating.cost, kind="stable")

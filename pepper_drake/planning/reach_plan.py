@@ -58,6 +58,8 @@ class ReachPlannerParams:
     adapt: bool = True
     """Whether a movement that would not pass is adapted to the scene, as a whole arm; needs a
     `BarrierCoupling`."""
+    slowest: float = 1.6
+    """How many times as long as the one that was shown a movement may take and be liked."""
     places_adapted: int = 4
     """How many places to stand are adapted to at most."""
 
@@ -85,11 +87,12 @@ class ReachPlan:
     movement: Movement | None = None
 
 
-def quality(plan: ReachPlan) -> tuple[bool, bool, float]:
-    """Order of plans: clear ones, then those that get there, then the most room."""
+def quality(plan: ReachPlan, wanted_clearance: float) -> tuple[bool, bool, float, float]:
+    """Order of plans: clear ones, those that get there, the most room wanted, the quickest."""
     arrives = plan.verdict in (ReachVerdict.CLEAR, ReachVerdict.NO_CLEAR_PATH)
     return (
         plan.verdict == ReachVerdict.CLEAR,
         arrives,
-        plan.clearance if arrives else -plan.position_error,
+        min(plan.clearance, wanted_clearance) if arrives else -plan.position_error,
+        -plan.movement.primitive.duration if plan.movement is not None else -np.inf,
     )

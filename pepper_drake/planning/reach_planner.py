@@ -175,9 +175,8 @@ class ReachPlanner:
         )
         best: ReachPlan | None = None
         for plan in self._plans(situations):
-            if best is None or quality(plan) > quality(best):
-                best = plan
-            if self._is_good(plan):
+            best = plan if best is None else max(best, plan, key=self._quality)
+            if self._is_good(plan) and self._is_brisk(plan):
                 break
         if best is None:
             return ReachPlan(
@@ -201,13 +200,18 @@ class ReachPlanner:
             return
         shown = self._play(first, self.shown)
         yield shown
-        yield from self._adapted(first, shown.joint_path, plan=False)
+        way = shown.verdict == ReachVerdict.CLEAR
+        for plan in self._adapted(first, shown.joint_path, plan=False):
+            way |= plan.verdict == ReachVerdict.CLEAR
+            yield plan
         ease = [(self._ease(one), number, one) for number, one in enumerate(situations)]
         easiest = sorted(item for item in ease if np.isfinite(item[0]))
         easiest = easiest[: self.params.places_adapted]
         for _, _, situation in easiest:
-            yield from self._adapted(situation, plan=False)
-        for _, _, situation in easiest[:1]:
+            for plan in self._adapted(situation, plan=False):
+                way |= plan.verdict == ReachVerdict.CLEAR
+                yield plan
+        for _, _, situation in easiest[:1] if not way else ():
             yield from self._adapted(situation)
 
     def check_reach(
@@ -235,9 +239,9 @@ class ReachPlanner:
         if self._is_good(best):
             return best
         for plan in self._adapted(situation, best.joint_path):
-            best = max(best, plan, key=quality)
+            best = max(best, plan, key=self._quality)
         if movement is not None and best.verdict != ReachVerdict.CLEAR:
-            best = max(best, self._play(situation, self.shown), key=quality)
+            best = max(best, self._play(situation, self.shown), key=self._quality)
         return best
 
     def replan(
@@ -304,6 +308,13 @@ class ReachPlanner:
         assert plan.joint_path is not None
         off = np.sum((plan.joint_path - arm.position) ** 2, axis=1)
         return plan.joint_path[min(int(np.argmin(off)), len(off) - 2) :]
+
+    def _quality(self, plan: ReachPlan) -> tuple[bool, bool, float, float]:
+        return quality(plan, self.params.wanted_clearance)
+
+    def _is_brisk(self, plan: ReachPlan) -> bool:
+        longest = self.params.slowest * self.shown.primitive.duration
+        return plan.movement is not None and plan.movement.primitive.duration <= longest
 
     def _is_good(self, plan: ReachPlan) -> bool:
         wanted = self.params.wanted_clearance
