@@ -113,7 +113,7 @@ def main() -> int:
     if not options.quiet:
         from pepper_drake.playback.comparison import table
 
-        print(table([run.motion for run in runs]))
+        print(table(runs))
         print(f"{result}; {time.perf_counter() - begin:.1f} s")
     return cli.EXIT_DONE
 

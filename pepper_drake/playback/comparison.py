@@ -2,23 +2,36 @@
 
 from collections.abc import Sequence
 
-from pepper_drake.playback.motion import Motion
+import numpy as np
+
+from pepper_drake.playback.bodies import Frames
+from pepper_drake.playback.motion import Vector
+
+FARTHEST = "farthest from the first [mm]"
+"""The figure that compares two ways: how far a hand was at most from the first motion's way."""
 
 _DECIMALS = {"mm": 1, "deg": 1}
 
 
-def compare(motions: Sequence[Motion]) -> dict[str, list[str]]:
+def compare(runs: Sequence[Frames]) -> dict[str, list[str]]:
     """Returns what there is to say of motions.
 
     Returns:
         By the name of a figure a text for each motion, empty where the motion has no such figure;
         names in the order in which motions bring them.
     """
-    names = dict.fromkeys(name for motion in motions for name in motion.figures)
-    rows = {
-        name: [_text(name, motion.figures.get(name, "")) for motion in motions] for name in names
-    }
+    figures = [dict(run.motion.figures) for run in runs]
+    for run, own in zip(runs[1:], figures[1:], strict=True):
+        own[FARTHEST] = 1000.0 * farthest(run.hand_W, runs[0].hand_W)
+    names = dict.fromkeys(name for own in figures for name in own)
+    rows = {name: [_text(name, own.get(name, "")) for own in figures] for name in names}
     return {name: texts for name, texts in rows.items() if any(texts)}
+
+
+def farthest(way: Vector, reference: Vector) -> float:
+    """Returns the largest distance of a way's points (K, 3) from a reference way (L, 3) [m]."""
+    apart = np.linalg.norm(way[:, None, :] - reference[None, :, :], axis=2)
+    return float(apart.min(axis=1).max())
 
 
 def _text(name: str, value: str | float) -> str:
@@ -28,11 +41,11 @@ def _text(name: str, value: str | float) -> str:
     return f"{value:.{_DECIMALS.get(unit, 2)}f}"
 
 
-def table(motions: Sequence[Motion]) -> str:
+def table(runs: Sequence[Frames]) -> str:
     """Returns the comparison as lines for a terminal: a column for each motion."""
-    rows = {"": [motion.name for motion in motions], **compare(motions)}
+    rows = {"": [run.motion.name for run in runs], **compare(runs)}
     first = max(len(name) for name in rows)
-    widths = [max(len(texts[k]) for texts in rows.values()) for k in range(len(motions))]
+    widths = [max(len(texts[k]) for texts in rows.values()) for k in range(len(runs))]
     return "\n".join(
         "  ".join(
             (

@@ -218,7 +218,7 @@ def _control_bar(runs: Sequence[Frames]) -> Command:
 
     Its callback is the script `player.js`, which the viewer runs once when it gets the control.
     """
-    rows = compare([run.motion for run in runs])
+    rows = compare(runs)
     data = {
         "frameRate": FRAME_RATE,
         "view": _view(runs[0]),
