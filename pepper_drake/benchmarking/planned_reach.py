@@ -41,6 +41,8 @@ Array = npt.NDArray[np.float64]
 _STEP = 0.01
 _PATIENCE = 0.25
 """Between the waiting times that are tried, s."""
+_PADDINGS = (0.010, 0.003)
+"""What is kept between the arm and the scene: more, if that can be had [m]."""
 _HOLDING = 1.0
 """How long the hand stays at its goal, s."""
 _TOLERANCE = 0.010
@@ -103,8 +105,12 @@ class PlannedReach:
 
     def _run(self, case: Case) -> tuple[MethodResult, KnownScene, _Found | None]:
         begin = time.perf_counter()
-        known = KnownScene(case.build())
-        found = self._search(known, case.seed)
+        scene = case.build()
+        for padding in _PADDINGS:
+            known = KnownScene(scene, padding=padding)
+            found = self._search(known, case.seed)
+            if found is not None:
+                break
         result = MethodResult(planning_seconds=time.perf_counter() - begin)
         if found is None:
             result.outcome, result.reason = "refused", "no_clear_path"
