@@ -85,10 +85,14 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
             table = np.column_stack((demonstration.times, angles))
             header = "# time [s], roll pitch yaw [rad], rates [rad/s], accelerations [rad/s^2]\n"
             write_atomically(path / ROTATION, header + format_table(table))
+        else:
+            (path / ROTATION).unlink(missing_ok=True)  # An earlier demonstration's.
         if demonstration.joints is not None:
             table = np.column_stack((demonstration.times, demonstration.joints))
             header = ",".join(("time", *demonstration.joint_names)) + "\n"
             write_atomically(path / JOINTS, header + format_table(table, ","))
+        else:
+            (path / JOINTS).unlink(missing_ok=True)
 
 
 def _read_folder(path: Path) -> Demonstration:

@@ -166,3 +166,13 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
         write_atomically(path, "new")
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["motion.txt"]
+
+
+def test_a_folder_keeps_nothing_of_an_earlier_demonstration(demonstration, tmp_path):
+    demonstration.save(tmp_path)
+    bare = Demonstration.from_positions(demonstration.times[:50], demonstration.positions[:50])
+    bare.save(tmp_path)
+    back = Demonstration.load(tmp_path)
+    same(back, bare)
+    assert back.rotations is None
+    assert back.joints is None
