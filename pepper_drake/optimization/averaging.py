@@ -4,12 +4,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.optimization.optimizer import (
-    check_positive,
-    check_samples,
-    check_share,
-    generator,
-)
+from pepper_drake.optimization.gaussian_search import GaussianSearch
+from pepper_drake.optimization.optimizer import check_positive, check_share
 from pepper_drake.optimization.problem import Problem, total_costs
 from pepper_drake.optimization.weighting import ELITENESS, best, exponential_weights
 
@@ -27,7 +23,7 @@ def decay_over(updates: int) -> float:
     return float(LAST_EXPLORATION ** (1.0 / max(1, updates)))
 
 
-class RewardWeightedAveraging:
+class RewardWeightedAveraging(GaussianSearch):
     """Algorithm 3: lambda samples of N(theta, Sigma), of which the best mu are averaged.
 
     - Their costs are normalised, so that the best has 0 and the worst of all samples -h;
@@ -67,23 +63,14 @@ class RewardWeightedAveraging:
         Raises:
             InputError: A setting is out of range.
         """
-        rate = problem.exploration**2 if rate is None else rate
+        super().__init__(problem, samples=samples, seed=seed, rate=rate)
         elite = samples if elite is None else elite
-        check_samples(samples)
-        check_positive(rate=rate, eliteness=eliteness)
+        check_positive(eliteness=eliteness)
         check_share(decay=decay)
         if not 1 <= elite <= samples:
             raise InputError(f"elite: {elite} of {samples} samples; use 1 to {samples}")
-        self._mean = np.array(problem.guess, dtype=float)
-        self._samples, self._seed, self._elite = samples, seed, elite
-        self._rate, self._decay, self._eliteness = rate, decay, eliteness
+        self._decay, self._elite, self._eliteness = decay, elite, eliteness
         self._threshold = threshold
-        self._update = 0
-
-    @property
-    def mean(self) -> Array:
-        """(n,) theta."""
-        return self._mean
 
     @property
     def variance(self) -> float:
@@ -103,13 +90,6 @@ class RewardWeightedAveraging:
         # Both are multiples of the identity, whose norm cancels.
         before = self.variance / self._decay**2
         return abs(self.variance - before) < self._threshold * self._rate
-
-    def ask(self) -> Array:
-        """Returns lambda samples (S, n) of N(theta, Sigma)."""
-        noise = generator(self._seed, self._update).standard_normal(
-            (self._samples, len(self._mean))
-        )
-        return self._mean + np.sqrt(self.variance) * noise
 
     def tell(self, costs: Array) -> None:
         """Moves theta to the weighted average of the mu best, and makes Sigma smaller."""

@@ -6,18 +6,14 @@ Peters and Schaal, "Natural Actor-Critic", Neurocomputing 71, 2008.
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.optimization.optimizer import (
-    check_positive,
-    check_samples,
-    check_share,
-    generator,
-)
+from pepper_drake.optimization.gaussian_search import GaussianSearch
+from pepper_drake.optimization.optimizer import check_positive, check_share
 from pepper_drake.optimization.problem import Problem, total_costs
 
 Array = npt.NDArray[np.float64]
 
 
-class EpisodicNaturalActorCritic:
+class EpisodicNaturalActorCritic(GaussianSearch):
     """Follows the natural gradient that a least-squares critic reads off whole rollouts.
 
     The policy explores with parameters theta + eps, eps of N(0, Sigma), held over a rollout. Then
@@ -60,20 +56,10 @@ class EpisodicNaturalActorCritic:
         Raises:
             InputError: A setting is out of range.
         """
-        rate = problem.exploration**2 if rate is None else rate
-        check_samples(samples)
-        check_positive(rate=rate, step=step)
+        super().__init__(problem, samples=samples, seed=seed, rate=rate)
+        check_positive(step=step)
         check_share(decay=decay)
-        self._mean = np.array(problem.guess, dtype=float)
-        self._samples, self._seed = samples, seed
-        self._rate, self._step, self._decay = rate, step, decay
-        self._threshold = threshold
-        self._update = 0
-
-    @property
-    def mean(self) -> Array:
-        """(n,) theta."""
-        return self._mean
+        self._step, self._decay, self._threshold = step, decay, threshold
 
     @property
     def deviations(self) -> Array:
@@ -87,13 +73,6 @@ class EpisodicNaturalActorCritic:
             return False
         now = self._decay ** (2 * self._update)
         return abs(now - now / self._decay**2) < self._threshold
-
-    def ask(self) -> Array:
-        """Returns the parameters (S, n) of rollouts."""
-        noise = generator(self._seed, self._update).standard_normal(
-            (self._samples, len(self._mean))
-        )
-        return self._mean + self.deviations * noise
 
     def tell(self, costs: Array) -> None:
         """Takes one step along the natural gradient."""

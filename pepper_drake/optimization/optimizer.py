@@ -42,11 +42,6 @@ class Optimizer(Protocol):
         ...
 
 
-def generator(seed: int, update: int) -> np.random.Generator:
-    """Returns the randomness of one update: nothing that came before has a hand in it."""
-    return np.random.default_rng([seed, update])
-
-
 def check_samples(samples: int, least: int = 2) -> None:
     """Raises InputError unless an update has enough samples."""
     if samples < least:

@@ -6,19 +6,15 @@ Stulp and Sigaud, "Path Integral Policy Improvement with Covariance Matrix Adapt
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.optimization.optimizer import (
-    check_positive,
-    check_samples,
-    check_share,
-    generator,
-)
+from pepper_drake.optimization.gaussian_search import GaussianSearch
+from pepper_drake.optimization.optimizer import check_positive, check_share
 from pepper_drake.optimization.problem import Problem, costs_to_go
 from pepper_drake.optimization.weighting import ELITENESS, exponential_weights
 
 Array = npt.NDArray[np.float64]
 
 
-class Pi2Cma:
+class Pi2Cma(GaussianSearch):
     """PI2 whose exploration follows the samples that did well.
 
     With S_ik the cost-to-go of sample k from step i on, and N steps,
@@ -64,23 +60,15 @@ class Pi2Cma:
         Raises:
             InputError: A setting is out of range.
         """
-        rate = problem.exploration**2 if rate is None else rate
-        check_samples(samples)
-        check_positive(rate=rate, eliteness=eliteness, least=least)
+        super().__init__(problem, samples=samples, seed=seed, rate=rate)
+        check_positive(eliteness=eliteness, least=least)
         check_share(learning_rate=learning_rate)
-        self._mean = np.array(problem.guess, dtype=float)
-        self._covariance = rate * np.eye(len(self._mean))
-        self._root = np.sqrt(rate) * np.eye(len(self._mean))
-        self._samples, self._seed, self._eliteness = samples, seed, eliteness
-        self._learning_rate, self._least = learning_rate, least * rate
+        self._covariance = self._rate * np.eye(len(self._mean))
+        self._root = np.sqrt(self._covariance)
+        self._eliteness = eliteness
+        self._learning_rate, self._least = learning_rate, least * self._rate
         self._threshold = threshold * float(np.linalg.norm(self._covariance))
         self._change = np.inf
-        self._update = 0
-
-    @property
-    def mean(self) -> Array:
-        """(n,) theta."""
-        return self._mean
 
     @property
     def covariance(self) -> Array:
@@ -97,12 +85,8 @@ class Pi2Cma:
         """Whether the last update changed Sigma by less than the threshold."""
         return self._change < self._threshold
 
-    def ask(self) -> Array:
-        """Returns samples (S, n) of N(theta, Sigma)."""
-        noise = generator(self._seed, self._update).standard_normal(
-            (self._samples, len(self._mean))
-        )
-        return self._mean + noise @ self._root
+    def _spread(self, noise: Array) -> Array:
+        return noise @ self._root
 
     def tell(self, costs: Array) -> None:
         """Updates theta and Sigma."""

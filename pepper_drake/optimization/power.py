@@ -7,18 +7,15 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.optimization.optimizer import (
-    check_positive,
-    check_samples,
-    generator,
-)
+from pepper_drake.optimization.gaussian_search import GaussianSearch
+from pepper_drake.optimization.optimizer import check_positive
 from pepper_drake.optimization.problem import Problem, costs_to_go, total_costs
 from pepper_drake.optimization.weighting import ELITENESS, best, normalized
 
 Array = npt.NDArray[np.float64]
 
 
-class Power:
+class Power(GaussianSearch):
     """PoWER with exploration that depends on the state, held over each rollout.
 
     The policy is a = (theta + eps)' psi (D.4, D.5 with eps(psi) = eps' psi): for a primitive, psi
@@ -64,27 +61,18 @@ class Power:
         Raises:
             InputError: A setting is out of range.
         """
-        rate = problem.exploration**2 if rate is None else rate
-        check_samples(samples, least=1)
-        check_positive(rate=rate, eliteness=eliteness)
+        super().__init__(problem, samples=samples, seed=seed, rate=rate, least=1)
+        check_positive(eliteness=eliteness)
         if kept < 1:
             raise InputError(f"kept: {kept} rollouts; use at least 1")
         if not band >= 1.0:
             raise InputError(f"band: {band} is not 1 or more")
-        self._mean = np.array(problem.guess, dtype=float)
         self._features = problem.features
-        self._variances = np.full(len(self._mean), rate)
-        self._samples, self._seed, self._kept = samples, seed, kept
-        self._rate, self._eliteness, self._band = rate, eliteness, band
+        self._variances = np.full(len(self._mean), self._rate)
+        self._kept, self._eliteness, self._band = kept, eliteness, band
         self._threshold = threshold
         self._change = np.inf
         self._best: tuple[Array, Array] | None = None
-        self._update = 0
-
-    @property
-    def mean(self) -> Array:
-        """(n,) theta."""
-        return self._mean
 
     @property
     def deviations(self) -> Array:
@@ -95,13 +83,6 @@ class Power:
     def converged(self) -> bool:
         """Whether the last update changed no variance any more."""
         return self._change < self._threshold
-
-    def ask(self) -> Array:
-        """Returns the parameters (S, n) of rollouts."""
-        noise = generator(self._seed, self._update).standard_normal(
-            (self._samples, len(self._mean))
-        )
-        return self._mean + self.deviations * noise
 
     def tell(self, costs: Array) -> None:
         """Updates theta and the exploration."""
