@@ -182,3 +182,116 @@ def test_a_call_depends_on_its_arguments_alone(planner):
 def test_a_primitive_without_orientation_or_posture_is_refused(right_primitive, missing):
     with pytest.raises(InputError, match="rotations and joints"):
         make_planner(replace(right_primitive, **{missing: None}), None)
+
+
+TABLE = sheet((0.9, 1.3), (-0.6, 0.4), 0.735, spacing=0.02)
+
+
+def in_torso(points, base_pose):
+    context = MODEL.create_context()
+    MODEL.plant.SetPositions(context, MODEL.positions(STAND, base_pose))
+    return (MODEL.pose(context, "torso").inverse() @ points.T).T
+
+
+@pytest.fixture(scope="module")
+def at_the_table(right_primitive):
+    """A place at a table from which the movement as it was shown passes through the table."""
+    blind = make_planner(right_primitive, None)
+    base = stand(blind, object_at(z=0.74)).base_pose + [0.03, 0.0, 0.0]
+    X_WO = object_at(z=0.74)
+    asked = {"base_pose": base, "joint_position": STAND, "X_WO": X_WO, "cloud_W": TABLE}
+    assert blind.check_reach(**asked).clearance < -0.01
+    return asked
+
+
+def test_a_demonstration_through_the_table_becomes_a_primitive_around_it(
+    planner, at_the_table, true_clearance
+):
+    adapted = planner.check_reach(**at_the_table)
+    assert adapted.movement is not planner.shown
+    assert adapted.verdict == ReachVerdict.CLEAR
+    assert adapted.position_error < 0.005
+    points = in_torso(TABLE, at_the_table["base_pose"])
+    truth = min(true_clearance("right", q, points) for q in adapted.joint_path[::6])
+    assert truth >= 0.020 - 1e-9
+
+    # It is a primitive: it performs the path from its own start, and goes where its goal goes.
+    primitive = adapted.movement.primitive
+    path = primitive.rollout(goal=primitive.goal + [0.0, 0.02, 0.03], settle=0.4)
+    np.testing.assert_allclose(path.positions[-1], primitive.goal + [0.0, 0.02, 0.03], atol=2e-3)
+
+
+def test_the_pre_grasp_keeps_its_position_when_its_direction_is_adapted(planner, at_the_table):
+    movement = planner.check_reach(**at_the_table).movement
+    np.testing.assert_array_equal(movement.X_OG.translation(), planner.shown.X_OG.translation())
+
+
+def test_the_same_reach_is_adapted_the_same_way(planner, at_the_table):
+    one, other = (planner.check_reach(**at_the_table) for _ in range(2))
+    np.testing.assert_array_equal(one.joint_path, other.joint_path)
+
+
+def test_without_adaptation_the_hand_is_bent_around_it_more_closely(right_primitive, at_the_table):
+    reactive = make_planner(right_primitive, make_coupling("barrier"), adapt=False)
+    plan = reactive.check_reach(**at_the_table)
+    assert plan.clearance < reactive.params.wanted_clearance
+    assert plan.movement is reactive.shown
+
+
+def test_where_nothing_is_in_the_way_the_movement_stays_the_one_that_was_shown(planner):
+    plan = stand(planner, object_at())
+    assert plan.movement is planner.shown
+
+
+def test_on_its_way_the_arm_goes_around_what_comes_up(planner, at_the_table, true_clearance):
+    plan = planner.check_reach(**at_the_table)
+    path, now = plan.joint_path, len(plan.joint_path) // 3
+    joints = STAND.copy()
+    arm = body_indices(arm_joints("right"))
+    joints[arm] = path[now]
+    velocity = (path[now] - path[now - 1]) / 0.01
+    # A ball of points where the hand would be a little later.
+    later = MODEL.create_context()
+    ahead = joints.copy()
+    ahead[arm] = path[now + 90]
+    MODEL.plant.SetPositions(later, MODEL.positions(ahead, at_the_table["base_pose"]))
+    center = MODEL.pose(later, "r_hand_effector").translation()
+    directions = np.random.default_rng(0).standard_normal((40, 3))
+    ball = center + 0.02 * directions / np.linalg.norm(directions, axis=1)[:, None]
+    seen = {**at_the_table, "joint_position": joints, "cloud_W": np.concatenate((TABLE, ball))}
+    assert planner.clearance_ahead(plan, **seen) < 0.0
+
+    again = planner.replan(plan, **seen, joint_velocity=velocity)
+    assert again.verdict == ReachVerdict.CLEAR
+    np.testing.assert_array_equal(again.joint_path[0], path[now])
+    limits = MODEL.command_limits(arm_joints("right"), speed_fraction=0.5)
+    change = (again.joint_path[1] - again.joint_path[0]) / 0.01 - velocity
+    assert np.all(np.abs(change) <= limits.acceleration * 0.01 + 1e-6)
+    assert again.position_error < 0.006
+    points = in_torso(seen["cloud_W"], at_the_table["base_pose"])
+    truth = min(true_clearance("right", q, points) for q in again.joint_path[::6])
+    assert truth >= planner.params.least_clearance - 1e-9
+    assert planner.clearance_ahead(again, **seen) >= planner.params.least_clearance
+
+
+def test_on_its_way_the_arm_is_told_when_there_is_no_way_on(planner, at_the_table):
+    plan = planner.check_reach(**at_the_table)
+    middle = len(plan.joint_path) // 2
+    joints = STAND.copy()
+    joints[body_indices(arm_joints("right"))] = plan.joint_path[middle]
+    goal = (at_the_table["X_WO"] @ default_pre_grasp("right", 0.033).pose()).translation()
+    there = goal + np.random.default_rng(1).uniform(-0.03, 0.03, (60, 3))
+    again = planner.replan(
+        plan,
+        **{**at_the_table, "joint_position": joints, "cloud_W": np.concatenate((TABLE, there))},
+        joint_velocity=np.zeros(5),
+    )
+    assert again.verdict != ReachVerdict.CLEAR
+    assert again.sentence
+
+
+def test_what_was_found_for_the_stand_is_tried_first(planner, at_the_table):
+    found = planner.check_reach(**at_the_table)
+    again = planner.check_reach(**at_the_table, movement=found.movement)
+    assert again.movement is found.movement
+    np.testing.assert_allclose(again.joint_path, found.joint_path, atol=1e-9)
