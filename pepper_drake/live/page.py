@@ -20,7 +20,7 @@ BUTTONS = {
     "Record": "KeyR",
     "Stop": "Space",
     "Learn": "KeyL",
-    "Reach": "Enter",
+    "Reach": "KeyG",
     "Save": "KeyS",
 }
 """The buttons and the key of each, as browsers name keys."""

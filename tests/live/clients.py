@@ -15,7 +15,6 @@ from tornado.websocket import websocket_connect
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 _KEYS = {
     "ArrowUp": 38,
-    "Enter": 13,
     "KeyR": 82,
     "Space": 32,
 }
