@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import Box, Rgba, SceneGraph, Shape, Sphere
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import Context
@@ -67,6 +67,7 @@ class Frames:
         motion: The motion.
         times: (F,) since the first frame [s].
         clock: (F,) the motion's times that they show [s].
+        yaw: Where Pepper faces when the arm starts, from W's x axis [rad].
         bodies: All bodies that can be seen.
         hand_W: (K, 3) the way of the hand from when the arm starts.
         shown_W: (M, 3) the demonstrated way, from where the hand starts.
@@ -76,6 +77,7 @@ class Frames:
     motion: Motion
     times: Vector
     clock: Vector
+    yaw: float
     bodies: tuple[MovingBody, ...]
     hand_W: Vector
     shown_W: Vector
@@ -210,6 +212,7 @@ def frames_of(motion: Motion, *, from_arm: bool = False) -> Frames:
         motion=motion,
         times=times,
         clock=clock,
+        yaw=float(RollPitchYaw(X_WT.rotation()).yaw_angle()),
         bodies=bodies,
         hand_W=hand_W,
         shown_W=_in_world(X_WT, shown - shown[0]) - X_WT.translation() + hand_W[0]

@@ -13,6 +13,7 @@ import umsgpack
 from meshcat.animation import Animation, AnimationClip, AnimationTrack
 from meshcat.commands import Delete, SetAnimation, SetObject, SetProperty, SetTransform
 from meshcat.path import Path as MeshcatPath
+from meshcat.transformations import quaternion_matrix
 
 from pepper_drake.playback.bodies import FRAME_RATE, Frames, MovingBody
 from pepper_drake.playback.comparison import compare
@@ -26,17 +27,14 @@ RUN_COLORS = ("#1668b0", "#d9601a", "#2f8f46", "#8a4fb0", "#c23a4b", "#0f8f96", 
 """A colour for each motion, again from the start when there are more."""
 
 _GHOST_OPACITY = 0.38
-_GHOST_TINT = 0.6
-_WAY_RADIUS = 0.003
-_SHOWN_RADIUS = 0.002
-_SHOWN_COLOR = (0.05, 0.05, 0.05)
-_WAY_STEP = 0.002
-_CONTROL = "show / hide figures"
-_CLOUD_COLOR = (0.85, 0.33, 0.10)
-_CLOUD_POINT = 0.008
-_TOP, _BOTTOM = (0.97, 0.98, 0.99), (0.80, 0.84, 0.88)
-_KEY_TOLERANCE = 2e-4
+_GHOST_TINT = 0.6  # Share of the run's colour in a ghost's.
+_WAY_RADIUS, _SHOWN_RADIUS, _CLOUD_POINT = 0.003, 0.002, 0.008  # [m]
+_WAY_STEP = 0.002  # Least distance of a way's points [m].
+_SHOWN_COLOR, _CLOUD_COLOR = (0.05, 0.05, 0.05), (0.85, 0.33, 0.10)
+_SKY, _GROUND = (0.97, 0.98, 0.99), (0.80, 0.84, 0.88)
+_KEY_TOLERANCE = 2e-4  # Of positions [m] and of quaternions.
 _HALVINGS = 8
+_CONTROL = "show / hide figures"
 
 
 @dataclass(frozen=True)
@@ -93,8 +91,8 @@ def _background(run: Frames) -> list[Command]:
     commands = [
         SetProperty("visible", run.motion.scene is None, _path("/Grid")),
         SetProperty("visible", False, _path("/Axes")),
-        SetProperty("top_color", list(_TOP), _path("/Background")),
-        SetProperty("bottom_color", list(_BOTTOM), _path("/Background")),
+        SetProperty("top_color", list(_SKY), _path("/Background")),
+        SetProperty("bottom_color", list(_GROUND), _path("/Background")),
     ]
     return [_message(command) for command in commands]
 
@@ -102,12 +100,17 @@ def _background(run: Frames) -> list[Command]:
 def _view(run: Frames) -> dict[str, list[float]]:
     """Where one looks from, and to: from the arm's side, past the hand to the robot, in W."""
     side = 1.0 if run.motion.arm == "left" else -1.0
-    target = run.hand_W.mean(axis=0) + [-0.15, 0.0, -0.12]
-    return {"eye": (target + [0.85, 1.9 * side, 0.75]).tolist(), "target": target.tolist()}
+    cos, sin = np.cos(run.yaw), np.sin(run.yaw)
+    R_WP = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    target = run.hand_W.mean(axis=0) + R_WP @ [-0.15, 0.0, -0.12]
+    eye = target + R_WP @ [0.85, 1.9 * side, 0.75]
+    return {"eye": eye.tolist(), "target": target.tolist()}
 
 
 def _body(body: MovingBody, path: str, ghost: tuple[float, float, float] | None) -> list[Command]:
-    commands = [SetTransform(_matrix(body.translations[0], body.quaternions[0]), _path(path))]
+    X_WB = quaternion_matrix(body.quaternions[0])
+    X_WB[:3, 3] = body.translations[0]
+    commands = [SetTransform(X_WB, _path(path))]
     for part in body.parts:
         color = part.color
         if ghost is not None:
@@ -117,18 +120,6 @@ def _body(body: MovingBody, path: str, ghost: tuple[float, float, float] | None)
         where = _path(f"{path}/{part.name}")
         commands += [SetObject(shape, path=where), SetTransform(part.X_BS @ X, where)]
     return [_message(command) for command in commands]
-
-
-def _matrix(translation: Vector, quaternion: Vector) -> Vector:
-    w, x, y, z = quaternion
-    X = np.eye(4)
-    X[:3, 3] = translation
-    X[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return X
 
 
 def _same(one: MovingBody, other: MovingBody) -> bool:

@@ -63,6 +63,7 @@ def test_pepper_stands_where_its_base_was(high):
     torso, base = named(high, "torso"), named(high, "Tibia")
     np.testing.assert_allclose(base.translations[:, :2], [[x, y]] * len(high.times), atol=1e-9)
     np.testing.assert_allclose(torso.translations[:, 2], 0.82, atol=2e-3)
+    assert high.yaw == pytest.approx(yaw, abs=1e-3)
     turn = RotationMatrix(RollPitchYaw(0.0, 0.0, yaw)).ToQuaternion().wxyz()
     np.testing.assert_allclose(base.quaternions[0], turn, atol=1e-9)
 

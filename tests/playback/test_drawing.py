@@ -103,6 +103,15 @@ def test_the_control_bar_knows_the_figures_and_every_moment(both, frames):
     assert eye[1] < target[1], "one looks from the right arm's side"
 
 
+def test_one_looks_at_the_arm_whichever_way_pepper_faces(frames):
+    turned = replace(frames[0], yaw=np.pi / 2)
+    commands = draw([turned])
+    callback = umsgpack.unpackb(commands[-1].data)["callback"]
+    view = json.loads(callback[callback.rindex("(this, ") + len("(this, ") : -1])["view"]
+    sight = np.subtract(view["eye"], view["target"])
+    np.testing.assert_allclose(sight, [1.9, 0.85, 0.75], atol=1e-9)
+
+
 def test_a_drawing_replaces_the_one_before(both):
     assert both[0][0].kind == "delete"
     assert both[0][0].path == "/pepper_drake"

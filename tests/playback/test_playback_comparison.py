@@ -15,6 +15,7 @@ def run(name, way=STRAIGHT, **figures):
         motion=Motion(name=name, arm="right", times=times, figures=figures),
         times=times,
         clock=times,
+        yaw=0.0,
         bodies=(),
         hand_W=way,
         shown_W=np.zeros((0, 3)),
