@@ -168,3 +168,18 @@ def test_killed_at_any_moment_all_up_to_the_last_second_is_readable(tmp_path, se
     if (tmp_path / PARTIAL).exists():
         recover(tmp_path)
     assert sorted(os.listdir(tmp_path))[-3:] == ["joints.csv", "rotation.txt", "translation.txt"]
+
+
+def test_when_its_files_cannot_be_written_the_recording_stays_recoverable(tmp_path):
+    (tmp_path / "rotation.txt").mkdir()  # In the way of the second of three files.
+    times, samples = record(40)
+    with (
+        RecordingWriter(tmp_path, JOINTS) as writer,
+        pytest.raises(InputError, match=r"rotation.txt: cannot be written"),
+    ):
+        writer.write(times, samples)
+        writer.finish(recorded_demonstration(times, samples, JOINTS))
+    assert len(Demonstration.load(tmp_path).times) == 40
+    (tmp_path / "rotation.txt").rmdir()
+    recover(tmp_path)
+    assert Demonstration.load(tmp_path).rotations is not None
