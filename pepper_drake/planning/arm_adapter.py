@@ -134,6 +134,7 @@ class ArmAdapter:
         played: Vector | None = None,
         *,
         plan: bool = True,
+        allowance: float = 0.0,
     ) -> AdaptedPath | None:
         """Looks for a clear path from a posture to a hand goal.
 
@@ -144,6 +145,7 @@ class ArmAdapter:
             surroundings: What is around the arm.
             played: (K, 5) what the demonstration alone would make of it, one more to start from.
             plan: Whether a path planner is asked where no demonstration can be bent to a way.
+            allowance: How much less clearance than otherwise is enough at the goal, m.
 
         Returns:
             The best path found, whether it is clear or not; None if no clear posture reaches the
@@ -154,7 +156,9 @@ class ArmAdapter:
             # What the barrier and the limits did to it leaves it jerky.
             own = smoothed(smoothed(resampled(played, self.params.samples)))[None]
             demonstrations = np.concatenate((own, demonstrations))
-        return self._adapt(start, X_TG, surroundings, demonstrations, self._duration, plan)
+        return self._adapt(
+            start, X_TG, surroundings, demonstrations, self._duration, plan, allowance
+        )
 
     def readapt(
         self,
@@ -184,8 +188,9 @@ class ArmAdapter:
         demonstrations: Vector,
         duration: float,
         plan: bool,
+        allowance: float = 0.0,
     ) -> AdaptedPath | None:
-        goals, discomfort = self.goal_postures(X_TG, surroundings, demonstrations[:, -1])
+        goals, discomfort = self.goal_postures(X_TG, surroundings, demonstrations[:, -1], allowance)
         if not len(goals):
             return None
         shape = len(demonstrations), len(goals)
@@ -259,7 +264,11 @@ class ArmAdapter:
         )
 
     def goal_postures(
-        self, X_TG: RigidTransform, surroundings: Surroundings, ends: Vector | None = None
+        self,
+        X_TG: RigidTransform,
+        surroundings: Surroundings,
+        ends: Vector | None = None,
+        allowance: float = 0.0,
     ) -> tuple[Vector, Vector]:
         """Clear postures with the hand at the goal, and what each costs after each demonstration.
 
@@ -267,6 +276,7 @@ class ArmAdapter:
             X_TG: The hand's goal.
             surroundings: What is around the arm.
             ends: (D, 5) the demonstrations' last postures, rad; if left out those of our own.
+            allowance: How much less clearance than otherwise is enough, m.
 
         Returns:
             The best postures (G, 5) for each demonstration, rad; and (G, D) their costs.
@@ -288,7 +298,7 @@ class ArmAdapter:
         for first in range(0, len(q), _LOOKED_AT):
             some = order[first : first + _LOOKED_AT]
             least = self._goal_clearance(q[some], surroundings)
-            clear = least >= params.least_goal_clearance
+            clear = least >= params.least_goal_clearance - allowance
             lack = np.maximum(1.0 - least[clear] / params.goal_clearance, 0.0)
             goals = np.concatenate((goals, q[some[clear]]))
             costs = np.concatenate((costs, cost[some[clear]] + 5.0 * lack[:, None] ** 2))

@@ -41,6 +41,9 @@ class ReachPlannerParams:
     """Between the arm and the cloud: with this a place to stand is taken at once."""
     least_clearance: float = 0.006
     """With less the arm does not start."""
+    afar: float = 0.008
+    """How much less is enough to drive up to a place: from near the same is seen better, and is
+    checked again before the arm starts."""
     position_tolerance: float = 0.006
     """Of the hand at the end of the motion played through."""
     following_error: float = 0.12

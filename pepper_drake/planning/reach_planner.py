@@ -153,7 +153,8 @@ class ReachPlanner:
             cloud_W: (P, 3) obstacles, m.
 
         Returns:
-            The best plan found: clear if there is one.
+            The best plan found: clear, or nearly so, if there is one. It has to be checked again,
+            with `check_reach`, from that place.
         """
         params = self.params
         field = ObstacleField(cloud_W, extension=params.solid_depth)
@@ -192,27 +193,28 @@ class ReachPlanner:
         With adaptation the first place is tried with the movement as it was shown, and adapted to;
         then the others from which the goal is reached with most ease are adapted to.
         """
+        afar = self.params.afar
         if self._adapter is None:
-            yield from (self._play(situation, self.shown) for situation in situations)
+            yield from (self._play(situation, self.shown, afar) for situation in situations)
             return
         first = next(situations, None)
         if first is None:
             return
-        shown = self._play(first, self.shown)
+        shown = self._play(first, self.shown, afar)
         yield shown
         way = shown.verdict == ReachVerdict.CLEAR
-        for plan in self._adapted(first, shown.joint_path, plan=False):
+        for plan in self._adapted(first, shown.joint_path, plan=False, allowance=afar):
             way |= plan.verdict == ReachVerdict.CLEAR
             yield plan
         ease = [(self._ease(one), number, one) for number, one in enumerate(situations)]
         easiest = sorted(item for item in ease if np.isfinite(item[0]))
         easiest = easiest[: self.params.places_adapted]
         for _, _, situation in easiest:
-            for plan in self._adapted(situation, plan=False):
+            for plan in self._adapted(situation, plan=False, allowance=afar):
                 way |= plan.verdict == ReachVerdict.CLEAR
                 yield plan
         for _, _, situation in easiest[:1] if not way else ():
-            yield from self._adapted(situation)
+            yield from self._adapted(situation, allowance=afar)
 
     def check_reach(
         self,
@@ -394,22 +396,34 @@ class ReachPlanner:
         """The least cost of a clear posture at the goal; infinite if there is none."""
         assert self._adapter is not None
         _, cost = self._adapter.goal_postures(
-            situation.X_TO @ self.shown.X_OG, situation.surroundings
+            situation.X_TO @ self.shown.X_OG,
+            situation.surroundings,
+            allowance=self.params.afar,
         )
         return float(cost.min(initial=np.inf))
 
     def _adapted(
-        self, situation: _Situation, played: Vector | None = None, *, plan: bool = True
+        self,
+        situation: _Situation,
+        played: Vector | None = None,
+        *,
+        plan: bool = True,
+        allowance: float = 0.0,
     ) -> Iterator[ReachPlan]:
         """The shown movement adapted and played through, if there is a way; see `ArmAdapter`."""
         if self._adapter is None:
             return
         X_TG = situation.X_TO @ self.shown.X_OG
         path = self._adapter.adapt(
-            situation.arm.position, X_TG, situation.surroundings, played, plan=plan
+            situation.arm.position,
+            X_TG,
+            situation.surroundings,
+            played,
+            plan=plan,
+            allowance=allowance,
         )
         if path is not None and path.slack > -self._adapter.params.cost.clearance:
-            yield self._play(situation, self._movement(situation, path))
+            yield self._play(situation, self._movement(situation, path), allowance)
 
     def _movement(self, situation: _Situation, path: AdaptedPath) -> Movement:
         """A path of the arm's joints as a movement that keeps to it."""
@@ -429,8 +443,8 @@ class ReachPlanner:
         )
         return Movement(primitive, coupling, X_OG)
 
-    def _play(self, situation: _Situation, movement: Movement) -> ReachPlan:
-        """Plays a movement through and judges it."""
+    def _play(self, situation: _Situation, movement: Movement, allowance: float = 0.0) -> ReachPlan:
+        """Plays a movement through and judges it; a little less clearance may be enough [m]."""
         params, arm = self.params, situation.arm
         X_TG = situation.X_TO @ movement.X_OG
         hand = self._rehearsal.roll_out(movement, arm, X_TG, situation.field)
@@ -449,7 +463,7 @@ class ReachPlanner:
         elif self._self_clearance(situation.body, joint_path[::5]).min() < params.self_clearance:
             verdict = ReachVerdict.SELF_COLLISION
             sentence = "the arm would run into the robot's own body"
-        elif movement.coupling is not None and clearance < params.least_clearance:
+        elif movement.coupling is not None and clearance < params.least_clearance - allowance:
             verdict = ReachVerdict.NO_CLEAR_PATH
             sentence = (
                 f"the arm would come {1000 * clearance:.0f} mm near to what was seen, "
