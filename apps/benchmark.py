@@ -1,7 +1,7 @@
 """Many scenes, several ways to reach, side by side: how often, how soon, how near.
 
   benchmark.py --scenes 20                    random scenes 0 to 19, all methods
-  benchmark.py --scenes 300 --methods d       one method, many scenes
+  benchmark.py --scenes 300 --seed 1000 --methods d,f --jobs 2
   benchmark.py --scenes 50 --moving           with an obstacle that moves during the reach
   benchmark.py --scene table --scenes 20      one scene, twenty seeds of the noise
   benchmark.py --replay d:17                  one run again, to look at: recording.html
@@ -82,7 +82,9 @@ def make_case(options: Namespace, seed: int) -> Case:
 
 def make_tasks(options: Namespace) -> list[Task]:
     """All runs that the options ask for, scene by scene."""
-    letters = [method_named(letter).letter for letter in options.methods.split(",")]
+    letters = options.methods.split(",")
+    for letter in letters:
+        method_named(letter).check()
     cases = [make_case(options, options.seed + k) for k in range(options.scenes)]
     cases[0].build()  # What is wrong with the scene is said before anything runs.
     return [Task(letter, case) for case in cases for letter in letters]
@@ -92,6 +94,7 @@ def replay(options: Namespace) -> int:
     """Runs one method on one scene again, with recording."""
     letter, _, seed = options.replay.partition(":")
     method = method_named(letter)
+    method.check()
     if not seed.isdigit():
         raise InputError(f'--replay is "{options.replay}"; give a method and a seed, as d:17')
     case = make_case(options, int(seed))

@@ -1,6 +1,7 @@
 """The methods that are compared, by letter."""
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Protocol
 
@@ -38,12 +39,22 @@ class Method:
         name: What it is called in tables.
         description: What it is, in a sentence.
         run: How it is run.
+        needs: The package of the `bench` extra that it needs, if any.
     """
 
     letter: str
     name: str
     description: str
     run: Run
+    needs: str = ""
+
+    def check(self) -> None:
+        """Raises InputError if what it needs is not installed."""
+        if self.needs and find_spec(self.needs) is None:
+            raise InputError(
+                f"method {self.letter} needs {self.needs}: run `.venv/bin/pip install '.[bench]'`, "
+                "or leave it out of --methods"
+            )
 
 
 METHODS: tuple[Method, ...] = (
@@ -76,12 +87,14 @@ METHODS: tuple[Method, ...] = (
         "movement_primitives' coupling",
         "the hand pushed by the cloud's nearest point, by that package's function",
         DiagramReach(coupling=PackageCoupling(), options=None),
+        needs="movement_primitives",
     ),
     Method(
         "f",
         "RRT-Connect, smoothed",
         "OMPL over Drake's collision checker; perfect knowledge, no dynamics",
         PlannedReach(rrt_motions),
+        needs="ompl",
     ),
     Method(
         "g",

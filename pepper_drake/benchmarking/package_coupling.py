@@ -3,7 +3,7 @@
 Its DMP and ours are the same equation: tau² y'' = alpha (beta (g - y) - tau y') + f + C_t, with C_t
 what its `obstacle_avoidance_acceleration_3d` returns; so its coupling, computed by its own function
 with its own constants, can drive our primitive. It knows one obstacle, a point; here that is the
-point of the cloud nearest to the hand.
+point of the cloud nearest to the hand. The package is in the `bench` extra.
 """
 
 from dataclasses import dataclass
@@ -12,27 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError
 from pepper_drake.learning.coupling import Field, Push
 from pepper_drake.learning.obstacle_field import ObstacleField
 
 Array = npt.NDArray[np.float64]
-
-
-def import_obstacle_avoidance() -> Any:
-    """The package's function.
-
-    Raises:
-        InputError: The package is not installed.
-    """
-    try:
-        from movement_primitives.dmp import obstacle_avoidance_acceleration_3d
-    except ImportError:
-        raise InputError(
-            "movement_primitives is not installed; `.venv/bin/pip install '.[bench]'` adds it, "
-            "or leave its method out"
-        ) from None
-    return obstacle_avoidance_acceleration_3d
 
 
 @dataclass(frozen=True)
@@ -61,14 +44,15 @@ class PackageCoupling:
         tau: float,
     ) -> Push:
         """Returns the package's coupling term; see `learning.coupling.Coupling`."""
-        accelerate = import_obstacle_avoidance()
+        from movement_primitives.dmp import obstacle_avoidance_acceleration_3d
+
         hands = state.reshape(-1, 2, 3)
         coupling = np.zeros((len(hands), 3))
         if len(field.points):
             for k, (position, velocity) in enumerate(hands):
                 nearest = np.argmin(np.sum((field.points - position) ** 2, axis=1))
                 with np.errstate(invalid="ignore"):  # It heads exactly for the point.
-                    push = accelerate(
+                    push = obstacle_avoidance_acceleration_3d(
                         position, velocity, field.points[nearest], self.gamma, self.beta
                     )
                 coupling[k] = np.nan_to_num(push)

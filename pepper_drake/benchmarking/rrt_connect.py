@@ -1,4 +1,7 @@
-"""OMPL's RRT-Connect with path smoothing, over Drake's collision checker."""
+"""OMPL's RRT-Connect with path smoothing, over Drake's collision checker.
+
+OMPL is in the `bench` extra; it is imported by what needs it.
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -7,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.benchmarking.known_scene import KnownScene
-from pepper_drake.errors import InputError
 
 Array = npt.NDArray[np.float64]
 
@@ -15,26 +17,11 @@ _RESOLUTION = 0.01
 """Between the checks along a motion, as a share of the joint space's extent."""
 
 
-def import_ompl() -> tuple:
-    """OMPL's modules `base`, `geometric` and `util`.
-
-    Raises:
-        InputError: OMPL is not installed.
-    """
-    try:
-        from ompl import base, geometric, util
-    except ImportError:
-        raise InputError(
-            "OMPL is not installed; `.venv/bin/pip install '.[bench]'` adds it, "
-            "or leave its method out"
-        ) from None
-    return base, geometric, util
-
-
 @lru_cache(maxsize=1)
 def seed_ompl(seed: int) -> None:
     """Seeds OMPL's random numbers, once: OMPL has one seed for a whole process."""
-    _, _, util = import_ompl()
+    from ompl import util
+
     util.setLogLevel(util.LOG_NONE)
     util.RNG.setSeed(seed + 1)  # 0 is none.
 
@@ -54,7 +41,8 @@ def rrt_connect(
         Corners (K, 5) of the path after OMPL's simplification and smoothing, rad; None if it finds
         none.
     """
-    base, geometric, _ = import_ompl()
+    from ompl import base, geometric
+
     space = base.RealVectorStateSpace(len(known.lower))
     bounds = base.RealVectorBounds(len(known.lower))
     for k, (low, high) in enumerate(zip(known.lower, known.upper, strict=True)):

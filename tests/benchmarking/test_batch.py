@@ -63,5 +63,12 @@ def test_an_unknown_letter_is_answered_with_those_there_are():
         methods.method_named("q")
 
 
+def test_a_method_whose_package_is_missing_says_how_to_get_it():
+    method = methods.Method("z", "", "", Fixed(), needs="no_such_package")
+    with pytest.raises(InputError, match=r"method z needs no_such_package: run .*bench"):
+        method.check()
+    methods.method_named("a").check()
+
+
 def test_letters_are_different_and_the_briefs_methods_are_there():
     assert [method.letter for method in methods.METHODS] == list("abcdefg")
