@@ -173,12 +173,11 @@ def test_killed_at_any_moment_all_up_to_the_last_second_is_readable(tmp_path, se
 def test_when_its_files_cannot_be_written_the_recording_stays_recoverable(tmp_path):
     (tmp_path / "rotation.txt").mkdir()  # In the way of the second of three files.
     times, samples = record(40)
-    with (
-        RecordingWriter(tmp_path, JOINTS) as writer,
-        pytest.raises(InputError, match=r"rotation.txt: cannot be written"),
-    ):
+    demo = recorded_demonstration(times, samples, JOINTS)
+    with RecordingWriter(tmp_path, JOINTS) as writer:
         writer.write(times, samples)
-        writer.finish(recorded_demonstration(times, samples, JOINTS))
+        with pytest.raises(InputError, match=r"rotation.txt: cannot be written"):
+            writer.finish(demo)
     assert len(Demonstration.load(tmp_path).times) == 40
     (tmp_path / "rotation.txt").rmdir()
     recover(tmp_path)
