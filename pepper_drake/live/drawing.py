@@ -23,6 +23,8 @@ _MOVED = 0.003
 _ARROW = 0.04
 """Length of the coupling's arrow for each m/s², m."""
 _LONGEST_ARROW = 0.3
+_OUTSIDE = 0.07
+"""Where the arrow begins: outside the hand, m from its control frame."""
 _HEAD = 0.035
 _POINT_SPACING = 0.005
 _RADII = (0.004, 0.0025)
@@ -137,8 +139,9 @@ class LiveDrawing:
             self._pushed = pushed
         if pushed:
             direction = acceleration_W / size
-            end = p_WH + min(_ARROW * size, _LONGEST_ARROW) * direction
-            self._meshcat.SetTransform("live/coupling/shaft", stretched(p_WH, end))
+            start = p_WH + _OUTSIDE * direction
+            end = start + min(_ARROW * size, _LONGEST_ARROW) * direction
+            self._meshcat.SetTransform("live/coupling/shaft", stretched(start, end))
             # The cone's tip is at its origin, its base ahead along z.
             X = RigidTransform(_towards(-direction), end + _HEAD * direction)
             self._meshcat.SetTransform("live/coupling/head", X)
