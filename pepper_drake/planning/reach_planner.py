@@ -1,13 +1,10 @@
 """Can the hand get there, and from where? The whole reach, played through before the arm moves."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
@@ -20,7 +17,6 @@ from pepper_drake.planning.arm_geometry import ArmGeometry
 from pepper_drake.planning.control_model import ControlModel, arm_joints, body_indices
 from pepper_drake.planning.differential_ik import DifferentialIkParams
 from pepper_drake.planning.movement import Movement
-from pepper_drake.planning.placed_solids import surface_points
 from pepper_drake.planning.quiet_coupling import quiet_coupling
 from pepper_drake.planning.reach_plan import (
     ReachPlan,
@@ -30,45 +26,15 @@ from pepper_drake.planning.reach_plan import (
 )
 from pepper_drake.planning.rehearsal import ArmState, Rehearsal
 from pepper_drake.planning.self_clearance import SelfClearance
+from pepper_drake.planning.situation import Situation, Situations
 from pepper_drake.planning.standing_places import HasRoom, StandingPlaces
-from pepper_drake.planning.support_surface import supposed_surface
-from pepper_drake.planning.surroundings import Surroundings, sample_body
 
 __all__ = ["ReachPlan", "ReachPlanner", "ReachPlannerParams", "ReachVerdict"]
 
 Vector = npt.NDArray[np.float64]
 
-_NEAR = 1.0
-"""What is farther from the torso's frame than this cannot be touched, m."""
-
 _SHORTEST = 0.8
 """The least duration of a movement that is adapted on its way, s."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Situation:
-    """What a reach is played through in.
-
-    Attributes:
-        base_pose: (3,) x, y, yaw in W.
-        arm: Where the arm is.
-        X_TO: The goal object's pose.
-        body: A context of the model's plant with the body's joints.
-        cloud_T: (P, 3) what was seen near the arm, m.
-        surroundings: The same and all else that the arm must not touch.
-    """
-
-    base_pose: Vector
-    arm: ArmState
-    X_TO: RigidTransform
-    body: Context
-    cloud_T: Vector
-    surroundings: Surroundings
-
-    @cached_property
-    def field(self) -> ObstacleField:
-        """What the coupling knows of obstacles, in T."""
-        return ObstacleField(self.cloud_T)
 
 
 class ReachPlanner:
@@ -115,16 +81,16 @@ class ReachPlanner:
                 f"primitive {primitive.name}: it has no orientation or no posture; "
                 "learn it from a demonstration with rotations and joints"
             )
-        self._model, self._arm = model, arm
         self.shown = Movement(primitive, coupling, X_OG)
         self.params = params
-        self._object_points = surface_points(goal_solids)
         self._geometry = ArmGeometry(model, arm)
         self._self_clearance = SelfClearance(model, self._geometry)
+        self._situations = Situations(
+            model, self._geometry, self._self_clearance, goal_solids, params
+        )
         self._rehearsal = Rehearsal(model, self._geometry, ik, params.settle)
         self.arm_in_body = body_indices(arm_joints(arm))
         self._places = StandingPlaces(model, arm, X_OG, primitive.goal, params)
-        self._body_layers: dict[tuple[float, ...], Vector] = {}
         self._adapter: ArmAdapter | None = None
         if params.adapt and isinstance(coupling, BarrierCoupling):
             shown = primitive.posture.at(np.linspace(0.0, 1.0, 100))
@@ -169,9 +135,9 @@ class ReachPlanner:
             room = self._places.body_clearances(places, joint_position, field)
             return room >= params.body_clearance
 
-        supposed = self._supposed(cloud_W, X_WO, base_pose)
+        supposed = self._situations.supposed(cloud_W, X_WO, base_pose)
         situations = (
-            self._situation(pose, joint_position, X_WO, cloud_W, supposed)
+            self._situations(pose, joint_position, X_WO, cloud_W, supposed)
             for pose in self.places_to_stand(base_pose, joint_position, X_WO, has_room)
         )
         best: ReachPlan | None = None
@@ -187,7 +153,7 @@ class ReachPlanner:
             )
         return best
 
-    def _plans(self, situations: Iterator[_Situation]) -> Iterator[ReachPlan]:
+    def _plans(self, situations: Iterator[Situation]) -> Iterator[ReachPlan]:
         """Plans from several places, the most promising first.
 
         With adaptation the first place is tried with the movement as it was shown, and adapted to;
@@ -235,8 +201,8 @@ class ReachPlanner:
             movement: What is tried first: the one that `plan_stand` found, or, left out, the one
                 that was shown. If that does not pass, it is adapted.
         """
-        field = self._supposed(cloud_W, X_WO, base_pose)
-        situation = self._situation(base_pose, joint_position, X_WO, cloud_W, field)
+        field = self._situations.supposed(cloud_W, X_WO, base_pose)
+        situation = self._situations(base_pose, joint_position, X_WO, cloud_W, field)
         best = self._play(situation, self.shown if movement is None else movement)
         if self._is_good(best):
             return best
@@ -273,8 +239,10 @@ class ReachPlanner:
             The best plan found for the rest: the old movement's if that is clear all the same, and
             not clear if there is none.
         """
-        field = self._supposed(cloud_W, X_WO, base_pose)
-        situation = self._situation(base_pose, joint_position, X_WO, cloud_W, field, joint_velocity)
+        field = self._situations.supposed(cloud_W, X_WO, base_pose)
+        situation = self._situations(
+            base_pose, joint_position, X_WO, cloud_W, field, joint_velocity
+        )
         rest = self._rest(plan, situation.arm)
         duration = max((len(rest) - 1) * self._rehearsal.time_step, _SHORTEST)
         X_TG = situation.X_TO @ self.shown.X_OG
@@ -300,8 +268,8 @@ class ReachPlanner:
 
         It is infinite if nothing is near.
         """
-        field = self._supposed(cloud_W, X_WO, base_pose)
-        situation = self._situation(base_pose, joint_position, X_WO, cloud_W, field)
+        field = self._situations.supposed(cloud_W, X_WO, base_pose)
+        situation = self._situations(base_pose, joint_position, X_WO, cloud_W, field)
         rest = self._rest(plan, situation.arm)
         return float(situation.surroundings.clearances(rest[::5]).min())
 
@@ -337,62 +305,7 @@ class ReachPlanner:
         primitive = self.shown.primitive
         return primitive.rollout(time_step=primitive.duration / (count - 1)).positions
 
-    def _supposed(self, cloud_W: Vector, X_WO: RigidTransform, base_pose: Vector) -> ObstacleField:
-        """What was seen and what is supposed to be there as well, solid as it is taken to be."""
-        beside = supposed_surface(cloud_W, X_WO.translation(), base_pose)
-        return ObstacleField(np.concatenate((cloud_W, beside)), extension=self.params.solid_depth)
-
-    def _situation(
-        self,
-        base_pose: Vector,
-        joint_position: Vector,
-        X_WO: RigidTransform,
-        cloud_W: Vector,
-        field_W: ObstacleField,
-        arm_velocity: Vector | None = None,
-    ) -> _Situation:
-        context = self._model.create_context()
-        self._model.plant.SetPositions(context, self._model.positions(joint_position, base_pose))
-        X_WT = self._model.pose(context, "torso")
-        X_TW = X_WT.inverse()
-        X_TO = X_TW @ X_WO
-        cloud_T = cloud_W @ X_TW.rotation().matrix().T + X_TW.translation()
-        object_T = self._object_points @ X_TO.rotation().matrix().T + X_TO.translation()
-        surroundings = Surroundings(
-            self._geometry.shapes,
-            self._geometry.kinematics,
-            field_W,
-            X_WT,
-            ObstacleField(object_T, extension=0.0),
-            lambda: self._body_layer(joint_position),
-            -self.params.self_clearance,
-        )
-        return _Situation(
-            base_pose,
-            ArmState(
-                joint_position[self.arm_in_body],
-                np.zeros(5) if arm_velocity is None else arm_velocity,
-            ),
-            X_TO,
-            context,
-            cloud_T[np.linalg.norm(cloud_T, axis=1) < _NEAR],
-            surroundings,
-        )
-
-    def _body_layer(self, joint_position: Vector) -> Vector:
-        """Distances of the body on the grid, for its joints rounded and its head straight."""
-        rounded = np.round(joint_position / 0.05) * 0.05
-        rounded[body_indices(["HeadYaw", "HeadPitch"])] = 0.0
-        rounded[self.arm_in_body] = 0.0
-        key = tuple(rounded)
-        if key not in self._body_layers:
-            context = self._model.create_context()
-            q = self._model.positions(rounded, np.zeros(3))
-            self._model.plant.SetPositions(context, q)
-            self._body_layers[key] = sample_body(self._arm, self._self_clearance.body(context))
-        return self._body_layers[key]
-
-    def _ease(self, situation: _Situation) -> float:
+    def _ease(self, situation: Situation) -> float:
         """The least cost of a clear posture at the goal; infinite if there is none."""
         assert self._adapter is not None
         _, cost = self._adapter.goal_postures(
@@ -404,7 +317,7 @@ class ReachPlanner:
 
     def _adapted(
         self,
-        situation: _Situation,
+        situation: Situation,
         played: Vector | None = None,
         *,
         plan: bool = True,
@@ -425,7 +338,7 @@ class ReachPlanner:
         if path is not None and path.slack > -self._adapter.params.cost.clearance:
             yield self._play(situation, self._movement(situation, path), allowance)
 
-    def _movement(self, situation: _Situation, path: AdaptedPath) -> Movement:
+    def _movement(self, situation: Situation, path: AdaptedPath) -> Movement:
         """A path of the arm's joints as a movement that keeps to it."""
         shown, kinematics = self.shown, self._geometry.kinematics
         primitive = primitive_of_joint_path(
@@ -443,7 +356,7 @@ class ReachPlanner:
         )
         return Movement(primitive, coupling, X_OG)
 
-    def _play(self, situation: _Situation, movement: Movement, allowance: float = 0.0) -> ReachPlan:
+    def _play(self, situation: Situation, movement: Movement, allowance: float = 0.0) -> ReachPlan:
         """Plays a movement through and judges it; a little less clearance may be enough [m]."""
         params, arm = self.params, situation.arm
         X_TG = situation.X_TO @ movement.X_OG
