@@ -97,7 +97,7 @@ def send(commands: "Sequence[Command]", url: str) -> str:
 
 
 def quit_server(url: str) -> None:
-    """Ends a server that `start_server` started.
+    """Ends a server that `start_server` started, and waits until its address is free.
 
     Raises:
         InputError: There is none, or it was started by other means.
@@ -106,6 +106,9 @@ def quit_server(url: str) -> None:
         raise InputError(f"{url}: there is no server to stop")
     if _ask(url, [_QUIT]) != b"ok":
         raise InputError(f"{url}: this server was not started by play.py; end it where it began")
+    deadline = time.monotonic() + _START_SECONDS
+    while is_listening(url) and time.monotonic() < deadline:
+        time.sleep(0.02)
 
 
 def _ask(url: str, message: list[bytes]) -> bytes:
