@@ -43,6 +43,8 @@ _PATIENCE = 0.25
 """Between the waiting times that are tried, s."""
 _PADDINGS = (0.010, 0.003)
 """What is kept between the arm and the scene: more, if that can be had [m]."""
+_LONGEST_SEARCH = 60.0
+"""With each padding; of computing time, after which no further place to stand is tried, s."""
 _HOLDING = 1.0
 """How long the hand stays at its goal, s."""
 _TOLERANCE = 0.010
@@ -121,8 +123,10 @@ class PlannedReach:
 
     def _search(self, known: KnownScene, seed: int) -> _Found | None:
         """The first motion from any place that touches nothing and ends at the goal."""
-        quiet = known.quiet_after
+        quiet, begin = known.quiet_after, time.process_time()
         for place in known.places_to_stand():
+            if time.process_time() - begin > _LONGEST_SEARCH:
+                break
             for moment in (0.0, quiet) if quiet else (0.0,):
                 found = self._search_from(known, place, moment, seed)
                 if found is not None:
