@@ -1,5 +1,6 @@
 """One reach in the full diagram, with dynamics, cameras and noise, measured for the benchmark."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,7 +56,8 @@ class DiagramReach:
     def replay(self, case: Case, folder: Path) -> MethodResult:
         """Runs the reach again and leaves `reach.py`'s folder, `recording.html` with it."""
         scene = case.build()
-        run = ReachRun(self._build(case, scene), RunOptions(meshcat=Meshcat(), record=True))
+        options = RunOptions(meshcat=Meshcat(), record=True, progress=sys.stderr.isatty())
+        run = ReachRun(self._build(case, scene), options)
         result = run.run()
         save_result(result, folder)
         return measure(result, make_primitive(None, scene.arm), scene.arm)
