@@ -41,6 +41,8 @@ class ReachPlannerParams:
     """Between the arm and the cloud: with this a place to stand is taken at once."""
     least_clearance: float = 0.006
     """With less the arm does not start."""
+    object_clearance: float = 0.001
+    """Between an adapted movement and the goal object."""
     afar: float = 0.008
     """How much less is enough to drive up to a place: from near the same is seen better, and is
     checked again before the arm starts."""
@@ -65,6 +67,8 @@ class ReachPlannerParams:
     """How many times as long as the one that was shown a movement may take and be liked."""
     places_adapted: int = 4
     """How many places to stand are adapted to at most."""
+    places_searched: int = 40
+    """Among how many the easiest are looked for, where none of the usual ones will do."""
 
 
 @dataclass(frozen=True, eq=False)

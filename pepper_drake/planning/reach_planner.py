@@ -136,12 +136,15 @@ class ReachPlanner:
             return room >= params.body_clearance
 
         supposed = self._situations.supposed(cloud_W, X_WO, base_pose)
-        situations = (
-            self._situations(pose, joint_position, X_WO, cloud_W, supposed)
-            for pose in self.places_to_stand(base_pose, joint_position, X_WO, has_room)
+        usual, everywhere = (
+            (
+                self._situations(pose, joint_position, X_WO, cloud_W, supposed)
+                for pose in places(base_pose, joint_position, X_WO, has_room)
+            )
+            for places in (self._places, self._places.everywhere)
         )
         best: ReachPlan | None = None
-        for plan in self._plans(situations):
+        for plan in self._plans(usual, everywhere):
             best = plan if best is None else max(best, plan, key=self._quality)
             if self._is_good(plan) and self._is_brisk(plan):
                 break
@@ -153,34 +156,45 @@ class ReachPlanner:
             )
         return best
 
-    def _plans(self, situations: Iterator[Situation]) -> Iterator[ReachPlan]:
+    def _plans(
+        self, usual: Iterator[Situation], everywhere: Iterator[Situation]
+    ) -> Iterator[ReachPlan]:
         """Plans from several places, the most promising first.
 
-        With adaptation the first place is tried with the movement as it was shown, and adapted to;
-        then the others from which the goal is reached with most ease are adapted to.
+        With adaptation the first of the usual places is tried with the movement as it was shown,
+        and adapted to; then those of the others from which the goal is reached with most ease are
+        adapted to; and if there is no way from any, those of places everywhere.
         """
         afar = self.params.afar
         if self._adapter is None:
-            yield from (self._play(situation, self.shown, afar) for situation in situations)
+            yield from (self._play(situation, self.shown, afar) for situation in usual)
             return
-        first = next(situations, None)
+        first = next(usual, None)
         if first is None:
             return
         shown = self._play(first, self.shown, afar)
         yield shown
-        way = shown.verdict == ReachVerdict.CLEAR
+        way = self._is_way(shown)
         for plan in self._adapted(first, shown.joint_path, plan=False, allowance=afar):
-            way |= plan.verdict == ReachVerdict.CLEAR
+            way |= self._is_way(plan)
             yield plan
-        ease = [(self._ease(one), number, one) for number, one in enumerate(situations)]
+        easiest: list[Situation] = []
+        for situations, allowance in ((usual, afar), (everywhere, 0.0)):
+            if situations is everywhere and way:
+                return
+            easiest = self._easiest(situations, allowance)
+            for situation in easiest:
+                for plan in self._adapted(situation, plan=False, allowance=allowance):
+                    way |= self._is_way(plan)
+                    yield plan
+        for situation in easiest[:1] if not way else ():
+            yield from self._adapted(situation)
+
+    def _easiest(self, situations: Iterator[Situation], allowance: float) -> list[Situation]:
+        """Those with the cheapest clear postures at the goal, a few, the cheapest first."""
+        ease = [(self._ease(one, allowance), number, one) for number, one in enumerate(situations)]
         easiest = sorted(item for item in ease if np.isfinite(item[0]))
-        easiest = easiest[: self.params.places_adapted]
-        for _, _, situation in easiest:
-            for plan in self._adapted(situation, plan=False, allowance=afar):
-                way |= plan.verdict == ReachVerdict.CLEAR
-                yield plan
-        for _, _, situation in easiest[:1] if not way else ():
-            yield from self._adapted(situation, allowance=afar)
+        return [situation for _, _, situation in easiest[: self.params.places_adapted]]
 
     def check_reach(
         self,
@@ -282,6 +296,11 @@ class ReachPlanner:
     def _quality(self, plan: ReachPlan) -> tuple[bool, bool, float, float]:
         return quality(plan, self.params.wanted_clearance)
 
+    def _is_way(self, plan: ReachPlan) -> bool:
+        """Whether it would do from near, too."""
+        least = self.params.least_clearance
+        return plan.verdict == ReachVerdict.CLEAR and plan.clearance >= least
+
     def _is_brisk(self, plan: ReachPlan) -> bool:
         longest = self.params.slowest * self.shown.primitive.duration
         return plan.movement is not None and plan.movement.primitive.duration <= longest
@@ -305,13 +324,13 @@ class ReachPlanner:
         primitive = self.shown.primitive
         return primitive.rollout(time_step=primitive.duration / (count - 1)).positions
 
-    def _ease(self, situation: Situation) -> float:
+    def _ease(self, situation: Situation, allowance: float) -> float:
         """The least cost of a clear posture at the goal; infinite if there is none."""
         assert self._adapter is not None
         _, cost = self._adapter.goal_postures(
             situation.X_TO @ self.shown.X_OG,
             situation.surroundings,
-            allowance=self.params.afar,
+            allowance=allowance,
         )
         return float(cost.min(initial=np.inf))
 
@@ -382,6 +401,13 @@ class ReachPlanner:
                 f"the arm would come {1000 * clearance:.0f} mm near to what was seen, "
                 f"less than {1000 * params.least_clearance:.0f} mm"
             )
+        elif movement is not self.shown and self._touches_object(situation, joint_path):
+            verdict = ReachVerdict.NO_CLEAR_PATH
+            sentence = "the arm would touch the goal object"
         return ReachPlan(
             verdict, sentence, situation.base_pose, error, clearance, joint_path, movement
         )
+
+    def _touches_object(self, situation: Situation, joint_path: Vector) -> bool:
+        gaps = situation.surroundings.object_clearances(joint_path[::3])
+        return bool(gaps.min() < self.params.object_clearance)

@@ -68,6 +68,17 @@ class StandingPlaces:
             places = np.array(list(self.within_reach(base_pose, joint_position, X_WO, slack)))
             yield from _spread(_free(places, has_room), count)
 
+    def everywhere(
+        self,
+        base_pose: Vector,
+        joint_position: Vector,
+        X_WO: RigidTransform,
+        has_room: HasRoom,
+    ) -> Iterator[Vector]:
+        """Places all around, comfortable or not; see `__call__`."""
+        places = np.array(list(self.within_reach(base_pose, joint_position, X_WO, 0.0)))
+        yield from _spread(_free(places, has_room), self._params.places_searched)
+
     def any_within_reach(
         self, base_pose: Vector, joint_position: Vector, X_WO: RigidTransform
     ) -> bool:

@@ -1,0 +1,77 @@
+"""What a robot waits for before its arm moves: a reach played through, and one adapted."""
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.models.pepper import posture_positions
+from pepper_drake.models.scene import default_pre_grasp
+from pepper_drake.planning.control_model import BODY_JOINTS, shared_control_model
+from pepper_drake.planning.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach_planner import ReachPlanner, ReachPlannerParams
+
+GOAL = RigidTransform([0.98, -0.11, 0.74])
+SHIFT = np.array([0.03, 0.0, 0.0])
+"""From where the barrier alone leads the hand around the table's edge to where it does not."""
+
+
+@pytest.fixture(scope="module")
+def planner():
+    return ReachPlanner(
+        model=shared_control_model(),
+        arm="right",
+        X_OG=default_pre_grasp("right", 0.033).pose(),
+        primitive=make_primitive(None, "right"),
+        coupling=make_coupling("barrier"),
+        ik=DifferentialIkParams(),
+        params=ReachPlannerParams(),
+    )
+
+
+@pytest.fixture(scope="module")
+def seen():
+    """A table of 5,000 points."""
+    rng = np.random.default_rng(0)
+    xy = rng.uniform([0.9, -0.6], [1.3, 0.4], (5000, 2))
+    posture = posture_positions("stand", {})
+    return {
+        "joint_position": np.array([posture[name] for name in BODY_JOINTS]),
+        "X_WO": GOAL,
+        "cloud_W": np.column_stack((xy, np.full(len(xy), 0.735))),
+    }
+
+
+@pytest.fixture(scope="module")
+def place(planner, seen):
+    return planner.plan_stand(base_pose=np.zeros(3), **seen).base_pose
+
+
+def test_a_place_to_stand(benchmark, planner, seen):
+    plan = benchmark(planner.plan_stand, base_pose=np.zeros(3), **seen)
+    assert plan.verdict == "clear"
+
+
+def test_the_movement_that_was_shown(benchmark, planner, seen, place):
+    plan = benchmark(planner.check_reach, base_pose=place, **seen)
+    assert plan.movement is planner.shown
+
+
+def test_an_adapted_movement(benchmark, planner, seen, place):
+    plan = benchmark(planner.check_reach, base_pose=place + SHIFT, **seen)
+    assert plan.verdict == "clear"
+    assert plan.movement is not planner.shown
+
+
+def test_whether_the_rest_is_clear(benchmark, planner, seen, place):
+    plan = planner.check_reach(base_pose=place + SHIFT, **seen)
+    ahead = benchmark(planner.clearance_ahead, plan, base_pose=place + SHIFT, **seen)
+    assert ahead == pytest.approx(plan.clearance, abs=0.01)
+
+
+def test_replanning_on_the_way(benchmark, planner, seen, place):
+    plan = planner.check_reach(base_pose=place + SHIFT, **seen)
+    again = benchmark(
+        planner.replan, plan, base_pose=place + SHIFT, **seen, joint_velocity=np.zeros(5)
+    )
+    assert again.verdict == "clear"
