@@ -46,6 +46,8 @@ class ReachPlannerParams:
     afar: float = 0.008
     """How much less is enough to drive up to a place: from near the same is seen better, and is
     checked again before the arm starts."""
+    withdrawal_clearance: float = 0.06
+    """Where the arm waits for what came in its way to go."""
     position_tolerance: float = 0.006
     """Of the hand at the end of the motion played through."""
     following_error: float = 0.12

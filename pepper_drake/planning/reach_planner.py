@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
@@ -28,6 +28,7 @@ from pepper_drake.planning.rehearsal import ArmState, Rehearsal
 from pepper_drake.planning.self_clearance import SelfClearance
 from pepper_drake.planning.situation import Situation, Situations
 from pepper_drake.planning.standing_places import HasRoom, StandingPlaces
+from pepper_drake.planning.withdrawal import withdrawal_path
 
 __all__ = ["ReachPlan", "ReachPlanner", "ReachPlannerParams", "ReachVerdict"]
 
@@ -89,6 +90,7 @@ class ReachPlanner:
             model, self._geometry, self._self_clearance, goal_solids, params
         )
         self._rehearsal = Rehearsal(model, self._geometry, ik, params.settle)
+        self._limits = model.command_limits(arm_joints(arm), speed_fraction=ik.speed_fraction)
         self.arm_in_body = body_indices(arm_joints(arm))
         self._places = StandingPlaces(model, arm, X_OG, primitive.goal, params)
         self._adapter: ArmAdapter | None = None
@@ -287,11 +289,61 @@ class ReachPlanner:
         rest = self._rest(plan, situation.arm)
         return float(situation.surroundings.clearances(rest[::5]).min())
 
+    def withdraw(
+        self,
+        plan: ReachPlan,
+        *,
+        base_pose: Vector,
+        joint_position: Vector,
+        joint_velocity: Vector,
+        X_WO: RigidTransform,
+        cloud_W: Vector,
+    ) -> ReachPlan:
+        """The way back to where there is room, for when there is none on; see `withdrawal`.
+
+        Args:
+            plan: What the arm performs.
+            base_pose: Where the base is.
+            joint_position: (15,) the present commands, rad.
+            joint_velocity: (5,) the arm's, of the commands, rad/s.
+            X_WO: The goal object's pose.
+            cloud_W: (P, 3) obstacles as they are seen now, m.
+
+        Returns:
+            A plan whose end is not the goal. It is the best that can be done, clear or not.
+        """
+        field = self._situations.supposed(cloud_W, X_WO, base_pose)
+        situation = self._situations(
+            base_pose, joint_position, X_WO, cloud_W, field, joint_velocity
+        )
+        assert plan.joint_path is not None
+        arm, kinematics = situation.arm, self._geometry.kinematics
+        came = plan.joint_path[: self._nearest(plan, arm) + 1]
+        joints, duration = withdrawal_path(
+            came,
+            arm.position,
+            arm.velocity,
+            situation.surroundings.clearances,
+            self.params.withdrawal_clearance,
+            (self._limits.velocity, self._limits.acceleration),
+        )
+        primitive = primitive_of_joint_path(kinematics, joints, duration, "withdrawal")
+        end = kinematics.poses(joints[-1:])
+        X_TG = RigidTransform(
+            RotationMatrix.ProjectToRotationMatrix(end.hand_rotation[0]), end.hand_position[0]
+        )
+        movement = Movement(primitive, self.shown.coupling, situation.X_TO.inverse() @ X_TG)
+        return self._play(situation, movement)
+
     def _rest(self, plan: ReachPlan, arm: ArmState) -> Vector:
         """What is left (N, 5) of a plan's path from where the arm is, at least two postures."""
         assert plan.joint_path is not None
-        off = np.sum((plan.joint_path - arm.position) ** 2, axis=1)
-        return plan.joint_path[min(int(np.argmin(off)), len(off) - 2) :]
+        return plan.joint_path[min(self._nearest(plan, arm), len(plan.joint_path) - 2) :]
+
+    def _nearest(self, plan: ReachPlan, arm: ArmState) -> int:
+        """The posture of a plan's path that is nearest to where the arm is."""
+        assert plan.joint_path is not None
+        return int(np.argmin(np.sum((plan.joint_path - arm.position) ** 2, axis=1)))
 
     def _quality(self, plan: ReachPlan) -> tuple[bool, bool, float, float]:
         return quality(plan, self.params.wanted_clearance)

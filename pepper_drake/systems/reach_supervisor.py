@@ -1,7 +1,7 @@
 """Decides what Pepper does next: look, drive up, reach, hold, or stop and say why."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
 
@@ -25,6 +25,7 @@ from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
 from pepper_drake.planning.control_model import BODY_JOINTS
 from pepper_drake.planning.movement import Movement
 from pepper_drake.planning.reach_planner import ReachPlan, ReachPlanner, ReachVerdict
+from pepper_drake.planning.withdrawal import with_undersides
 from pepper_drake.systems.reach_mode import ReachMode
 
 Vector = npt.NDArray[np.float64]
@@ -56,6 +57,10 @@ class ReachTiming:
     """Distance of the hand to the goal at which it has arrived."""
     accepted_position: float = 0.010
     """The same, when the time is over."""
+    goal_moved: float = 0.005
+    """A plan whose goal moved farther than this before the arm starts is made anew."""
+    patience: float = 20.0
+    """How long after its start the arm may still wait for something in its way to go."""
     clearance_ahead: float = 0.006
     """With less between the rest of the arm's way and what is seen, it is planned anew."""
     clearance_lost: float = 0.003
@@ -75,12 +80,18 @@ class ReachProgress:
         sentence: The same as a sentence.
         still_since: Since when the hand has been at the goal, s; NaN when it is not.
         places: How many places to stand were chosen so far.
-        planning_seconds: Computing time of the last look at the reach from where the robot
-            stands, s: what the arm waited for. The only value here that no seed decides.
+        planning_seconds: Computing time of the last plan, or of confirming it, when the arm could
+            have started, s: what it waited for. The only value here that no seed decides.
         planned: The movement that was found for the place to stand.
         plan: What is to be performed; None before it is decided.
         movements: How many movements began so far: more than one when something came in the way.
         cloud_time: Of the last cloud in which the way ahead was looked at, s.
+        checked: When the reach was last planned from where the robot stands, s.
+        known: (P, 3) the cloud in W with which the movement was planned, m.
+        X_WO: The goal object's pose for which it was planned.
+        blocked: While the arm has withdrawn from something in its way: the plan that it goes on
+            with when that has gone.
+        begun: When the arm first started, s.
     """
 
     mode: ReachMode = ReachMode.LOOKING
@@ -96,6 +107,11 @@ class ReachProgress:
     plan: ReachPlan | None = None
     movements: int = 0
     cloud_time: float = np.nan
+    checked: float = np.nan
+    known: Vector | None = None
+    X_WO: RigidTransform = field(default_factory=RigidTransform)
+    blocked: ReachPlan | None = None
+    begun: float = np.nan
 
     @property
     def movement(self) -> Movement | None:
@@ -109,6 +125,10 @@ class ReachProgress:
     def to(self, mode: ReachMode, time: float) -> "ReachProgress":
         """The same robot, doing something else from now on."""
         return replace(self, mode=mode, since=time, still_since=np.nan)
+
+    def performing(self, plan: ReachPlan, time: float) -> "ReachProgress":
+        """The same robot, whose arm goes over to another plan."""
+        return replace(self, plan=plan, movements=self.movements + 1, since=time)
 
     def fail(self, time: float, reason: str, sentence: str) -> "ReachProgress":
         """The end: what went wrong, as a word and as a sentence."""
@@ -320,7 +340,11 @@ class ReachSupervisor(LeafSystem):
         x, y, yaw = plan.base_pose
         driving = progress.to(ReachMode.DRIVING, time)
         return replace(
-            driving, base_goal=(x, y, yaw), places=progress.places + 1, planned=plan.movement
+            driving,
+            base_goal=(x, y, yaw),
+            places=progress.places + 1,
+            planned=plan.movement,
+            plan=None,
         )
 
     def _drive(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
@@ -331,22 +355,44 @@ class ReachSupervisor(LeafSystem):
         return progress
 
     def _settle(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
-        settled = time - progress.since
-        if settled < self._timing.settling - 1.5 * self._time_step:
+        """Plans while the robot settles, and confirms the plan with the last look before it starts.
+
+        A plan is made a tick before its movement begins, so that the hand's goal takes it up.
+        """
+        timing, settled = self._timing, time - progress.since
+        is_over = settled >= timing.settling - 0.5 * self._time_step
+        is_first = settled >= 0.5 * timing.settling and not progress.checked >= progress.since
+        if not (is_over or is_first):
             return progress
-        if progress.plan is not None:
-            if settled < self._timing.settling:
-                return progress
-            return replace(progress.to(ReachMode.REACHING, time), movements=1)
         begin = perf_counter()
-        plan = self._planner.check_reach(**self._seen(context), movement=progress.planned)
-        progress = replace(progress, planning_seconds=perf_counter() - begin)
+        seen = self._seen(context)
+        if progress.plan is not None:
+            if not is_over:
+                return progress
+            if self._is_confirmed(progress, seen):
+                starting = progress.to(ReachMode.REACHING, time)
+                waited = perf_counter() - begin
+                return replace(starting, movements=1, begun=time, planning_seconds=waited)
+        plan = self._planner.check_reach(**seen, movement=progress.planned)
+        progress = replace(progress, planning_seconds=perf_counter() - begin, checked=time)
         if plan.verdict == ReachVerdict.CLEAR:
-            # The hand's goal takes it up before the movement begins, at the next tick.
-            return replace(progress, plan=plan)
-        if progress.places < self._timing.places:
+            known, X_WO = seen["cloud_W"], RigidTransform(seen["X_WO"])
+            return replace(progress, plan=plan, known=known, X_WO=X_WO)
+        if not is_over:
+            return replace(progress, plan=None)  # From near more is to be seen.
+        if progress.places < timing.places:
             return self._choose_place(context, progress, time)
         return progress.fail(time, plan.verdict.value, plan.sentence)
+
+    def _is_confirmed(self, progress: ReachProgress, seen: dict[str, Any]) -> bool:
+        """Whether what is seen now agrees with a plan."""
+        plan = progress.plan
+        assert plan is not None
+        if plan.joint_path is None or plan.movement is None or plan.movement.coupling is None:
+            return True
+        moved = progress.X_WO.translation() - seen["X_WO"].translation()
+        same_goal = float(np.linalg.norm(moved)) <= self._timing.goal_moved
+        return same_goal and self._is_free(plan, seen)
 
     def _hand_distance(self, context: Context, name: str) -> float:
         """Distance of the hand to the point in T at an input port, m."""
@@ -354,7 +400,11 @@ class ReachSupervisor(LeafSystem):
         return float(np.linalg.norm(self._ports[name].Eval(context) - p_TH))
 
     def _look_ahead(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
-        """Plans the rest of the movement anew when a new cloud shows something in its way."""
+        """Holds a new cloud against the rest of the movement.
+
+        When something is in the way, another way is planned; if there is none, the arm withdraws
+        to where there is room, waits, and goes on when the way is free.
+        """
         cloud_time = self._scalar(context, "cloud_time")
         plan, commands = progress.plan, self._ports["arm_position_command"]
         if plan is None or plan.joint_path is None or cloud_time == progress.cloud_time:
@@ -364,21 +414,39 @@ class ReachSupervisor(LeafSystem):
         if not (avoids and commands.HasValue(context)):
             return progress
         seen = self._seen(context)
+        if progress.known is not None:
+            seen["cloud_W"] = with_undersides(seen["cloud_W"], progress.known)
         seen["joint_position"] = seen["joint_position"].copy()
         seen["joint_position"][self._planner.arm_in_body] = commands.Eval(context)
+        velocity = self._ports["arm_velocity_command"].Eval(context)
+        reach = plan if progress.blocked is None else progress.blocked
+        is_free = self._is_free(reach, seen)
+        if is_free and progress.blocked is None:
+            return progress
+        if is_free or progress.blocked is None:
+            other = self._planner.replan(reach, joint_velocity=velocity, **seen)
+            if other.verdict == ReachVerdict.CLEAR:
+                return replace(progress.performing(other, time), blocked=None)
+        elif self._is_free(plan, seen):
+            return progress  # Out of the way, and waiting.
+        withdrawal = self._planner.withdraw(plan, joint_velocity=velocity, **seen)
+        return replace(progress.performing(withdrawal, time), blocked=reach)
+
+    def _is_free(self, plan: ReachPlan, seen: dict[str, Any]) -> bool:
+        """Whether the rest of a plan's way is."""
         timing = self._timing
         enough = min(timing.clearance_ahead, plan.clearance - timing.clearance_lost)
-        if self._planner.clearance_ahead(plan, **seen) >= enough:
-            return progress
-        velocity = self._ports["arm_velocity_command"].Eval(context)
-        other = self._planner.replan(plan, joint_velocity=velocity, **seen)
-        if other.verdict != ReachVerdict.CLEAR:
-            return progress
-        return replace(progress, plan=other, movements=progress.movements + 1, since=time)
+        return bool(self._planner.clearance_ahead(plan, **seen) >= enough)
 
     def _reach(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
         progress = self._look_ahead(context, progress, time)
         timing = self._timing
+        if progress.blocked is not None:
+            if time - progress.begun > timing.patience:
+                return progress.fail(
+                    time, "no_clear_path", "something came in the way and has not gone"
+                )
+            return progress
         elapsed = time - progress.since
         tau = self._scalar(context, "tau")
         error = self._hand_distance(context, "goal_position")
@@ -410,6 +478,10 @@ class ReachSupervisor(LeafSystem):
         return progress
 
     def _hold(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+        moved = self._look_ahead(context, progress, time)
+        if moved.movements > progress.movements:
+            return moved.to(ReachMode.REACHING, time)
+        progress = moved
         if time - progress.since >= self._timing.holding:
             return progress.to(ReachMode.DONE, time)
         return progress

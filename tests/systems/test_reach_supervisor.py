@@ -330,6 +330,19 @@ class Blocked(FakePlanner):
         ReachVerdict.CLEAR, "", STAND, clearance=0.02, joint_path=np.zeros((9, 5)), movement=SHOWN
     )
 
+    back = ReachPlan(
+        ReachVerdict.OUT_OF_REACH,
+        "",
+        STAND,
+        clearance=0.05,
+        joint_path=np.ones((9, 5)),
+        movement=SHOWN,
+    )
+
+    def withdraw(self, plan, **seen):
+        self.asked.append(("withdraw", seen))
+        return self.back
+
     def clearance_ahead(self, plan, **seen):
         self.asked.append(("clearance_ahead", seen))
         return self.ahead
@@ -350,11 +363,12 @@ def blocked():
 
 def test_the_way_ahead_is_looked_at_once_for_each_cloud():
     rig = blocked()
+    rig.planner.asked.clear()
     for time in (0.3, 0.5):
         rig.set(cloud_time=[time])
         rig.advance(0.3)
     looks = [seen for name, seen in rig.planner.asked if name == "clearance_ahead"]
-    assert len(looks) == 3
+    assert len(looks) == 2
     np.testing.assert_array_equal(looks[0]["joint_position"][:5], 0.1 * np.ones(5))
     assert not any(name == "replan" for name, _ in rig.planner.asked)
 
@@ -371,11 +385,80 @@ def test_what_comes_in_the_way_makes_another_movement():
     np.testing.assert_array_equal(seen["joint_velocity"], 0.2 * np.ones(5))
 
 
-def test_without_another_way_the_movement_goes_on():
+def test_without_another_way_the_arm_withdraws_waits_and_goes_on():
     rig = blocked()
+    way = rig.progress.plan
     rig.planner.ahead = 0.0
     rig.planner.detour = plan(ReachVerdict.NO_CLEAR_PATH, "no way")
     rig.set(cloud_time=[0.4])
     rig.advance(0.1)
-    np.testing.assert_array_equal(rig.value("active"), [1.0])
+    np.testing.assert_array_equal(rig.value("active"), [2.0])
+    assert rig.progress.plan is rig.planner.back
+    assert rig.progress.blocked is way
+    rig.set(hand_pose=RigidTransform(P_TG))  # Where it waits is not where it was to arrive.
+    rig.advance(3.0)
     assert rig.progress.mode == ReachMode.REACHING
+    rig.planner.ahead, rig.planner.detour = 0.02, Blocked.detour
+    rig.set(cloud_time=[0.6])
+    rig.advance(0.1)
+    np.testing.assert_array_equal(rig.value("active"), [3.0])
+    assert rig.progress.blocked is None
+    rig.until(ReachMode.DONE)
+
+
+def test_what_stays_in_the_way_is_named_in_the_end():
+    rig = blocked()
+    rig.planner.ahead = 0.0
+    rig.planner.detour = plan(ReachVerdict.NO_CLEAR_PATH, "no way")
+    rig.set(cloud_time=[0.4])
+    rig.until(ReachMode.FAILED, limit=40.0)
+    assert rig.progress.reason == "no_clear_path"
+    assert rig.context.get_time() > TIMING.patience
+
+
+def test_what_comes_while_the_hand_holds_makes_it_withdraw():
+    rig = blocked()
+    rig.set(hand_pose=RigidTransform(P_TG))
+    rig.until(ReachMode.HOLDING)
+    rig.planner.ahead = 0.0
+    rig.planner.detour = plan(ReachVerdict.NO_CLEAR_PATH, "no way")
+    rig.set(cloud_time=[4.0])
+    rig.advance(0.1)
+    assert rig.progress.mode == ReachMode.REACHING
+    assert rig.progress.plan is rig.planner.back
+
+
+def settled(planner, **changes):
+    """A rig on its way through SETTLING, changed after the first plan was made."""
+    rig = Rig(planner).until(ReachMode.SETTLING)
+    rig.advance(0.3)
+    assert [name for name, _ in planner.asked][-1] == "check_reach"
+    rig.set(**changes)
+    planner.asked.clear()
+    return rig.until(ReachMode.REACHING)
+
+
+def way():
+    return ReachPlan(
+        ReachVerdict.CLEAR, "", STAND, clearance=0.02, joint_path=np.ones((9, 5)), movement=SHOWN
+    )
+
+
+def test_a_plan_is_confirmed_by_the_last_look_before_the_arm_starts():
+    rig = settled(Blocked(reach=way()))
+    assert [name for name, _ in rig.planner.asked] == ["clearance_ahead"]
+    assert rig.progress.planning_seconds < 0.1
+
+
+def test_a_goal_that_moved_meanwhile_is_planned_for_anew():
+    moved = RigidTransform(X_WO.translation() + [0.0, 0.01, 0.0])
+    rig = settled(Blocked(reach=way()), object_pose=moved)
+    assert [name for name, _ in rig.planner.asked] == ["check_reach", "clearance_ahead"]
+
+
+def test_what_the_last_look_shows_in_the_way_is_planned_around():
+    planner = Blocked(reach=way())
+    looks = iter([0.0, 0.02, 0.02, 0.02])
+    planner.clearance_ahead = lambda plan, **seen: next(looks)
+    rig = settled(planner)
+    assert [name for name, _ in rig.planner.asked] == ["check_reach"]

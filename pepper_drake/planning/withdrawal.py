@@ -1,0 +1,92 @@
+"""Back the way the arm came, when something comes in its way and there is no other."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from pepper_drake.planning.joint_paths import minimum_jerk
+
+Vector = npt.NDArray[np.float64]
+
+_SAMPLES = 61
+_DURATIONS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
+"""Of a withdrawal, s: the first in which the joints keep their limits is taken."""
+_STEP = 5
+"""Of the path that the arm came, every so manieth posture is looked at."""
+
+NEWCOMER_DISTANCE = 0.03
+"""A point this far from all that was seen when the movement was planned is new, m."""
+NEWCOMER_DEPTH = 0.10
+"""How far what is new is taken to reach down, m: of what hangs in the air, such as an arm, a camera
+from above sees the upper side alone."""
+
+
+def with_undersides(cloud: Vector, known: Vector) -> Vector:
+    """A cloud with what is new in it extended downwards.
+
+    Args:
+        cloud: (P, 3) what is seen now, m, z up.
+        known: (K, 3) what was seen when the movement was planned, m.
+
+    Returns:
+        (Q, 3), the cloud first.
+    """
+    if not len(cloud):
+        return cloud
+    if len(known):
+        far = cKDTree(known).query(cloud, distance_upper_bound=NEWCOMER_DISTANCE)[0]
+        new = cloud[~np.isfinite(far)]
+    else:
+        new = cloud
+    depths = np.arange(1, round(NEWCOMER_DEPTH / 0.02) + 1) * 0.02
+    below = new - np.multiply.outer(depths, np.array([0.0, 0.0, 1.0]))[:, None]
+    return np.concatenate((cloud, below.reshape(-1, 3)))
+
+
+def withdrawal_path(
+    came: Vector,
+    position: Vector,
+    velocity: Vector,
+    clearances: Callable[[Vector], Vector],
+    room: float,
+    limits: tuple[Vector, Vector],
+) -> tuple[Vector, float]:
+    """A path of the joints back to where there is room.
+
+    The arm brakes and goes back the way it came, to the nearest posture with that much room, or
+    else to the one with most.
+
+    Args:
+        came: (N, 5) the way so far, the last the nearest to where the arm is, rad.
+        position: (5,) where it is, rad.
+        velocity: (5,) rad/s.
+        clearances: Least distances (M,) [m] to what is seen, for postures (M, 5).
+        room: m.
+        limits: (5,) velocity [rad/s] and (5,) acceleration [rad/s²] to keep.
+
+    Returns:
+        Joints (61, 5) at even times, rad, and the duration, s.
+    """
+    back = came[::-1]
+    around = clearances(back[::_STEP])
+    enough = np.flatnonzero(around >= room)
+    end = int(_STEP * (enough[0] if len(enough) else np.argmax(around)))
+    s = np.linspace(0.0, 1.0, _SAMPLES)
+    place = minimum_jerk(s) * end
+    nodes = np.arange(end + 1)
+    way = np.stack([np.interp(place, nodes, back[: end + 1, k]) for k in range(5)], axis=1)
+    way = way + (1.0 - minimum_jerk(s))[:, None] * (position - back[0])
+    # The quintic polynomial of slope one at the start, and all else zero.
+    braking = (s - 6 * s**3 + 8 * s**4 - 3 * s**5)[:, None] * velocity
+    fastest, strongest = limits
+    for duration in _DURATIONS:
+        path = way + duration * braking
+        step = duration / (_SAMPLES - 1)
+        rates = np.diff(path, axis=0) / step
+        if np.all(np.abs(rates) <= fastest) and np.all(
+            np.abs(np.diff(rates, axis=0)) <= strongest * step
+        ):
+            break
+    return path, duration

@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from pepper_drake.planning.withdrawal import NEWCOMER_DEPTH, with_undersides, withdrawal_path
+
+LIMITS = (np.full(5, 4.0), np.full(5, 10.0))
+CAME = np.linspace(0.0, 1.0, 101)[:, None] * np.array([1.0, -0.5, 0.3, 0.2, 0.0])
+
+
+def room_before(place):
+    """Clearances that fall along the way, 5 cm at a place of it."""
+    return lambda joints: 0.05 + 0.2 * (place - joints[:, 0])
+
+
+def test_it_ends_at_the_nearest_posture_with_room_at_rest():
+    path, duration = withdrawal_path(CAME, CAME[-1], np.zeros(5), room_before(0.6), 0.05, LIMITS)
+    assert path[-1, 0] == pytest.approx(0.6, abs=0.06)
+    assert path[-1, 0] <= 0.6 + 1e-9
+    step = duration / (len(path) - 1)
+    np.testing.assert_allclose((path[-1] - path[-2]) / step, 0.0, atol=0.02)
+
+
+def test_it_starts_where_the_arm_is_with_its_velocity_and_brakes():
+    position, velocity = CAME[-1] + 0.01, np.array([0.6, -0.2, 0.1, 0.0, 0.0])
+    path, duration = withdrawal_path(CAME, position, velocity, room_before(0.8), 0.05, LIMITS)
+    step = duration / (len(path) - 1)
+    np.testing.assert_allclose(path[0], position)
+    np.testing.assert_allclose((path[1] - path[0]) / step, velocity, atol=0.1)
+    rates = np.diff(path, axis=0) / step
+    assert np.all(np.abs(rates) <= LIMITS[0])
+    assert np.all(np.abs(np.diff(rates, axis=0)) <= LIMITS[1] * step)
+    assert path[:, 0].max() < position[0] + 0.1
+
+
+def test_without_room_anywhere_it_goes_where_there_is_most():
+    path, _ = withdrawal_path(CAME, CAME[-1], np.zeros(5), room_before(-1.0), 0.05, LIMITS)
+    np.testing.assert_allclose(path[-1], CAME[0], atol=0.06)
+
+
+def test_only_what_is_new_reaches_down():
+    known = np.random.default_rng(0).uniform(-0.5, 0.5, (200, 3))
+    new = np.array([[2.0, 0.0, 1.0]])
+    cloud = with_undersides(np.concatenate((known + 0.005, new)), known)
+    assert len(cloud) == 201 + 5
+    np.testing.assert_array_equal(cloud[:200], known + 0.005)
+    below = cloud[201:]
+    np.testing.assert_allclose(below[:, :2], [[2.0, 0.0]] * 5)
+    assert below[:, 2].min() == pytest.approx(1.0 - NEWCOMER_DEPTH)
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_empty_clouds_are_no_trouble(count):
+    cloud = np.ones((count, 3))
+    assert len(with_undersides(cloud, np.zeros((0, 3)))) == 6 * count
+    assert len(with_undersides(np.zeros((0, 3)), cloud)) == 0
