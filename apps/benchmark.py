@@ -82,12 +82,12 @@ def make_case(options: Namespace, seed: int) -> Case:
 
 def make_tasks(options: Namespace) -> list[Task]:
     """All runs that the options ask for, scene by scene."""
-    letters = options.methods.split(",")
-    for letter in letters:
-        method_named(letter).check()
+    methods = [method_named(letter) for letter in options.methods.split(",")]
     cases = [make_case(options, options.seed + k) for k in range(options.scenes)]
     cases[0].build()  # What is wrong with the scene is said before anything runs.
-    return [Task(letter, case) for case in cases for letter in letters]
+    for method in methods:
+        method.check()
+    return [Task(method.letter, case) for case in cases for method in methods]
 
 
 def replay(options: Namespace) -> int:
