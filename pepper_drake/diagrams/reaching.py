@@ -371,7 +371,9 @@ class Reaching(Diagram):
         builder.Connect(station.GetOutputPort("joint_position"), head.get_input_port())
         self._connect(head.get_output_port(), self.look_at, "head_position")
 
-        self.seen_clearance = builder.AddNamedSystem("seen_clearance", SeenClearance(self.geometry))
+        self.seen_clearance = builder.AddNamedSystem(
+            "seen_clearance", SeenClearance(self.geometry, time_step=0.05)
+        )
         self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud")
         self._connect(self.active, self.seen_clearance, "active")
         self._connect(self.arm_position, self.seen_clearance, "joint_position")

@@ -16,6 +16,9 @@ _DURATIONS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
 _STEP = 5
 """Of the path that the arm came, every so manieth posture is looked at."""
 
+_NEAR = 0.6
+"""What is farther from the goal than this is out of the arm's way, m."""
+
 NEWCOMER_DISTANCE = 0.03
 """A point this far from all that was seen when the movement was planned is new, m."""
 NEWCOMER_DEPTH = 0.10
@@ -23,23 +26,22 @@ NEWCOMER_DEPTH = 0.10
 from above sees the upper side alone."""
 
 
-def with_undersides(cloud: Vector, known: Vector) -> Vector:
+def with_undersides(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
     """A cloud with what is new in it extended downwards.
 
     Args:
         cloud: (P, 3) what is seen now, m, z up.
-        known: (K, 3) what was seen when the movement was planned, m.
+        known: Of what was seen when the movement was planned, (K, 3), m.
+        around: (3,) m: only what is near this is held against it.
 
     Returns:
         (Q, 3), the cloud first.
     """
-    if not len(cloud):
+    near = cloud[np.sum((cloud - around) ** 2, axis=1) < _NEAR**2]
+    if not len(near):
         return cloud
-    if len(known):
-        far = cKDTree(known).query(cloud, distance_upper_bound=NEWCOMER_DISTANCE)[0]
-        new = cloud[~np.isfinite(far)]
-    else:
-        new = cloud
+    far = known.query(near, distance_upper_bound=NEWCOMER_DISTANCE)[0]
+    new = near[~np.isfinite(far)]
     depths = np.arange(1, round(NEWCOMER_DEPTH / 0.02) + 1) * 0.02
     below = new - np.multiply.outer(depths, np.array([0.0, 0.0, 1.0]))[:, None]
     return np.concatenate((cloud, below.reshape(-1, 3)))

@@ -19,6 +19,7 @@ from pydrake.systems.framework import (
     LeafSystem,
     State,
 )
+from scipy.spatial import cKDTree
 
 from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
@@ -87,7 +88,7 @@ class ReachProgress:
         movements: How many movements began so far: more than one when something came in the way.
         cloud_time: Of the last cloud in which the way ahead was looked at, s.
         checked: When the reach was last planned from where the robot stands, s.
-        known: (P, 3) the cloud in W with which the movement was planned, m.
+        known: The cloud in W with which the movement was planned, m.
         X_WO: The goal object's pose for which it was planned.
         blocked: While the arm has withdrawn from something in its way: the plan that it goes on
             with when that has gone.
@@ -108,7 +109,7 @@ class ReachProgress:
     movements: int = 0
     cloud_time: float = np.nan
     checked: float = np.nan
-    known: Vector | None = None
+    known: cKDTree | None = None
     X_WO: RigidTransform = field(default_factory=RigidTransform)
     blocked: ReachPlan | None = None
     begun: float = np.nan
@@ -376,7 +377,7 @@ class ReachSupervisor(LeafSystem):
         plan = self._planner.check_reach(**seen, movement=progress.planned)
         progress = replace(progress, planning_seconds=perf_counter() - begin, checked=time)
         if plan.verdict == ReachVerdict.CLEAR:
-            known, X_WO = seen["cloud_W"], RigidTransform(seen["X_WO"])
+            known, X_WO = cKDTree(seen["cloud_W"]), RigidTransform(seen["X_WO"])
             return replace(progress, plan=plan, known=known, X_WO=X_WO)
         if not is_over:
             return replace(progress, plan=None)  # From near more is to be seen.
@@ -415,7 +416,8 @@ class ReachSupervisor(LeafSystem):
             return progress
         seen = self._seen(context)
         if progress.known is not None:
-            seen["cloud_W"] = with_undersides(seen["cloud_W"], progress.known)
+            goal = seen["X_WO"].translation()
+            seen["cloud_W"] = with_undersides(seen["cloud_W"], progress.known, goal)
         seen["joint_position"] = seen["joint_position"].copy()
         seen["joint_position"][self._planner.arm_in_body] = commands.Eval(context)
         velocity = self._ports["arm_velocity_command"].Eval(context)

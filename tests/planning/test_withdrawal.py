@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from pepper_drake.planning.withdrawal import NEWCOMER_DEPTH, with_undersides, withdrawal_path
 
@@ -37,19 +38,19 @@ def test_without_room_anywhere_it_goes_where_there_is_most():
     np.testing.assert_allclose(path[-1], CAME[0], atol=0.06)
 
 
-def test_only_what_is_new_reaches_down():
+def test_only_what_is_new_and_near_reaches_down():
     known = np.random.default_rng(0).uniform(-0.5, 0.5, (200, 3))
-    new = np.array([[2.0, 0.0, 1.0]])
-    cloud = with_undersides(np.concatenate((known + 0.005, new)), known)
-    assert len(cloud) == 201 + 5
-    np.testing.assert_array_equal(cloud[:200], known + 0.005)
-    below = cloud[201:]
-    np.testing.assert_allclose(below[:, :2], [[2.0, 0.0]] * 5)
+    new, far = np.array([[0.2, 0.0, 1.0]]), np.array([[2.0, 0.0, 1.0]])
+    seen = np.concatenate((known + 0.005, new, far))
+    cloud = with_undersides(seen, cKDTree(known), np.array([0.0, 0.0, 0.8]))
+    np.testing.assert_array_equal(cloud[:202], seen)
+    below = cloud[202:]
+    np.testing.assert_allclose(below[:, :2], [[0.2, 0.0]] * 5)
     assert below[:, 2].min() == pytest.approx(1.0 - NEWCOMER_DEPTH)
 
 
 @pytest.mark.parametrize("count", [0, 3])
 def test_empty_clouds_are_no_trouble(count):
-    cloud = np.ones((count, 3))
-    assert len(with_undersides(cloud, np.zeros((0, 3)))) == 6 * count
-    assert len(with_undersides(np.zeros((0, 3)), cloud)) == 0
+    cloud, nothing = np.ones((count, 3)), np.zeros((0, 3))
+    assert len(with_undersides(cloud, cKDTree(nothing), np.ones(3))) == 6 * count
+    assert len(with_undersides(nothing, cKDTree(np.ones((2, 3))), np.ones(3))) == 0
