@@ -54,7 +54,8 @@ from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
 from pepper_drake.systems.orientation_transformation_system import (
     OrientationTransformationSystem,
 )
-from pepper_drake.systems.reach_supervisor import ReachSupervisor, ReachTiming
+from pepper_drake.systems.reach_progress import ReachTiming
+from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.safety_monitor import SafetyMonitor
 from pepper_drake.systems.seen_clearance import SeenClearance
 from pepper_drake.systems.transformation_system import TransformationSystem

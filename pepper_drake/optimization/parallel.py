@@ -41,19 +41,19 @@ def evaluate_all(
     """
     known = {} if known is None else known
     chunks = {k: samples[k : k + problem.chunk] for k in range(0, len(samples), problem.chunk)}
-    todo = {k: chunk for k, chunk in chunks.items() if k not in known}
+    missing = {k: chunk for k, chunk in chunks.items() if k not in known}
     progress(sum(len(chunks[k]) for k in known))
-    for k, costs in _results(problem.evaluate, todo, executor):
+    for k, costs in _results(problem.evaluate, missing, executor):
         known[k] = costs
         progress(len(chunks[k]))
     return np.concatenate([known[k] for k in chunks])
 
 
 def _results(
-    evaluate: Evaluate, todo: dict[int, Array], executor: Executor | None
+    evaluate: Evaluate, missing: dict[int, Array], executor: Executor | None
 ) -> Iterator[tuple[int, Array]]:
     if executor is None:
-        for k, chunk in todo.items():
+        for k, chunk in missing.items():
             yield k, costs_of(evaluate, chunk)
         return
     work: Callable[[Any, Array], Array]
@@ -63,7 +63,7 @@ def _results(
         work, what = _costs_of_sent, pickle.dumps(evaluate)
     except (pickle.PicklingError, AttributeError, TypeError):
         work, what = costs_of, evaluate  # For executors within this process.
-    futures = {executor.submit(work, what, chunk): k for k, chunk in todo.items()}
+    futures = {executor.submit(work, what, chunk): k for k, chunk in missing.items()}
     try:
         for future in as_completed(futures):
             yield futures[future], future.result()

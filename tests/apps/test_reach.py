@@ -14,7 +14,7 @@ from pepper_drake.diagrams.reaching import ReachingConfig
 from pepper_drake.models.scene import load_scene, save_scene
 from pepper_drake.reporting.reach_log import ReachLog
 from pepper_drake.systems.reach_mode import ReachMode
-from pepper_drake.systems.reach_supervisor import ReachTiming
+from pepper_drake.systems.reach_progress import ReachTiming
 
 APP = Path(__file__).parents[2] / "apps" / "reach.py"
 FREE = """\

@@ -12,12 +12,9 @@ from pepper_drake.planning.command_check import StopReason
 from pepper_drake.planning.control_model import BODY_JOINTS
 from pepper_drake.planning.movement import Movement
 from pepper_drake.planning.reach_planner import ReachPlan, ReachVerdict
-from pepper_drake.systems.reach_supervisor import (
-    ReachMode,
-    ReachSupervisor,
-    ReachTiming,
-    search_gaze,
-)
+from pepper_drake.systems.reach_mode import ReachMode
+from pepper_drake.systems.reach_progress import ReachTiming
+from pepper_drake.systems.reach_supervisor import ReachSupervisor, search_gaze
 
 STAND = np.array([0.55, -0.05, 0.1])
 X_WO = RigidTransform([0.98, -0.11, 0.74])
