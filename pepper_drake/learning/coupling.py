@@ -182,7 +182,8 @@ class BarrierCoupling:
 
     def clearance(self, field: ObstacleField, goal: Array) -> float:
         """Returns rho_g = min(rho0, d(g) - goal_margin) [m]."""
-        return min(self._rho0, float(field.distance(goal)) - self.goal_margin)
+        enough = self._rho0 + self.goal_margin
+        return min(enough, float(field.distance(goal, within=enough))) - self.goal_margin
 
     def push(
         self,

@@ -18,16 +18,24 @@ from pepper_drake.planning.control_model import ControlModel, arm_joints
 
 Vector = npt.NDArray[np.float64]
 
-_IDENTITY = np.eye(3)
+
+_Terms = tuple[tuple[int, float], ...]
+"""A constant vector: the places of its components that are not zero, and these."""
 
 
 @dataclass(frozen=True)
 class _Joint:
-    """A revolute joint: the fixed pose of its frame in its parent link, and its axis there."""
+    """A revolute joint about a coordinate axis.
 
-    R: Vector
-    p: Vector
-    axis: Vector
+    Attributes:
+        R: Columns of the rotation of its frame in its parent link; None for no rotation.
+        p: The origin of its frame there, m.
+        axis: Which coordinate axis it turns about, and the sense, 1 or -1.
+    """
+
+    R: tuple[_Terms, ...] | None
+    p: _Terms
+    axis: tuple[int, float]
 
 
 class ArmPoses:
@@ -102,29 +110,33 @@ class ArmKinematics:
             X_CM = joint.frame_on_child().GetFixedPoseInBodyFrame()
             if not X_CM.IsNearlyIdentity(1e-12):
                 raise ValueError(f"{name}: its link's frame is not that of the joint")
+            ((number, sense),) = _terms(joint.revolute_axis())
             self._joints.append(
-                _Joint(X_PF.rotation().matrix(), X_PF.translation(), joint.revolute_axis())
+                _Joint(
+                    _columns(X_PF.rotation().matrix()), _terms(X_PF.translation()), (number, sense)
+                )
             )
             child = joint.child_body().name()
             self._link_after.append(names.index(child) if child in names else None)
         X_LH = plant.GetFrameByName(hand_frame(arm)).GetFixedPoseInBodyFrame()
-        self._hand = X_LH.rotation().matrix(), X_LH.translation()
+        self._hand = _columns(X_LH.rotation().matrix()), _terms(X_LH.translation())
 
     def poses(self, joints: Vector) -> ArmPoses:
         """Where the arm is at joints (M, 5), rad."""
         q = np.asarray(joints)
         count = len(q)
         cos, sin = np.cos(q.T), np.sin(q.T)
-        R = np.broadcast_to(_IDENTITY[:, :, None], (3, 3, count))
+        R = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, count))
         p = np.zeros((3, count))
         links: list[tuple[Vector, Vector]] = [(R, p)] * len(self.spheres.link_names)
         axes, origins = np.empty((5, 3, count)), np.empty((5, 3, count))
         for k, joint in enumerate(self._joints):
-            if joint.p.any():
+            if joint.p:
                 p = p + _rotate(R, joint.p)
             R = _times(R, joint.R)
-            axes[k], origins[k] = _rotate(R, joint.axis), p
-            R = _turned(R, joint.axis, cos[k], sin[k])
+            number, sense = joint.axis
+            axes[k], origins[k] = sense * R[:, number], p
+            R = _turned(R, number, cos[k], sense * sin[k])
             link = self._link_after[k]
             if link is not None:
                 links[link] = (R, p)
@@ -136,34 +148,39 @@ class ArmKinematics:
         spheres = self.spheres if spheres is None else spheres
         count = poses.axes.shape[-1]
         centers = np.empty((3, len(spheres.radii), count))
+        ends = np.searchsorted(spheres.link, range(len(poses.links) + 1)).tolist()
         for number, (R, p) in enumerate(poses.links):
-            of_link = np.flatnonzero(spheres.link == number)
-            if not len(of_link):
-                continue
-            block = slice(of_link[0], of_link[-1] + 1)
+            block = slice(ends[number], ends[number + 1])
             for i in range(3):
                 np.matmul(spheres.centers[block], R[i], out=centers[i, block])
                 centers[i, block] += p[i]
         return centers
 
 
-def _rotate(R: Vector, v: Vector) -> Vector:
-    """R v (3, M) for rotations (3, 3, M) and one vector (3,), whose zeros cost nothing."""
-    terms = [R[:, k] if v[k] == 1.0 else R[:, k] * v[k] for k in np.flatnonzero(v)]
-    return sum(terms[1:], start=terms[0])
+def _terms(v: Vector) -> _Terms:
+    return tuple((k, float(x)) for k, x in enumerate(v) if x != 0.0)
 
 
-def _times(R: Vector, C: Vector) -> Vector:
-    """R C for rotations (3, 3, M) and one rotation (3, 3)."""
-    if np.array_equal(C, _IDENTITY):
-        return R
-    return np.stack([_rotate(R, C[:, k]) for k in range(3)], axis=1)
+def _columns(R: Vector) -> tuple[_Terms, ...] | None:
+    return None if np.array_equal(R, np.eye(3)) else tuple(_terms(column) for column in R.T)
 
 
-def _turned(R: Vector, axis: Vector, cos: Vector, sin: Vector) -> Vector:
-    """R times the rotations about one of the coordinate axes, (3, 3, M)."""
-    k = int(np.argmax(np.abs(axis)))
-    sin = sin * axis[k]
+def _rotate(R: Vector, v: _Terms) -> Vector:
+    """R v (3, M) for rotations (3, 3, M) and one vector, whose zeros cost nothing."""
+    total: Vector | None = None
+    for k, x in v:
+        term = R[:, k] if x == 1.0 else R[:, k] * x
+        total = term if total is None else total + term
+    return np.zeros((3, R.shape[-1])) if total is None else total
+
+
+def _times(R: Vector, C: tuple[_Terms, ...] | None) -> Vector:
+    """R C for rotations (3, 3, M) and the columns of one rotation."""
+    return R if C is None else np.stack([_rotate(R, column) for column in C], axis=1)
+
+
+def _turned(R: Vector, k: int, cos: Vector, sin: Vector) -> Vector:
+    """R times the rotations about the k-th coordinate axis, (3, 3, M)."""
     a, b = (k + 1) % 3, (k + 2) % 3
     turned = np.empty_like(R, subok=False)
     turned[:, k] = R[:, k]

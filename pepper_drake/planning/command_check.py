@@ -52,12 +52,12 @@ def check_command(
         `StopReason.NONE` when the command is finite, inside the position limits and no farther
         from the previous one than the velocity limits allow; else the first of these that fails.
     """
-    if not np.all(np.isfinite(command)):
+    inside = (command >= limits.position_lower - tolerance) & (
+        command <= limits.position_upper + tolerance
+    )
+    slow = np.abs(command - previous) <= limits.velocity * time_step + tolerance
+    if (inside & slow).all():  # Of what is not finite neither is true.
+        return StopReason.NONE
+    if not np.isfinite(command).all():
         return StopReason.COMMAND_NOT_FINITE
-    if np.any(command < limits.position_lower - tolerance) or np.any(
-        command > limits.position_upper + tolerance
-    ):
-        return StopReason.COMMAND_OUTSIDE_LIMITS
-    if np.any(np.abs(command - previous) > limits.velocity * time_step + tolerance):
-        return StopReason.COMMAND_TOO_FAST
-    return StopReason.NONE
+    return StopReason.COMMAND_TOO_FAST if inside.all() else StopReason.COMMAND_OUTSIDE_LIMITS

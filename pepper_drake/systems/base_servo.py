@@ -1,5 +1,7 @@
 """The base's own velocity controller: odometry that follows a velocity command."""
 
+import math
+
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
 
@@ -57,16 +59,11 @@ class BaseServo(LeafSystem):
         command = self.velocity_input.Eval(context)
         if not np.all(np.isfinite(command)):
             command = np.zeros(3)
-        vx, vy, turning = np.clip(command, -self._limit, self._limit)
+        vx, vy, turning = np.clip(command, -self._limit, self._limit).tolist()
         # The chord of the arc that the base drives in one period.
-        heading = state[2] + turning * self._time_step / 2
-        rates = np.array(
-            [
-                np.cos(heading) * vx - np.sin(heading) * vy,
-                np.sin(heading) * vx + np.cos(heading) * vy,
-                turning,
-            ]
-        )
+        heading = float(state[2]) + turning * self._time_step / 2
+        cos, sin = math.cos(heading), math.sin(heading)
+        rates = np.array([cos * vx - sin * vy, sin * vx + cos * vy, turning])
         discrete_state.set_value(
             self._state, np.concatenate((state[:3] + self._time_step * rates, rates, [1.0]))
         )

@@ -1,10 +1,10 @@
 """The phase that all parts of a motion share."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector_, LeafSystem_
+from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from pepper_drake.learning.phase import extended_tau
@@ -12,6 +12,22 @@ from pepper_drake.learning.primitive import MovementPrimitive
 
 # Parts of what is remembered beside the phase.
 _GOAL, _NUMBER = slice(1, 4), 4
+
+
+class _Present(NamedTuple):
+    """The motion as it is now.
+
+    Attributes:
+        primitive: What is performed.
+        phase: Of a motion that starts now, or as it is.
+        tau: The same, [s].
+        starts: Whether a motion starts now.
+    """
+
+    primitive: MovementPrimitive
+    phase: Any
+    tau: Any
+    starts: bool
 
 
 @TemplateSystem.define("CanonicalSystem_")
@@ -91,30 +107,37 @@ def CanonicalSystem_(T: type) -> type:
             else:
                 self.DeclareContinuousState(BasicVector_[T]([1.0]))
                 index = self.DeclareDiscreteState(memory)
-                now_tickets = {self.xc_ticket(), self.discrete_state_ticket(index)}
+                now_tickets = {
+                    self.xc_ticket(),
+                    self.discrete_state_ticket(index),
+                    self.primitive_port.ticket(),
+                }
                 self.DeclareInitializationUnrestrictedUpdateEvent(self._update_between_steps)
                 self.DeclarePerStepUnrestrictedUpdateEvent(self._update_between_steps)
+            self._present_entry = self.DeclareCacheEntry(
+                "present",
+                ValueProducer(allocate=lambda: Value({}), calc=self._calc_present),
+                prerequisites_of_calc=now_tickets,
+            )
+            present = {self._present_entry.ticket()}
             self.phase_port = self.DeclareVectorOutputPort(
                 "phase",
                 1,
-                lambda context, out: out.SetFromVector([self._now(context)[0]]),
-                prerequisites_of_calc=now_tickets,
+                lambda context, out: out.SetFromVector([self._present(context).phase]),
+                prerequisites_of_calc=present,
             )
             self.phase_velocity_port = self.DeclareVectorOutputPort(
                 "phase_velocity",
                 1,
                 lambda context, out: out.SetFromVector([self._phase_velocity(context)]),
-                prerequisites_of_calc={
-                    *now_tickets,
-                    self.active_port.ticket(),
-                    self.slowdown_port.ticket(),
-                },
+                prerequisites_of_calc=present
+                | {self.active_port.ticket(), self.slowdown_port.ticket()},
             )
             self.tau_port = self.DeclareVectorOutputPort(
                 "tau",
                 1,
-                lambda context, out: out.SetFromVector([self._now(context)[1]]),
-                prerequisites_of_calc=now_tickets,
+                lambda context, out: out.SetFromVector([self._present(context).tau]),
+                prerequisites_of_calc=present,
             )
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
@@ -132,41 +155,40 @@ def CanonicalSystem_(T: type) -> type:
                 return performed
             return self._primitive
 
-        def _nominal_duration(self, context: Any) -> float:
-            return self._performed(context).duration if self._duration is None else self._duration
-
-        def _extension(self, context: Any) -> float:
-            """Time for a metre of the goal's displacement [s/m]."""
-            length = self._performed(context).path_length
-            return self._performed(context).duration / length if length > 0.0 else 0.0
+        def _nominal_duration(self, primitive: MovementPrimitive) -> float:
+            return primitive.duration if self._duration is None else self._duration
 
         def _memory(self, context: Any) -> Any:
             """Returns tau, the goal known (3) and the number of the motion."""
             values = context.get_discrete_state_vector().CopyToVector()
             return values[1:] if self._time_step > 0.0 else values
 
-        def _now(self, context: Any) -> Any:
-            """Returns phase and tau: of a motion that starts now, or as they are."""
+        def _calc_present(self, context: Any, value: Any) -> None:
+            primitive, memory = self._performed(context), self._memory(context)
             if self._time_step == 0.0:
-                return context.get_continuous_state_vector()[0], self._memory(context)[0]
-            if self._starts(context):
-                return 1.0, self._nominal_duration(context)
-            values = context.get_discrete_state_vector()
-            return values[0], values[1]
+                phase, starts = context.get_continuous_state_vector()[0], False
+            else:
+                phase = context.get_discrete_state_vector()[0]
+                number = self.active_port.Eval(context)[0]
+                starts = bool(number > 0.5 and number != memory[_NUMBER])
+            tau = memory[0]
+            if starts:
+                phase, tau = 1.0, self._nominal_duration(primitive)
+            value.get_mutable_value()["present"] = _Present(primitive, phase, tau, starts)
 
-        def _starts(self, context: Any) -> bool:
-            number = self.active_port.Eval(context)[0]
-            return bool(number > 0.5 and number != self._memory(context)[_NUMBER])
+        def _present(self, context: Any) -> _Present:
+            present: _Present = self._present_entry.Eval(context)["present"]
+            return present
 
         def _phase_velocity(self, context: Any) -> Any:
             slowdown: Any = 0.0
             if self.slowdown_port.HasValue(context):
                 slowdown = self.slowdown_port.Eval(context)[0]
-            phase, tau = self._now(context)
-            rate = self._performed(context).translation.alpha_x / (tau * (1.0 + slowdown))
+            now = self._present(context)
+            rate = now.primitive.translation.alpha_x / (now.tau * (1.0 + slowdown))
             if self._time_step == 0.0:
-                return -rate * phase * self.active_port.Eval(context)[0]
-            return -rate * phase if self._is_active(context) else 0.0 * rate
+                return -rate * now.phase * self.active_port.Eval(context)[0]
+            return -rate * now.phase if self._is_active(context) else 0.0 * rate
 
         def _goal(self, context: Any, known: Any) -> Any:
             if self.goal_position_port.HasValue(context):
@@ -178,7 +200,8 @@ def CanonicalSystem_(T: type) -> type:
 
         def _rest(self, context: Any, state: Any) -> None:
             goal = self._goal(context, np.zeros(3))
-            state.set_value(np.concatenate(([1.0, self._nominal_duration(context)], goal, [0.0])))
+            duration = self._nominal_duration(self._performed(context))
+            state.set_value(np.concatenate(([1.0, duration], goal, [0.0])))
 
         def _update(self, context: Any, state: Any) -> None:
             if not self._is_active(context):
@@ -186,21 +209,22 @@ def CanonicalSystem_(T: type) -> type:
                 return
             known = self._memory(context)[_GOAL]
             seen = self._goal(context, known)
-            if self._starts(context):
+            now = self._present(context)
+            if now.starts:
                 known = seen  # The goal that the motion starts with is the one to compare with.
-            phase, tau = self._now(context)
-            decay = -self._phase_velocity(context) / phase if phase > 0.0 else 0.0
-            tau, known = extended_tau(tau, known, seen, self._extension(context))
-            later = phase * np.exp(-decay * self._time_step)
+            velocity = self.phase_velocity_port.Eval(context)[0]
+            decay = -velocity / now.phase if now.phase > 0.0 else 0.0
+            tau, known = extended_tau(now.tau, known, seen, _extension(now.primitive))
+            later = now.phase * np.exp(-decay * self._time_step)
             state.set_value(np.concatenate(([later, tau], known, self.active_port.Eval(context))))
 
         def _update_between_steps(self, context: Any, state: Any) -> None:
-            memory = self._memory(context)
-            seen = self._goal(context, memory[_GOAL])
-            if self._is_active(context) and self._now(context)[0] < 1.0:
-                tau, known = extended_tau(memory[0], memory[_GOAL], seen, self._extension(context))
+            now, known = self._present(context), self._memory(context)[_GOAL]
+            seen = self._goal(context, known)
+            if self._is_active(context) and now.phase < 1.0:
+                tau, known = extended_tau(now.tau, known, seen, _extension(now.primitive))
             else:
-                tau, known = self._nominal_duration(context), seen
+                tau, known = self._nominal_duration(now.primitive), seen
                 state.get_mutable_continuous_state().SetFromVector([1.0])
             state.get_mutable_discrete_state(0).SetFromVector(
                 np.concatenate(([tau], known, self.active_port.Eval(context)))
@@ -211,6 +235,12 @@ def CanonicalSystem_(T: type) -> type:
                 derivatives.get_mutable_vector().SetFromVector([self._phase_velocity(context)])
 
     return Impl
+
+
+def _extension(primitive: MovementPrimitive) -> float:
+    """Time for a metre of the goal's displacement [s/m]."""
+    length = primitive.path_length
+    return primitive.duration / length if length > 0.0 else 0.0
 
 
 CanonicalSystem = CanonicalSystem_[None]

@@ -1,9 +1,10 @@
 """The true distance between Pepper and the obstacles, which no real robot knows."""
 
+import operator
 from collections.abc import Set
 
 from pydrake.common.value import Value
-from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector
+from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector, SignedDistancePair
 from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
 
 
@@ -47,21 +48,30 @@ class ClearanceMonitor(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        distance, _ = self.closest_pair(self.query_input.Eval(context))
+        nearest = self._nearest(self.query_input.Eval(context))
+        distance = self._max_distance if nearest is None else nearest.distance
         discrete_state.set_value(self._clearance, [distance])
 
     def closest_pair(self, query: QueryObject) -> tuple[float, str]:
         """The least distance, m, and the names of the two shapes as "link - obstacle"."""
-        least, names = self._max_distance, ""
+        nearest = self._nearest(query)
+        if nearest is None:
+            return self._max_distance, ""
+        pair = (nearest.id_A, nearest.id_B)
+        link, obstacle = pair if nearest.id_A in self._robot else reversed(pair)
         inspector: SceneGraphInspector = query.inspector()
-        for pair in query.ComputeSignedDistancePairwiseClosestPoints(self._max_distance):
-            a, b = pair.id_A, pair.id_B
-            if b in self._robot:
-                a, b = b, a
-            if pair.distance < least and a in self._robot and b in self._obstacles:
-                least = pair.distance
-                names = " - ".join(_full_name(inspector, geometry) for geometry in (a, b))
-        return least, names
+        names = (_full_name(inspector, geometry) for geometry in (link, obstacle))
+        return nearest.distance, " - ".join(names)
+
+    def _nearest(self, query: QueryObject) -> SignedDistancePair | None:
+        """The nearest link and obstacle, if any are within the largest distance."""
+        pairs = query.ComputeSignedDistancePairwiseClosestPoints(self._max_distance)
+        # Most distant pairs are never asked what they are, which takes longer than to sort them.
+        for pair in sorted(pairs, key=operator.attrgetter("distance")):
+            ids = (pair.id_A, pair.id_B)
+            if not (self._robot.isdisjoint(ids) or self._obstacles.isdisjoint(ids)):
+                return pair
+        return None
 
 
 def _full_name(inspector: SceneGraphInspector, geometry: GeometryId) -> str:

@@ -67,7 +67,7 @@ class HandGoal(LeafSystem):
         X_TG = X_WT.InvertAndCompose(self.object_pose_input.Eval(context)) @ X_OG
         quaternion = X_TG.rotation().ToQuaternion().wxyz()
         goal = np.concatenate((X_TG.translation(), quaternion))
-        if np.any(np.abs(goal - context.get_discrete_state(self._goal).value()) > _STILL):
+        if (np.abs(goal - context.get_discrete_state(self._goal).value()) > _STILL).any():
             discrete_state.set_value(self._goal, goal)
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:

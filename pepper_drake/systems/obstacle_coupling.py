@@ -132,7 +132,7 @@ class ObstacleCoupling(LeafSystem):
             value.get_mutable_value()["push"] = Push(np.zeros(3), np.array(0.0), np.array(np.inf))
             return
         value.get_mutable_value()["push"] = law.push(
-            self._field.eval(context),
+            self._field.follower(context),
             np.array((self.position_port.Eval(context), self.velocity_port.Eval(context))),
             self.nominal_acceleration_port.Eval(context),
             self.goal_position_port.Eval(context),

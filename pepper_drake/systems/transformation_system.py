@@ -1,6 +1,6 @@
 """The hand's position along a learned motion."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
@@ -13,6 +13,28 @@ from pepper_drake.learning.primitive import MovementPrimitive
 # Parts of the discrete state, each of three coordinates.
 _POSITION, _VELOCITY, _GOAL, _DELAYED, _START = (slice(3 * k, 3 * k + 3) for k in range(5))
 _NUMBER = 15
+
+
+class _Present(NamedTuple):
+    """What both the acceleration of now and the step from now on need.
+
+    Attributes:
+        attractor: What is performed.
+        state: (15,) of a motion that starts anew if one does.
+        goal: As it is seen now.
+        forcing: The forcing term.
+        phase: Of the canonical system.
+        tau: [s].
+        active: What comes in as `active`.
+    """
+
+    attractor: Attractor
+    state: Any
+    goal: GoalState
+    forcing: Forcing
+    phase: Any
+    tau: Any
+    active: Any
 
 
 @TemplateSystem.define("TransformationSystem_")
@@ -157,11 +179,17 @@ def TransformationSystem_(T: type) -> type:
             }
             if self._weights_shape is not None:
                 nominal_tickets |= {self.all_parameters_ticket()}
+            self._present_entry = self.DeclareCacheEntry(
+                "present",
+                ValueProducer(allocate=lambda: Value({}), calc=self._calc_present),
+                prerequisites_of_calc=nominal_tickets,
+            )
+            present = {self._present_entry.ticket()}
             self.nominal_acceleration_port = output(
-                "nominal_acceleration", self._nominal_acceleration, nominal_tickets
+                "nominal_acceleration", self._nominal_acceleration, present
             )
             if time_step > 0.0:
-                next_tickets = nominal_tickets | {
+                next_tickets = present | {
                     port.ticket()
                     for port in (
                         self.phase_velocity_port,
@@ -180,7 +208,7 @@ def TransformationSystem_(T: type) -> type:
                 )
                 self.next_velocity_port = output(
                     "next_velocity",
-                    lambda c: self._next_state(c)[_VELOCITY] * self._running(c),
+                    lambda c: self._next_state(c)[_VELOCITY] * self._running(self._active(c)),
                     cached | {self.active_port.ticket()},
                 )
 
@@ -218,9 +246,8 @@ def TransformationSystem_(T: type) -> type:
                 return performed
             return self._attractor
 
-        def _running(self, context: Any) -> Any:
+        def _running(self, active: Any) -> Any:
             """Returns 1 while active, else 0; a number of T in continuous time."""
-            active = self._active(context)
             return active if self._time_step == 0.0 else float(active > 0.5)
 
         def _optional(self, port: Any, context: Any) -> Any:
@@ -229,12 +256,28 @@ def TransformationSystem_(T: type) -> type:
         def _active(self, context: Any) -> Any:
             return self.active_port.Eval(context)[0]
 
-        def _forcing(self, context: Any, state: Any) -> Forcing:
-            weights = None
-            if self._weights_shape is not None and not self.primitive_port.HasValue(context):
-                weights = context.get_numeric_parameter(0).CopyToVector()
-                weights = weights.reshape(self._weights_shape)
-            return self._performed(context).forcing(state[_START], state[_DELAYED], weights)
+        def _weights(self, context: Any) -> Any:
+            """Returns the weights of the parameters, None where they are not used."""
+            if self._weights_shape is None or self.primitive_port.HasValue(context):
+                return None
+            weights = context.get_numeric_parameter(0).CopyToVector()
+            return weights.reshape(self._weights_shape)
+
+        def _calc_present(self, context: Any, value: Any) -> None:
+            attractor, state = self._performed(context), self._state_now(context)
+            value.get_mutable_value()["present"] = _Present(
+                attractor,
+                state,
+                self._goal(context, state),
+                attractor.forcing(state[_START], state[_DELAYED], self._weights(context)),
+                self.phase_port.Eval(context)[0],
+                self.tau_port.Eval(context)[0],
+                self._active(context),
+            )
+
+        def _present(self, context: Any) -> _Present:
+            present: _Present = self._present_entry.Eval(context)["present"]
+            return present
 
         def _goal(self, context: Any, state: Any) -> GoalState:
             velocity = self._optional(self.goal_velocity_port, context)
@@ -245,15 +288,11 @@ def TransformationSystem_(T: type) -> type:
             return goal.seen(self.goal_position_port.Eval(context), velocity)
 
         def _nominal_acceleration(self, context: Any) -> Any:
-            state = self._state_now(context)
-            phases = self.phase_port.Eval(context)
-            nominal = self._performed(context).acceleration(
-                state[:6].reshape(2, 3),
-                self._goal(context, state),
-                self._forcing(context, state)(phases)[0],
-                self.tau_port.Eval(context)[0],
-            )
-            return nominal * self._running(context)
+            now = self._present(context)
+            forcing = now.forcing(np.array([now.phase]))[0]
+            position_and_velocity = now.state[:6].reshape(2, 3)
+            nominal = now.attractor.acceleration(position_and_velocity, now.goal, forcing, now.tau)
+            return nominal * self._running(now.active)
 
         def _start_state(self, context: Any) -> Any:
             """Returns the state (15,) of a motion that starts now."""
@@ -266,24 +305,21 @@ def TransformationSystem_(T: type) -> type:
             return np.concatenate((start, velocity, goal, goal, start))
 
         def _calc_next_state(self, context: Any, value: Any) -> None:
-            attractor, number = self._performed(context), self._active(context)
-            if number > 0.5:
-                state = self._state_now(context)
-                goal = self._goal(context, state)
-                phase = self.phase_port.Eval(context)[0]
-                tau = self.tau_port.Eval(context)[0]
-                decay = -self.phase_velocity_port.Eval(context)[0] / phase if phase > 0.0 else 0.0
-                moved = attractor.advance(
-                    state[:6].reshape(2, 3),
-                    goal,
-                    self._forcing(context, state)(node_phases(phase, decay, self._time_step)),
-                    tau,
+            if self._active(context) > 0.5:
+                now = self._present(context)
+                velocity = self.phase_velocity_port.Eval(context)[0]
+                decay = -velocity / now.phase if now.phase > 0.0 else 0.0
+                moved = now.attractor.advance(
+                    now.state[:6].reshape(2, 3),
+                    now.goal,
+                    now.forcing(node_phases(now.phase, decay, self._time_step)),
+                    now.tau,
                     self._time_step,
                     self._optional(self.coupling_port, context),
                 )
-                later = goal.later(self._time_step, attractor.goal_rate(tau))
+                later = now.goal.later(self._time_step, now.attractor.goal_rate(now.tau))
                 state = np.concatenate(
-                    (moved.ravel(), later.position, later.delayed, state[_START], [number])
+                    (moved.ravel(), later.position, later.delayed, now.state[_START], [now.active])
                 )
             else:
                 state = self._resting_state(context)
@@ -318,16 +354,14 @@ def TransformationSystem_(T: type) -> type:
         def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:
             if self._time_step > 0.0:
                 return
-            state = self._state(context)
-            active = self._active(context)
-            tau = self.tau_port.Eval(context)[0]
-            push = self._optional(self.coupling_port, context) / (tau * tau)
-            goal = self._goal(context, state)
-            following = (goal.position - goal.delayed) * self._performed(context).goal_rate(tau)
+            now = self._present(context)
+            push = self._optional(self.coupling_port, context) / (now.tau * now.tau)
+            goal_rate = now.attractor.goal_rate(now.tau)
+            following = (now.goal.position - now.goal.delayed) * goal_rate
             rates = (
-                state[_VELOCITY] * active,
-                self._nominal_acceleration(context) + push * active,
-                (following + goal.line[1]) * active,
+                now.state[_VELOCITY] * now.active,
+                self._nominal_acceleration(context) + push * now.active,
+                (following + now.goal.line[1]) * now.active,
             )
             derivatives.get_mutable_vector().SetFromVector(np.concatenate(rates))
 
