@@ -65,6 +65,12 @@ def make_parser() -> ArgumentParser:
         "--no-avoidance", action="store_true", help="leave the obstacle coupling out"
     )
     parser.add_argument(
+        "--unvetted",
+        action="store_true",
+        help="start whatever is in the way, and do not stop before it: the coupling alone, as the "
+        "report has it",
+    )
+    parser.add_argument(
         "--push",
         type=float,
         nargs=3,
@@ -100,9 +106,9 @@ def build(options: Namespace) -> Reaching:
             goal_motion_port=options.goal_motion is not None,
             obstacle_motion_ports=options.moving,
         ),
-        safety=not options.no_avoidance,
         giving_way=giving_way(options),
     )
+    config.planner.vetted = not options.unvetted
     return Reaching(
         scene,
         make_primitive(options.demo, scene.arm),

@@ -40,11 +40,14 @@ class DiagramReach:
     Attributes:
         coupling: The obstacle coupling, by name or as it is; left out, it is the scene's.
         adapt: Whether the planner adapts the movement to what was seen.
+        vetted: Whether the arm starts only when the reach, played through, is clear, and stops
+            before what it sees; see `ReachPlannerParams.vetted`.
         options: The options of `reach.py` that give the same; None if it cannot.
     """
 
     coupling: str | Coupling | None = None
     adapt: bool = False
+    vetted: bool = True
     options: tuple[str, ...] | None = ()
 
     def __call__(self, case: Case) -> MethodResult:
@@ -70,10 +73,9 @@ class DiagramReach:
                 seed=case.seed,
                 goal_motion_port=case.goal_motion is not None,
                 obstacle_motion_ports=case.moving,
-            ),
-            safety=coupling is not None,
+            )
         )
-        config.planner.adapt = self.adapt
+        config.planner.adapt, config.planner.vetted = self.adapt, self.vetted
         return Reaching(scene, make_primitive(None, scene.arm), coupling, config)
 
 

@@ -67,8 +67,10 @@ METHODS: tuple[Method, ...] = (
     Method(
         "b",
         "the report's method",
-        "the hand pushed by the cloud's points, equation 2.7",
-        DiagramReach(coupling="report", options=("--coupling", "report")),
+        "the hand pushed by the cloud's points, equation 2.7; nothing that stops it",
+        DiagramReach(
+            coupling="report", vetted=False, options=("--coupling", "report", "--unvetted")
+        ),
     ),
     Method(
         "c",
@@ -85,8 +87,9 @@ METHODS: tuple[Method, ...] = (
     Method(
         "e",
         "movement_primitives' coupling",
-        "the hand pushed by the cloud's nearest point, by that package's function",
-        DiagramReach(coupling=PackageCoupling(), options=None),
+        "the hand pushed by the cloud's nearest point, by that package's function; nothing that "
+        "stops it",
+        DiagramReach(coupling=PackageCoupling(), vetted=False, options=None),
         needs="movement_primitives",
     ),
     Method(

@@ -72,8 +72,6 @@ class ReachingConfig:
     timing: ReachTiming = field(default_factory=ReachTiming)
     minimum_clearance: float = 0.002
     """Distance of the arm to the cloud at which the safety monitor stops it, m."""
-    safety: bool = True
-    """Whether a link that comes too close stops the arm."""
     giving_way: GivingWay | None = None
     """How the reaching arm gives way when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
@@ -394,7 +392,7 @@ class Reaching(Diagram):
         )
         self._connect(merge.get_output_port(), self.safety, "joint_position_command")
         self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
-        if self.config.safety:
+        if self.config.planner.vetted and self.coupling is not None:
             self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
         self._connect(self.safety.GetOutputPort("stop_reason"), self.supervisor, "stop_reason")
         builder.Connect(

@@ -65,6 +65,11 @@ class ReachPlannerParams:
     adapt: bool = True
     """Whether a movement that would not pass is adapted to the scene, as a whole arm; needs a
     `BarrierCoupling`."""
+    vetted: bool = True
+    """Whether what the coupling makes of the movement is judged before the arm starts and held
+    against what is seen on its way. If not, a reach is judged, and a place to stand chosen, as if
+    there were no coupling, and no link that comes too close stops the arm: so the authors of some
+    couplings have it."""
     slowest: float = 1.6
     """How many times as long as the one that was shown a movement may take and be liked."""
     places_adapted: int = 4
@@ -84,7 +89,8 @@ class ReachPlan:
         position_error: Of the hand at the end, m.
         clearance: Least distance of the arm to the cloud, m.
         joint_path: (N, 5) the arm's joints, rad, every 10 ms.
-        movement: What was played through, and is to be performed.
+        movement: What is to be performed.
+        vetted: Whether the path is held against what is seen.
     """
 
     verdict: ReachVerdict
@@ -94,6 +100,7 @@ class ReachPlan:
     clearance: float = -np.inf
     joint_path: Vector | None = None
     movement: Movement | None = None
+    vetted: bool = True
 
 
 def quality(plan: ReachPlan, wanted_clearance: float) -> tuple[bool, bool, float, float]:

@@ -1,6 +1,7 @@
 """Can the hand get there, and from where? The whole reach, played through before the arm moves."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -431,7 +432,9 @@ class ReachPlanner:
         """Plays a movement through and judges it; a little less clearance may be enough [m]."""
         params, arm = self.params, situation.arm
         X_TG = situation.X_TO @ movement.X_OG
-        hand = self._rehearsal.roll_out(movement, arm, X_TG, situation.field)
+        vetted = params.vetted and movement.coupling is not None
+        played = movement if vetted else replace(movement, coupling=None)
+        hand = self._rehearsal.roll_out(played, arm, X_TG, situation.field)
         joint_path = self._rehearsal.track(arm, hand, params.position_tolerance)
         reached = self._geometry.kinematics.poses(joint_path).hand_position
         error = float(np.linalg.norm(reached[-1] - X_TG.translation()))
@@ -447,7 +450,7 @@ class ReachPlanner:
         elif self._self_clearance(situation.body, joint_path[::5]).min() < params.self_clearance:
             verdict = ReachVerdict.SELF_COLLISION
             sentence = "the arm would run into the robot's own body"
-        elif movement.coupling is not None and clearance < params.least_clearance - allowance:
+        elif vetted and clearance < params.least_clearance - allowance:
             verdict = ReachVerdict.NO_CLEAR_PATH
             sentence = (
                 f"the arm would come {1000 * clearance:.0f} mm near to what was seen, "
@@ -457,7 +460,7 @@ class ReachPlanner:
             verdict = ReachVerdict.NO_CLEAR_PATH
             sentence = "the arm would touch the goal object"
         return ReachPlan(
-            verdict, sentence, situation.base_pose, error, clearance, joint_path, movement
+            verdict, sentence, situation.base_pose, error, clearance, joint_path, movement, vetted
         )
 
     def _touches_object(self, situation: Situation, joint_path: Vector) -> bool:

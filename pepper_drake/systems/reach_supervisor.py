@@ -286,7 +286,7 @@ class ReachSupervisor(LeafSystem):
         """Whether what is seen now agrees with a plan."""
         plan = progress.plan
         assert plan is not None
-        if plan.joint_path is None or plan.movement is None or plan.movement.coupling is None:
+        if plan.joint_path is None or not plan.vetted:
             return True
         moved = progress.X_WO.translation() - seen["X_WO"].translation()
         same_goal = float(np.linalg.norm(moved)) <= self._timing.goal_moved
@@ -308,8 +308,7 @@ class ReachSupervisor(LeafSystem):
         if plan is None or plan.joint_path is None or cloud_time == progress.cloud_time:
             return progress
         progress = replace(progress, cloud_time=cloud_time)
-        avoids = plan.movement is not None and plan.movement.coupling is not None
-        if not (avoids and commands.HasValue(context)):
+        if not (plan.vetted and commands.HasValue(context)):
             return progress
         seen = self._seen(context)
         if progress.known is not None:

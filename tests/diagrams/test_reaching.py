@@ -139,3 +139,17 @@ def test_a_solver_that_gives_up_is_an_outcome_and_not_a_traceback(monkeypatch):
     assert report.outcome == "failed"
     assert report.reason == "simulation_failed"
     assert report.sentence.endswith("The SAP solver failed to converge.")
+
+
+def test_the_safety_monitor_hears_how_near_the_arm_is_only_where_a_coupling_is_vetted():
+    scene = load_scene("free")
+    for coupling, vetted, hears in (("barrier", True, True), ("report", False, False)):
+        config = ReachingConfig()
+        config.planner.vetted = vetted
+        primitive = make_primitive(None, scene.arm)
+        reaching = Reaching(scene, primitive, make_coupling(coupling), config)
+        port = reaching.safety.GetInputPort("clearance")
+        assert (
+            port.HasValue(port.get_system().GetMyContextFromRoot(reaching.CreateDefaultContext()))
+            == hears
+        )

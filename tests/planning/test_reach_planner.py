@@ -167,6 +167,39 @@ def test_without_coupling_a_reach_is_not_refused_for_what_is_in_the_way(right_pr
     assert seeing.clearance > blind.clearance
 
 
+@pytest.mark.parametrize("coupling", ["report", "barrier"])
+def test_what_is_not_vetted_is_judged_and_placed_as_if_there_were_no_coupling(
+    coupling, right_primitive
+):
+    cloud = np.concatenate(
+        (sheet((0.9, 1.3), (-0.6, 0.4), 0.735), sheet((0.92, 1.0), (-0.4, -0.2), (0.75, 0.95)))
+    )
+    law = make_coupling(coupling)
+    asked = (object_at(z=0.74), cloud)
+    alone = stand(make_planner(right_primitive, None), *asked)
+    plan = stand(make_planner(right_primitive, law, adapt=False, vetted=False), *asked)
+    assert (alone.verdict, alone.clearance < 0.0) == (ReachVerdict.CLEAR, True)
+    assert (plan.verdict, plan.clearance) == (ReachVerdict.CLEAR, alone.clearance)
+    np.testing.assert_array_equal(plan.base_pose, alone.base_pose)
+    np.testing.assert_array_equal(plan.joint_path, alone.joint_path)
+    assert plan.movement.coupling is law  # And that is what will be performed.
+    assert not plan.vetted
+    refused = make_planner(right_primitive, law, adapt=False).check_reach(
+        base_pose=plan.base_pose, joint_position=STAND, X_WO=asked[0], cloud_W=cloud
+    )
+    assert refused.verdict != ReachVerdict.CLEAR
+    assert refused.vetted
+
+
+def test_what_is_not_vetted_is_refused_all_the_same_where_the_arm_does_not_reach(right_primitive):
+    unvetted = make_planner(right_primitive, make_coupling("report"), vetted=False)
+    assert stand(unvetted, object_at(z=2.0)).verdict == ReachVerdict.OUT_OF_REACH
+    near = unvetted.check_reach(
+        base_pose=ORIGIN, joint_position=STAND, X_WO=object_at(), cloud_W=NOTHING
+    )
+    assert near.verdict == ReachVerdict.OUT_OF_REACH
+
+
 def test_a_call_depends_on_its_arguments_alone(planner):
     table = sheet((0.9, 1.3), (-0.6, 0.4), 0.735)
     first = stand(planner, object_at(z=0.74), table)

@@ -1,4 +1,4 @@
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -368,6 +368,16 @@ def test_the_way_ahead_is_looked_at_once_for_each_cloud():
     assert len(looks) == 2
     np.testing.assert_array_equal(looks[0]["joint_position"][:5], 0.1 * np.ones(5))
     assert not any(name == "replan" for name, _ in rig.planner.asked)
+
+
+def test_a_plan_that_is_not_vetted_is_held_against_nothing():
+    rig = settled(Blocked(reach=replace(way(), vetted=False)))
+    rig.set(arm_position_command=0.1 * np.ones(5), arm_velocity_command=0.2 * np.ones(5))
+    rig.planner.ahead = 0.0
+    rig.set(cloud_time=[0.4])
+    rig.advance(0.3)
+    assert rig.planner.asked == []
+    np.testing.assert_array_equal(rig.value("active"), [1.0])
 
 
 def test_what_comes_in_the_way_makes_another_movement():
