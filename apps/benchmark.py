@@ -24,7 +24,7 @@ from pepper_drake.benchmarking.batch import Task, run_tasks
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.methods import METHODS, method_named
-from pepper_drake.benchmarking.summary import MethodSummary, markdown_table, solvable, summarise
+from pepper_drake.benchmarking.summary import MethodSummary, Scenes, markdown_table, summarise
 from pepper_drake.errors import InputError
 from pepper_drake.reporting.benchmark_figure import draw_benchmark
 
@@ -112,11 +112,10 @@ def save(
     options: Namespace, results: Sequence[MethodResult], summaries: Sequence[MethodSummary]
 ) -> str:
     """Writes table, figure and numbers, and returns the table with what is to be said of it."""
-    scenes = {result.case for result in results}
-    words = f"{len(solvable(results))} of {len(scenes)} scenes can be solved: some method did."
+    scenes = Scenes.of(results)
     text = (
-        f"{markdown_table(summaries)}\n{words} Rates are of these, with 95 % confidence; the other "
-        "numbers are medians over the runs that reached.\n"
+        f"{markdown_table(summaries)}\n{scenes} Rates are of {scenes.share}, with 95 % confidence; "
+        "the other numbers are medians over the runs that reached.\n"
     )
     failing = {
         summary.method: {
@@ -126,15 +125,15 @@ def save(
         }
         for summary in summaries
     }
-    (options.output / "benchmark.md").write_text(f"# Reaching: {words}\n\n{text}")
+    (options.output / "benchmark.md").write_text(f"# Reaching: {scenes}\n\n{text}")
     content = {
-        "scenes": sorted(scenes),
-        "solvable": sorted(solvable(results)),
+        "scenes": sorted(scenes.all),
+        "solvable": None if scenes.solvable is None else sorted(scenes.solvable),
         "methods": [asdict(summary) for summary in summaries],
         "not_reached": failing,
     }
     (options.output / "benchmark.json").write_text(json.dumps(content, indent=2) + "\n")
-    draw_benchmark(summaries, results, words).savefig(options.output / "benchmark.png", dpi=110)
+    draw_benchmark(summaries, results).savefig(options.output / "benchmark.png", dpi=110)
     return text
 
 

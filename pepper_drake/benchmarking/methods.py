@@ -40,6 +40,7 @@ class Method:
         description: What it is, in a sentence.
         run: How it is run.
         needs: The package of the `bench` extra that it needs, if any.
+        knows_all: Whether it is given the scene as it is, where the others have to see it.
     """
 
     letter: str
@@ -47,6 +48,7 @@ class Method:
     description: str
     run: Run
     needs: str = ""
+    knows_all: bool = False
 
     def check(self) -> None:
         """Raises InputError if what it needs is not installed."""
@@ -98,12 +100,14 @@ METHODS: tuple[Method, ...] = (
         "OMPL over Drake's collision checker; perfect knowledge, no dynamics",
         PlannedReach(rrt_motions),
         needs="ompl",
+        knows_all=True,
     ),
     Method(
         "g",
         "trajectory optimisation",
         "Drake's KinematicTrajectoryOptimization; perfect knowledge, no dynamics",
         PlannedReach(optimized_motions),
+        knows_all=True,
     ),
 )
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.stats import binomtest
@@ -37,13 +38,54 @@ class Rate:
 
 
 @dataclass(frozen=True)
+class Scenes:
+    """The scenes of a benchmark, and which of them rates are of.
+
+    Attributes:
+        all: By name.
+        solvable: Those that some method solved; None if no method with perfect knowledge was asked,
+            as then it is not known of the others.
+    """
+
+    all: frozenset[str]
+    solvable: frozenset[str] | None
+
+    @classmethod
+    def of(cls, results: Sequence[MethodResult]) -> Self:
+        """The scenes of these results."""
+        asked = any(method_named(result.method).knows_all for result in results)
+        return cls(
+            frozenset(result.case for result in results),
+            frozenset(solvable(results)) if asked else None,
+        )
+
+    @property
+    def counted(self) -> frozenset[str]:
+        """Those that rates are of."""
+        return self.all if self.solvable is None else self.solvable
+
+    @property
+    def share(self) -> str:
+        """What a rate is a share of."""
+        return "all scenes" if self.solvable is None else "the scenes that can be solved"
+
+    def __str__(self) -> str:
+        if self.solvable is None:
+            return (
+                f"Of {len(self.all)} scenes; solvability was not asked of a method with perfect "
+                "knowledge."
+            )
+        return f"{len(self.solvable)} of {len(self.all)} scenes can be solved: some method did."
+
+
+@dataclass(frozen=True)
 class MethodSummary:
-    """One method over all cases that can be solved.
+    """One method over all scenes that count.
 
     Attributes:
         method: Its letter.
-        rates: By outcome, of the cases that can be solved.
-        touched_elsewhere: Of the cases that no method solved.
+        rates: By outcome, of the scenes that count; see `Scenes`.
+        touched_elsewhere: Of the others, which no method solved.
         medians: By field of `MethodResult`, over the runs that reached; NaN if none did.
         first_motion_90: 90th percentile of the time to first motion, s, likewise.
     """
@@ -77,7 +119,7 @@ def solvable(results: Iterable[MethodResult]) -> set[str]:
 
 def summarise(results: Sequence[MethodResult]) -> list[MethodSummary]:
     """Adds up the runs of each method, in the order of the letters."""
-    possible = solvable(results)
+    possible = Scenes.of(results).counted
     summaries = []
     for letter in sorted({result.method for result in results}):
         mine = [result for result in results if result.method == letter]

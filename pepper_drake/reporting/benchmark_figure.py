@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.methods import method_named
-from pepper_drake.benchmarking.summary import MethodSummary
+from pepper_drake.benchmarking.summary import MethodSummary, Scenes
 
 _COLORS = {
     "reached": "#59a14f",
@@ -26,20 +26,18 @@ _PANELS = (
 )
 
 
-def draw_benchmark(
-    summaries: Sequence[MethodSummary], results: Sequence[MethodResult], title: str
-) -> Figure:
+def draw_benchmark(summaries: Sequence[MethodSummary], results: Sequence[MethodResult]) -> Figure:
     """Draws what came of each method, and how its runs that reached are spread.
 
     Args:
         summaries: Of `summarise`.
         results: What they were made of.
-        title: Of the figure.
     """
     figure = Figure(figsize=(14, 7.5), layout="constrained")
-    figure.suptitle(title)
+    scenes = Scenes.of(results)
+    figure.suptitle(str(scenes))
     grid = figure.add_gridspec(2, 3)
-    _draw_outcomes(figure.add_subplot(grid[0, 0]), summaries)
+    _draw_outcomes(figure.add_subplot(grid[0, 0]), summaries, scenes.share)
     for index, (name, label, scale) in enumerate(_PANELS, start=1):
         axes = figure.add_subplot(grid[divmod(index, 3)])
         rows = [
@@ -65,7 +63,7 @@ def draw_benchmark(
     return figure
 
 
-def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary]) -> None:
+def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary], whole: str) -> None:
     """Shares of the outcomes as bars, with the confidence interval of what reached."""
     heights = np.arange(1, len(summaries) + 1)
     left = np.zeros(len(summaries))
@@ -77,7 +75,7 @@ def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary]) -> None:
     for height, summary in zip(heights, summaries, strict=True):
         axes.plot(summary.rates["reached"].interval(), (height, height), "k-", lw=1.5)
     _label(axes, summaries)
-    axes.set(xlabel="share of the scenes that can be solved (line: 95 %)", xlim=(0, 1))
+    axes.set(xlabel=f"share of {whole} (line: 95 %)", xlim=(0, 1))
     axes.legend(fontsize=8, loc="lower right")
 
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from pepper_drake.benchmarking.method_result import MethodResult
-from pepper_drake.benchmarking.summary import Rate, markdown_table, solvable, summarise
+from pepper_drake.benchmarking.summary import Rate, Scenes, markdown_table, solvable, summarise
+from pepper_drake.reporting.benchmark_figure import draw_benchmark
 
 
 def result(case, method, outcome, **numbers):
@@ -42,6 +43,28 @@ def test_rates_are_of_the_scenes_that_can_be_solved():
     assert f.rates["reached"].value == 1.0
 
 
+def test_what_can_be_solved_is_said_only_where_someone_who_knows_all_was_asked():
+    scenes = Scenes.of(RESULTS)
+    assert (len(scenes.all), scenes.counted) == (5, {"s1", "s2", "s3", "s4"})
+    assert str(scenes).startswith("4 of 5 scenes can be solved")
+    blind = [r for r in RESULTS if r.method == "c"]
+    scenes = Scenes.of(blind)
+    assert (scenes.solvable, scenes.counted) == (None, scenes.all)
+    assert str(scenes).startswith("Of 5 scenes; solvability was not asked")
+    (c,) = summarise(blind)
+    assert c.rates["reached"] == Rate(1, 5)
+    assert c.rates["touched"] == Rate(2, 5)
+    assert c.touched_elsewhere == Rate(0, 0)
+
+
+@pytest.mark.parametrize(("methods", "label"), [("cf", "that can be solved"), ("c", "all scenes")])
+def test_the_picture_says_what_its_rates_are_of(methods, label):
+    results = [r for r in RESULTS if r.method in methods]
+    figure = draw_benchmark(summarise(results), results)
+    assert figure.get_suptitle() == str(Scenes.of(results))
+    assert label in figure.axes[0].get_xlabel()
+
+
 def test_medians_are_over_the_runs_that_reached():
     c, f = summarise(RESULTS)
     assert c.medians["clearance"] == 0.02
@@ -78,5 +101,5 @@ def test_the_table_has_a_row_for_each_method_and_dashes_for_what_is_not_known():
 
 
 def test_nothing_reached_is_a_table_all_the_same():
-    text = markdown_table(summarise([result("s1", "a", "touched")]))
+    text = markdown_table(summarise([result("s1", "f", "touched")]))
     assert "| 0 " in text
