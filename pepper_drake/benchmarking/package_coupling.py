@@ -7,20 +7,18 @@ point of the cloud nearest to the hand. The package is in the `bench` extra.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.learning.coupling import Field, Push
-from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.learning.coupling import Field, Push, ReportCoupling
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class PackageCoupling:
-    """See the module.
+class PackageCoupling(ReportCoupling):
+    """See the module; it is the report's equation for one point.
 
     Attributes:
         gamma: Strength, the package's default.
@@ -29,10 +27,6 @@ class PackageCoupling:
 
     gamma: float = 1000.0
     beta: float = 20.0 / np.pi
-
-    def clearance(self, field: ObstacleField, goal: Array) -> float:
-        """Returns 0: it keeps no distance."""
-        return 0.0
 
     def push(
         self,
@@ -58,7 +52,3 @@ class PackageCoupling:
                 coupling[k] = np.nan_to_num(push)
         shape = state.shape[:-2]
         return Push(coupling.reshape(*shape, 3), np.zeros(shape), field.distance(state[..., 0, :]))
-
-    def silent_beyond(self, state: Array, acceleration: Array) -> Any:
-        """Returns infinity: the push has no end."""
-        return np.full(state.shape[:-2], np.inf)

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from pepper_drake import cli
+from pepper_drake.benchmarking.methods import method_named
+from pepper_drake.diagrams.reach_setup import make_coupling
 from pepper_drake.diagrams.reaching import ReachingConfig
 from pepper_drake.models.scene import load_scene, save_scene
 from pepper_drake.reporting.reach_log import ReachLog
@@ -172,6 +174,15 @@ def test_as_a_user_runs_it_bad_input_is_one_line_on_standard_error(
     command = [sys.executable, str(APP), option, str(file), "--output", str(tmp_path / "out")]
     result = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "TERM": ""})
     check_refused((result.returncode, result.stdout, result.stderr), "input", *words)
+
+
+@pytest.mark.parametrize("letter", ["a", "b"])
+def test_the_options_that_the_benchmark_names_build_what_it_runs(letter, app, monkeypatch):
+    method = method_named(letter).run
+    monkeypatch.setattr(app, "Reaching", lambda *parts: parts)
+    _, _, coupling, config = app.build(app.make_parser().parse_args([*method.options]))
+    assert coupling == make_coupling(method.coupling)
+    assert coupling is None or config.planner.vetted == method.vetted
 
 
 def check_arm_never_moved(log):

@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 
+from pepper_drake.benchmarking import diagram_reach
+from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import commanded_hand, first_motion, outcome_of
+from pepper_drake.benchmarking.methods import method_named
 from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.planning.arm_geometry import ArmGeometry
 from pepper_drake.planning.control_model import arm_joints, body_indices, shared_control_model
@@ -20,6 +23,17 @@ from pepper_drake.planning.control_model import arm_joints, body_indices, shared
 )
 def test_touching_counts_before_all_else(report, clearance, started, outcome):
     assert outcome_of(report, clearance, started) == outcome
+
+
+@pytest.mark.parametrize(
+    ("letter", "vetted"), [("b", False), ("c", True), ("d", True), ("e", False)]
+)
+def test_couplings_of_others_start_as_their_authors_have_them(letter, vetted, monkeypatch):
+    monkeypatch.setattr(diagram_reach, "Reaching", lambda *parts: parts)
+    case = Case(0, "free")
+    _, _, coupling, config = method_named(letter).run._build(case, case.build())
+    assert coupling is not None
+    assert config.planner.vetted == vetted
 
 
 class Log:
