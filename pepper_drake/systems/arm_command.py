@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
 
 from pepper_drake.planning.control_model import CommandLimits
 from pepper_drake.planning.joint_command import step_arm_command
@@ -29,7 +29,7 @@ class ArmCommand(LeafSystem):
 
     Inputs: `active` (1), 0 or 1; `desired_velocity` (5), rad/s; `measured_position` (5), rad.
     Outputs: `position_command` (5), rad; `velocity_command` (5), rad/s.
-    State: command position and velocity (10), at `time_step`. The law is
+    State: command position (5) and velocity (5), at `time_step`. The law is
     `planning.joint_command.step_arm_command`.
     """
 
@@ -48,36 +48,26 @@ class ArmCommand(LeafSystem):
         self.measured_position_input: InputPort = self.DeclareVectorInputPort(
             "measured_position", 5
         )
-        self._state = self.DeclareDiscreteState(np.array([*start_position, *np.zeros(5)]))
-        state = {self.discrete_state_ticket(self._state)}
-        self.DeclareVectorOutputPort(
-            "position_command", 5, self._calc_position, prerequisites_of_calc=state
-        )
-        self.DeclareVectorOutputPort(
-            "velocity_command", 5, self._calc_velocity, prerequisites_of_calc=state
-        )
+        self._position = self.DeclareDiscreteState(np.array(start_position, dtype=float))
+        self._velocity = self.DeclareDiscreteState(5)
+        self.DeclareStateOutputPort("position_command", self._position)
+        self.DeclareStateOutputPort("velocity_command", self._velocity)
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
-        measured = self.measured_position_input.Eval(context)
-        discrete_state.set_value(self._state, np.concatenate((measured, np.zeros(5))))
+        discrete_state.set_value(self._position, self.measured_position_input.Eval(context))
+        discrete_state.set_value(self._velocity, np.zeros(5))
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        state = context.get_discrete_state(self._state).value()
         active = self.active_input.Eval(context)[0] > 0.5
         position, velocity = step_arm_command(
-            state[:5],
-            state[5:],
+            context.get_discrete_state(self._position).value(),
+            context.get_discrete_state(self._velocity).value(),
             self.desired_velocity_input.Eval(context) if active else np.zeros(5),
             arm=self._arm,
             limits=self._limits,
             time_step=self._time_step,
         )
-        discrete_state.set_value(self._state, np.concatenate((position, velocity)))
-
-    def _calc_position(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).value()[:5])
-
-    def _calc_velocity(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).value()[5:])
+        discrete_state.set_value(self._position, position)
+        discrete_state.set_value(self._velocity, velocity)

@@ -3,12 +3,10 @@
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
 
 _STILL = 5e-5
 """Changes up to this in all numbers of the goal (m and parts of a quaternion) are none."""
-
-_POSITION, _ORIENTATION = slice(0, 3), slice(3, 7)
 
 
 class HandGoal(LeafSystem):
@@ -32,7 +30,7 @@ class HandGoal(LeafSystem):
     Inputs: `object_pose` X_WO, `torso_pose` X_WT and `X_OG`, RigidTransform; the last is used in
     place of the one that the system was made with. Outputs: `goal_position` (3),
     m, and `goal_orientation` (4), unit quaternion w, x, y, z, of the hand's goal G in T.
-    State: both (7), at `time_step`; the identity before initialization.
+    State: both, at `time_step`; the identity before initialization.
 
     Args:
         X_OG: The hand's pre-grasp pose in the object frame.
@@ -49,14 +47,10 @@ class HandGoal(LeafSystem):
             "torso_pose", Value(RigidTransform())
         )
         self.X_OG_input: InputPort = self.DeclareAbstractInputPort("X_OG", Value(X_OG))
-        self._goal = self.DeclareDiscreteState(np.array([0.0, 0, 0, 1, 0, 0, 0]))
-        state = {self.discrete_state_ticket(self._goal)}
-        self.DeclareVectorOutputPort(
-            "goal_position", 3, self._calc_position, prerequisites_of_calc=state
-        )
-        self.DeclareVectorOutputPort(
-            "goal_orientation", 4, self._calc_orientation, prerequisites_of_calc=state
-        )
+        self._position = self.DeclareDiscreteState(3)
+        self._orientation = self.DeclareDiscreteState([1.0, 0.0, 0.0, 0.0])
+        self.DeclareStateOutputPort("goal_position", self._position)
+        self.DeclareStateOutputPort("goal_orientation", self._orientation)
         self.DeclareInitializationDiscreteUpdateEvent(self._update)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
@@ -65,13 +59,9 @@ class HandGoal(LeafSystem):
         given = self.X_OG_input.HasValue(context)
         X_OG = self.X_OG_input.Eval(context) if given else self._X_OG
         X_TG = X_WT.InvertAndCompose(self.object_pose_input.Eval(context)) @ X_OG
-        quaternion = X_TG.rotation().ToQuaternion().wxyz()
-        goal = np.concatenate((X_TG.translation(), quaternion))
-        if (np.abs(goal - context.get_discrete_state(self._goal).value()) > _STILL).any():
-            discrete_state.set_value(self._goal, goal)
-
-    def _calc_position(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._goal).value()[_POSITION])
-
-    def _calc_orientation(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._goal).value()[_ORIENTATION])
+        goal = (X_TG.translation(), X_TG.rotation().ToQuaternion().wxyz())
+        states = (self._position, self._orientation)
+        before = [context.get_discrete_state(state).value() for state in states]
+        if np.abs(np.concatenate(goal) - np.concatenate(before)).max() > _STILL:
+            for state, value in zip(states, goal, strict=True):
+                discrete_state.set_value(state, value)
