@@ -157,23 +157,28 @@ def check_refused(result, *words):
         assert word in error, error
 
 
+def test_as_a_user_runs_it_bad_input_is_one_line_on_standard_error(tmp_path):
+    file = tmp_path / "input"
+    file.write_text(FREE.replace("arm:", "amr:"))
+    command = [sys.executable, str(APP), "--scene", str(file), "--output", str(tmp_path / "out")]
+    result = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "TERM": ""})
+    check_refused((result.returncode, result.stdout, result.stderr), "input", "line 2", "amr")
+
+
 @pytest.mark.parametrize(
     ("option", "content", "words"),
     [
-        ("--scene", FREE.replace("arm:", "amr:"), ("line 2", "amr")),
         ("--demo", "0 1 2 3 4 5 6 7 8\n" * 5, ("line 1", "9 columns")),
         ("--scene", None, ("neither a scene file", "table")),
     ],
 )
-def test_as_a_user_runs_it_bad_input_is_one_line_on_standard_error(
-    option, content, words, tmp_path
+def test_a_bad_file_of_any_name_is_one_line_on_standard_error(
+    option, content, words, run, tmp_path
 ):
     file = tmp_path / "input"
     if content is not None:
         file.write_text(content)
-    command = [sys.executable, str(APP), option, str(file), "--output", str(tmp_path / "out")]
-    result = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "TERM": ""})
-    check_refused((result.returncode, result.stdout, result.stderr), "input", *words)
+    check_refused(run(option, file, "--output", tmp_path / "out"), "input", *words)
 
 
 @pytest.mark.parametrize("letter", ["a", "b"])

@@ -13,14 +13,8 @@ from pepper_drake.learning import Demonstration
 APP = Path(__file__).parents[2] / "apps" / "record.py"
 
 
-def run(*arguments):
-    return subprocess.run(
-        [sys.executable, str(APP), *map(str, arguments)], capture_output=True, text=True
-    )
-
-
-def test_records_the_left_arm_into_a_folder(tmp_path):
-    result = run("--arm", "left", "--output", tmp_path)
+def test_records_the_left_arm_into_a_folder(run_app, tmp_path):
+    result = run_app("record", "--arm", "left", "--output", tmp_path)
     assert result.returncode == 0, result.stderr
     assert result.stdout.startswith("recorded: ")
     report = json.loads((tmp_path / "report.json").read_text())
@@ -32,14 +26,14 @@ def test_records_the_left_arm_into_a_folder(tmp_path):
     assert "meshcat" in (tmp_path / "recording.html").read_text().lower()
 
 
-def test_an_unreachable_guide_is_a_failure_with_a_reason(tmp_path):
+def test_an_unreachable_guide_is_a_failure_with_a_reason(run_app, tmp_path):
     script = tmp_path / "far.yaml"
     script.write_text(
         "via_points:\n"
         "- {time: 0.5, position: [0.3, -0.3, 0.0], rpy: [0, 0, 0]}\n"
         "- {time: 1.0, position: [0.9, -0.3, 0.0], rpy: [0, 0, 0]}\n"
     )
-    result = run("--guide", script, "--output", tmp_path / "out", "--quiet")
+    result = run_app("record", "--guide", script, "--output", tmp_path / "out", "--quiet")
     assert result.returncode == 1
     assert result.stdout == ""
     report = json.loads((tmp_path / "out" / "report.json").read_text())
@@ -47,8 +41,8 @@ def test_an_unreachable_guide_is_a_failure_with_a_reason(tmp_path):
 
 
 @pytest.mark.parametrize("guide", ["nowhere.yaml", "jump"])
-def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path, guide):
-    result = run("--guide", guide, "--output", tmp_path)
+def test_bad_input_is_one_sentence_and_exit_code_2(run_app, tmp_path, guide):
+    result = run_app("record", "--guide", guide, "--output", tmp_path)
     assert result.returncode == 2
     assert result.stderr.startswith("error: ")
     assert result.stderr.count("\n") == 1
@@ -76,7 +70,7 @@ def start_long_recording(folder):
     return process
 
 
-def test_a_killed_recording_is_readable_and_can_be_recovered(tmp_path):
+def test_a_killed_recording_is_readable_and_can_be_recovered(run_app, tmp_path):
     folder = tmp_path / "demo"
     process = start_long_recording(folder)
     process.send_signal(signal.SIGKILL)
@@ -84,7 +78,7 @@ def test_a_killed_recording_is_readable_and_can_be_recovered(tmp_path):
     found = Demonstration.load(folder)
     assert found.times[-1] > 1.9
     np.testing.assert_allclose(np.diff(found.times), 0.01, atol=1e-9)
-    result = run("--recover", folder)
+    result = run_app("record", "--recover", folder)
     assert result.returncode == 0, result.stderr
     assert result.stdout.startswith("recovered: ")
     assert not (folder / "recording.partial.csv").exists()

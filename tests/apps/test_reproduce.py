@@ -11,18 +11,14 @@ from pepper_drake.learning import Demonstration, MovementPrimitive
 APP = Path(__file__).parents[2] / "apps" / "reproduce.py"
 
 
-def run(*arguments):
-    return subprocess.run(
-        [sys.executable, str(APP), *map(str, arguments)], capture_output=True, text=True
-    )
-
-
 def test_a_push_is_survived_learned_and_rated(tmp_path):
     scores = tmp_path / "scores.txt"
     scores.write_text("3\n")
     output = tmp_path / "out"
     push = ("--push", 0, 0, 5, "--learn-corrections", "--score", 7.5, "--scores", scores)
-    result = run(*push, "--output", output)
+    # As a user runs it, in a process of its own.
+    command = [sys.executable, APP, *push, "--output", output]
+    result = subprocess.run(list(map(str, command)), capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
     assert result.stdout.startswith("reached: ")
     report = json.loads((output / "report.json").read_text())
@@ -36,7 +32,7 @@ def test_a_push_is_survived_learned_and_rated(tmp_path):
     assert log["hand_position_torso_m"].shape == (len(log["time_s"]), 3)
 
 
-def test_an_unreachable_goal_is_a_failure_with_a_reason(tmp_path):
+def test_an_unreachable_goal_is_a_failure_with_a_reason(run_app, tmp_path):
     shown = Demonstration.load(SHIPPED_DEMONSTRATION)
     hasty = Demonstration.from_positions(
         0.2 * shown.times,
@@ -47,13 +43,13 @@ def test_an_unreachable_goal_is_a_failure_with_a_reason(tmp_path):
     )
     hasty.save(tmp_path / "demo")
     goal = ("--goal", 0.6, -0.3, 0, "--demo", tmp_path / "demo")
-    result = run(*goal, "--output", tmp_path, "--quiet")
+    result = run_app("reproduce", *goal, "--output", tmp_path, "--quiet")
     assert result.returncode == 1
     assert result.stdout == ""
     assert json.loads((tmp_path / "report.json").read_text())["reason"] == "not_reached"
 
 
-def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path):
-    result = run("--score", "11", "--output", tmp_path)
+def test_bad_input_is_one_sentence_and_exit_code_2(run_app, tmp_path):
+    result = run_app("reproduce", "--score", "11", "--output", tmp_path)
     assert result.returncode == 2
     assert result.stderr == "error: --score 11 must be from 0 to 10\n"

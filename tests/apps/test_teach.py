@@ -12,14 +12,10 @@ from pepper_drake.learning import Demonstration, MovementPrimitive
 APP = Path(__file__).parents[2] / "apps" / "teach.py"
 
 
-def run(*arguments):
-    return subprocess.run(
-        [sys.executable, str(APP), *map(str, arguments)], capture_output=True, text=True
-    )
-
-
 def test_the_whole_story_with_the_left_arm(tmp_path):
-    result = run("--script", "story", "--no-cameras", "--arm", "left", "--output", tmp_path)
+    """As a user runs it, in a process of its own."""
+    arguments = ("--script", "story", "--no-cameras", "--arm", "left", "--output", str(tmp_path))
+    result = subprocess.run([sys.executable, str(APP), *arguments], capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
     for words in ("Recorded ", "Learned ", "At the goal", "Saved "):
         assert words in result.stdout
@@ -35,10 +31,10 @@ def test_the_whole_story_with_the_left_arm(tmp_path):
     assert primitive.posture is not None
 
 
-def test_a_script_that_waits_in_vain_is_the_robots_failure(tmp_path):
+def test_a_script_that_waits_in_vain_is_the_robots_failure(run_app, tmp_path):
     script = tmp_path / "vain.yaml"
     script.write_text("steps:\n- {press: Reach}\n- {until: holding, wait: 0.1}\n")
-    result = run("--script", script, "--no-cameras", "--output", tmp_path)
+    result = run_app("teach", "--script", script, "--no-cameras", "--output", tmp_path)
     assert result.returncode == 1
     assert "Traceback" not in result.stderr
     assert "waited 0.1 s for Pepper to be holding" in result.stderr
@@ -47,16 +43,16 @@ def test_a_script_that_waits_in_vain_is_the_robots_failure(tmp_path):
     assert "nothing to perform" in report["reason"]
 
 
-def test_a_live_page_for_some_time_tells_its_address_and_its_pace(tmp_path):
-    result = run("--seconds", "0.5", "--no-cameras", "--output", tmp_path)
+def test_a_live_page_for_some_time_tells_its_address_and_its_pace(run_app, tmp_path):
+    result = run_app("teach", "--seconds", "0.5", "--no-cameras", "--output", tmp_path)
     assert result.returncode == 0, result.stderr
     assert "Open http://" in result.stdout
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["simulated_seconds"] == pytest.approx(0.5, abs=0.04)
 
 
-def test_what_cannot_be_moved_is_bad_input_in_one_sentence(tmp_path):
-    result = run("--move", "spoon", "--no-cameras", "--output", tmp_path)
+def test_what_cannot_be_moved_is_bad_input_in_one_sentence(run_app, tmp_path):
+    result = run_app("teach", "--move", "spoon", "--no-cameras", "--output", tmp_path)
     assert result.returncode == 2
     assert '"spoon"' in result.stderr
     assert "Traceback" not in result.stderr
