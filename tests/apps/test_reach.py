@@ -3,14 +3,18 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
+from io import StringIO
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from pepper_drake import cli
 from pepper_drake.benchmarking.methods import method_named
+from pepper_drake.diagrams.reach_run import ReachRun
 from pepper_drake.diagrams.reach_setup import make_coupling
 from pepper_drake.diagrams.reaching import ReachingConfig
 from pepper_drake.models.scene import load_scene, save_scene
@@ -32,14 +36,19 @@ obstacles:
 """
 
 
-@pytest.fixture
-def app(monkeypatch):
-    """The app as a module, which leaves the tests' standard output alone."""
+def load_app():
+    """The app as a module."""
     spec = importlib.util.spec_from_file_location("reach_app", APP)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    monkeypatch.setattr(cli, "quiet_libraries", lambda: None)
     return module
+
+
+@pytest.fixture
+def app(monkeypatch):
+    """The app as a module, which leaves the tests' standard output alone."""
+    monkeypatch.setattr(cli, "quiet_libraries", lambda: None)
+    return load_app()
 
 
 @pytest.fixture
@@ -239,12 +248,46 @@ def test_a_goal_out_of_reach_is_refused_before_the_arm_moves(run, tmp_path):
     assert np.ptp(log.base_pose_m_m_rad, axis=0).max() < 1e-3
 
 
+class Pushed(NamedTuple):
+    """A whole reach as the app runs it; the hand is pushed on its way."""
+
+    code: int
+    printed: str
+    error: str
+    folder: Path
+    run: ReachRun
+
+
+@pytest.fixture(scope="module")
+def pushed(tmp_path_factory):
+    runs, folder = [], tmp_path_factory.mktemp("pushed")
+
+    class KeptRun(ReachRun):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            runs.append(self)
+
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        redirect_stdout(StringIO()) as printed,
+        redirect_stderr(StringIO()) as error,
+    ):
+        module = load_app()
+        patch.setattr(cli, "quiet_libraries", lambda: None)
+        patch.setattr(module, "ReachRun", KeptRun)
+        arguments = ("--scene", "free", "--push", "0", "0", "5", "--output", str(folder))
+        patch.setattr(sys, "argv", ["reach.py", *arguments])
+        with pytest.raises(SystemExit) as end:
+            cli.run(module.main)
+    return Pushed(end.value.code, printed.getvalue(), error.getvalue(), folder, *runs)
+
+
 @pytest.mark.render
-def test_a_whole_reach_leaves_a_folder_of_results(run, tmp_path):
-    code, printed, error = run("--scene", "free", "--output", tmp_path)
-    assert (code, error) == (cli.EXIT_DONE, "")
-    assert printed.startswith("reached\n")
-    assert str(tmp_path) in printed
+def test_a_whole_reach_leaves_a_folder_of_results(pushed):
+    tmp_path = pushed.folder
+    assert (pushed.code, pushed.error) == (cli.EXIT_DONE, "")
+    assert pushed.printed.startswith("reached\n")
+    assert str(tmp_path) in pushed.printed
     report = json.loads((tmp_path / "report.json").read_text())
     assert (report["outcome"], report["reason"]) == ("reached", "")
     assert report["final_position_error"] <= 0.010
@@ -269,3 +312,21 @@ def test_a_whole_reach_leaves_a_folder_of_results(run, tmp_path):
     assert 'src="http' not in page, "the page opens without a network"
     for name in ("path.png", "timeline.png", "scene.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.render
+def test_a_reach_that_is_pushed_comes_to_its_goal_all_the_same(pushed):
+    report = json.loads((pushed.folder / "report.json").read_text())
+    assert (report["outcome"], report["reason"], report["contacts"]) == ("reached", "", 0)
+    assert report["final_position_error"] < 0.01
+    reaching, context = pushed.run.reaching, pushed.run.simulator.get_context()
+    push = reaching.logs["push"].FindLog(context).data().T
+    log = ReachLog.load(pushed.folder / "log.npz")
+    pushing = push[:, 5] > 0.0
+    assert np.count_nonzero(pushing) == pytest.approx(50, abs=1)
+    deviation = log.hand_position_torso_m - log.desired_position_torso_m
+    assert np.linalg.norm(deviation[pushing], axis=1).max() > 0.015
+    # The phase falls more slowly while the hand is pushed than just before.
+    rates = -np.diff(np.log(log.phase)) / np.diff(log.time_s)
+    start = int(np.argmax(pushing))
+    assert rates[start + 30 : start + 50].mean() < 0.8 * rates[start - 20 : start].mean()
