@@ -109,10 +109,23 @@ def check_reached(result):
     assert result.jerk > 0.0
 
 
-def test_trajectory_optimisation_reaches_a_free_goal(tmp_path):
-    reach = PlannedReach(optimized_motions)
-    check_reached(reach.replay(Case(0, "free"), tmp_path))
-    assert "meshcat" in (tmp_path / "recording.html").read_text().lower()
+@pytest.fixture(scope="module")
+def optimized(tmp_path_factory):
+    """A reach by trajectory optimisation: its folder, its result, and the motion found last."""
+    found, folder = [], tmp_path_factory.mktemp("optimized")
+
+    def kept_motions(known, base_pose, seed):
+        for motion in optimized_motions(known, base_pose, seed):
+            found.append(motion)
+            yield motion
+
+    return folder, PlannedReach(kept_motions).replay(Case(0, "free"), folder), found[-1]
+
+
+def test_trajectory_optimisation_reaches_a_free_goal(optimized):
+    folder, result, _ = optimized
+    check_reached(result)
+    assert "meshcat" in (folder / "recording.html").read_text().lower()
 
 
 def test_rrt_connect_reaches_a_free_goal():
@@ -142,8 +155,10 @@ def test_what_cannot_be_reached_is_refused(tmp_path):
     assert result.first_motion_seconds is None
 
 
-def test_who_knows_that_something_moves_waits_until_it_has_passed(free, place, monkeypatch):
-    motion = next(optimized_motions(free, place, 0))
+def test_who_knows_that_something_moves_waits_until_it_has_passed(
+    free, place, optimized, monkeypatch
+):
+    _, _, motion = optimized
     assert free.clearance(motion, place)[0] > 0.0
     scene = load_scene("free")
     p_WG = free.X_WG.translation()
