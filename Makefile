@@ -18,8 +18,12 @@ $(STAMP): pyproject.toml constraints.txt scripts/setup.sh
 reach: $(STAMP) ## Pepper reaches: the main job. ARGS="--live" shows it in a browser.
 	@$(BIN)/python apps/reach.py $(ARGS)
 
+# A process for each core: threads inside them would only wait for one another. Tests of a module
+# stay together, as they share what it builds.
+test: export OMP_NUM_THREADS = 1
+test: export LP_NUM_THREADS = 1
 test: $(STAMP) ## Run the tests. ARGS="-k name" picks some.
-	@$(BIN)/python -m pytest -n auto $(ARGS)
+	@$(BIN)/python -m pytest -n auto --dist worksteal $(ARGS)
 
 lint: $(STAMP) ## Check format, lint and types.
 	@$(BIN)/ruff format --check .
