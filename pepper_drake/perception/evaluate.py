@@ -19,6 +19,9 @@ COVERED_WITHIN = 0.01
 INCONSISTENT_BEYOND = 0.03
 """A point farther than this from every true surface shows something that does not exist, m."""
 
+_CHUNK = 500
+"""Points whose distances to triangles are computed at a time."""
+
 
 @dataclass(frozen=True)
 class TrueSurfaces:
@@ -52,6 +55,18 @@ class TrueSurfaces:
         if len(self.triangles):
             _keep_closer(p, _closest_on_triangles(p, self.triangles), nearest, distance)
         return nearest, distance
+
+    def distance(self, points: npt.NDArray[np.floating]) -> Array:
+        """The distances (N,) that `closest` finds for points (N, 3), sooner."""
+        p = np.asarray(points, dtype=float)
+        distance = np.full(len(p), np.inf)
+        for solid, X_WF in zip(self.solids, self.poses, strict=True):
+            p_S = _in_frame(p, X_WF @ solid.X_FS)
+            np.minimum(distance, np.abs(solid.signed_distance(p_S)), out=distance)
+        if len(self.triangles):
+            gap = _closest_on_triangles(p, self.triangles) - p
+            np.minimum(distance, np.linalg.norm(gap, axis=1), out=distance)
+        return distance
 
 
 @dataclass(frozen=True)
@@ -182,7 +197,7 @@ def _count_foreign(
     """Counts the points that lie on a foreign surface rather than on an obstacle."""
     if len(points) == 0:
         return 0
-    _, distance = foreign.closest(points)
+    distance = foreign.distance(points)
     return int(np.sum((distance < obstacle_distance) & (distance < INCONSISTENT_BEYOND / 2)))
 
 
@@ -195,8 +210,7 @@ def _keep_closer(p: Array, candidate: Array, nearest: Array, distance: Array) ->
 
 def _closest_on_solid(p_W: Array, solid: Solid, X_WS: RigidTransform) -> Array:
     """Closest points on a primitive: a step down the gradient of its signed distance."""
-    R_WS = X_WS.rotation().matrix()
-    p_S = (p_W - X_WS.translation()) @ R_WS
+    p_S = _in_frame(p_W, X_WS)
     step = 1e-6
     gradient = np.stack(
         [
@@ -207,45 +221,54 @@ def _closest_on_solid(p_W: Array, solid: Solid, X_WS: RigidTransform) -> Array:
         axis=1,
     )
     closest_S = p_S - solid.signed_distance(p_S)[:, None] * gradient
-    return closest_S @ R_WS.T + X_WS.translation()
+    return closest_S @ X_WS.rotation().matrix().T + X_WS.translation()
+
+
+def _in_frame(p_W: Array, X_WS: RigidTransform) -> Array:
+    return (p_W - X_WS.translation()) @ X_WS.rotation().matrix()
 
 
 def _closest_on_triangles(p_W: Array, triangles: Array) -> Array:
-    """Closest points on a set of triangles (T, 3, 3)."""
+    """Closest points (N, 3) on a set of triangles (T, 3, 3); infinite where all are far."""
     best = np.full_like(p_W, np.inf)
     lower, upper = triangles.min(axis=(0, 1)) - 0.1, triangles.max(axis=(0, 1)) + 0.1
     # What is 10 cm away from all of them is inconsistent whatever the exact distance is.
     near = np.flatnonzero(np.all((p_W >= lower) & (p_W <= upper), axis=1))
-    for chunk in np.array_split(near, max(len(near) * len(triangles) // 400_000, 1)):
-        if len(chunk) == 0:
-            continue
-        candidates = _project_to_triangles(p_W[chunk], triangles)
-        distance = np.linalg.norm(candidates - p_W[chunk, None], axis=2)
-        choice = distance.argmin(axis=1)
-        rows = np.arange(len(chunk))
-        best[chunk] = candidates[rows, choice]
+    middles = triangles.mean(axis=1)
+    radii = np.linalg.norm(triangles - middles[:, None], axis=2).max(axis=1)
+    tree = cKDTree(middles)
+    for chunk in np.split(near, range(_CHUNK, len(near), _CHUNK)) if len(near) else ():
+        # The nearest middle is a point of its triangle, so what is farther than that is not asked.
+        farthest = np.asarray(tree.query(p_W[chunk])[0])
+        found = tree.query_ball_point(p_W[chunk], farthest + radii.max() + 1e-9)
+        owner = np.repeat(np.arange(len(chunk)), [len(numbers) for numbers in found])
+        number = np.concatenate(found).astype(np.int64)
+        gap = np.linalg.norm(p_W[chunk[owner]] - middles[number], axis=1) - radii[number]
+        asked = gap <= farthest[owner] + 1e-9
+        owner, number = owner[asked], number[asked]
+        p = p_W[chunk[owner]]
+        candidates = _closest_on_triangle(p, triangles[number])
+        order = np.lexsort((np.linalg.norm(candidates - p, axis=1), owner))
+        _, first = np.unique(owner[order], return_index=True)
+        best[chunk] = candidates[order[first]]
     return best
 
 
-def _project_to_triangles(p: Array, triangles: Array) -> Array:
-    """Closest point of each triangle (T, 3, 3) to each point (N, 3): (N, T, 3)."""
+def _closest_on_triangle(p: Array, triangles: Array) -> Array:
+    """Closest points (N, 3) to points (N, 3), each on a triangle of its own (N, 3, 3)."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    closest = np.empty((len(p), len(triangles), 3))
-    distance = np.full((len(p), len(triangles)), np.inf)
+    closest = np.empty_like(p)
+    distance = np.full(len(p), np.inf)
     for start, end in ((a, b), (b, c), (c, a)):
         edge = end - start
-        along = np.einsum("nti,ti->nt", p[:, None] - start, edge)
-        along = np.clip(along / np.maximum(np.einsum("ti,ti->t", edge, edge), 1e-18), 0, 1)
-        candidate = start + along[..., None] * edge
-        d = np.linalg.norm(candidate - p[:, None], axis=2)
-        closer = d < distance
-        closest[closer], distance[closer] = candidate[closer], d[closer]
+        along = np.einsum("ni,ni->n", p - start, edge)
+        along = np.clip(along / np.maximum(np.einsum("ni,ni->n", edge, edge), 1e-18), 0, 1)
+        _keep_closer(p, start + along[:, None] * edge, closest, distance)
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-18)
-    height = np.einsum("nti,ti->nt", p[:, None] - a, normal)
-    foot = p[:, None] - height[..., None] * normal
-    inside = np.ones(height.shape, dtype=bool)
+    foot = p - np.einsum("ni,ni->n", p - a, normal)[:, None] * normal
+    inside = np.ones(len(p), dtype=bool)
     for start, end in ((a, b), (b, c), (c, a)):
-        inside &= np.einsum("nti,ti->nt", foot - start, np.cross(normal, end - start)) >= 0
+        inside &= np.einsum("ni,ni->n", foot - start, np.cross(normal, end - start)) >= 0
     closest[inside] = foot[inside]
     return closest

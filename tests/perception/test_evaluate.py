@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
+from scipy.spatial import cKDTree
 
 from pepper_drake.perception.camera import CAMERA_DEPTH
 from pepper_drake.perception.evaluate import (
@@ -32,6 +33,36 @@ def test_mesh_and_primitive_of_one_box_agree():
     closest, distance = mesh.closest(points)
     np.testing.assert_allclose(distance, solid.closest(points)[1], atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(closest - points, axis=1), distance, atol=1e-12)
+
+
+def test_of_many_triangles_the_nearest_is_found():
+    rng = np.random.default_rng(1)
+    # Slivers and large ones, and points that are nearest to a corner, an edge or a face.
+    triangles = rng.uniform(-0.3, 0.3, (60, 1, 3)) + rng.normal(size=(60, 3, 3)) * rng.choice(
+        [0.01, 0.2], (60, 1, 1)
+    )
+    points = rng.uniform(-0.3, 0.3, (700, 3))
+    # Sampled densely, no triangle is nearer, and the nearest sample is hardly farther.
+    weights = rng.dirichlet(np.ones(3) * 0.6, 4000)
+    samples = np.einsum("sk,tki->tsi", weights, triangles).reshape(-1, 3)
+    sampled, _ = cKDTree(samples).query(points)
+    closest, distance = TrueSurfaces([], [], triangles).closest(points)
+    assert np.all(distance <= sampled + 1e-12)
+    assert np.max(sampled - distance) < 0.03
+    assert np.median(sampled - distance) < 0.001
+    np.testing.assert_allclose(np.linalg.norm(closest - points, axis=1), distance, atol=1e-12)
+
+
+def test_distances_alone_are_those_of_the_closest_points():
+    points = np.random.default_rng(2).uniform(-0.3, 0.3, (200, 3))
+    X = RigidTransform(RollPitchYaw(0.3, 0.2, 0.1), [0.1, 0, 0])
+    surfaces = TrueSurfaces(
+        [Solid(Cylinder(0.1, 0.4), RigidTransform([0, 0, 0.1])), Solid(Sphere(0.2), X)],
+        [X, RigidTransform()],
+        box_triangles(np.array([0.2, 0.3, 0.1])),
+    )
+    np.testing.assert_allclose(surfaces.distance(points), surfaces.closest(points)[1], atol=1e-9)
+    assert np.isinf(NOTHING.distance(np.zeros((1, 3))))
 
 
 def test_closest_points_are_on_the_nearest_surface():
