@@ -1,12 +1,19 @@
 """The tutorial does what it says: its commands and its Python run, and print what it prints."""
 
+import contextlib
+import io
 import itertools
-import json
 import re
+import runpy
+import shlex
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+
+import pytest
+
+from pepper_drake import cli
 
 ROOT = Path(__file__).parents[1]
 TUTORIAL = ROOT / "docs" / "tutorial.md"
@@ -40,44 +47,6 @@ def blocks():
 BLOCKS = blocks()
 APP_COMMAND = re.compile(r"^\.venv/bin/python (apps/\w+\.py)(.*)$", flags=re.MULTILINE)
 
-# All in one process, as imports are most of the time that the apps take.
-DRIVER = """
-import contextlib, io, json, runpy, shlex, subprocess, sys
-from pathlib import Path
-from pepper_drake import cli
-
-cli.quiet_libraries = lambda: None  # It would take standard output away from us.
-task = json.loads(sys.argv[1])
-root, names = Path(task["root"]), {}
-
-def run_app(line):
-    _, app, *arguments = shlex.split(line)
-    sys.argv = [app, *arguments]
-    try:
-        runpy.run_path(str(root / app), run_name="__main__")
-    except SystemExit as end:
-        if end.code:
-            raise RuntimeError(f"{line}: exit code {end.code}") from None
-
-def run(block):
-    if block["language"] == "python":
-        exec(compile(block["text"], f"tutorial line {block['line']}", "exec"), names)
-    elif block["text"].startswith(".venv/bin/python "):
-        for line in block["text"].replace("\\\\\\n", " ").splitlines():
-            run_app(line)
-    else:
-        subprocess.run(["bash", "-euc", block["text"]], check=True)
-
-def printed_by(action, argument):
-    with contextlib.redirect_stdout(io.StringIO()) as output:
-        action(argument)
-    return output.getvalue()
-
-printed = [printed_by(run, block) for block in task["blocks"]]
-helps = {app: printed_by(run_app, f"python {app} --help") for app in task["apps"]}
-Path("results.json").write_text(json.dumps({"printed": printed, "helps": helps}))
-"""
-
 EXECUTED = [block for block in BLOCKS if block.executed]
 APPS = sorted({app for block in BLOCKS for app, _ in APP_COMMAND.findall(block.text)})
 SHOWN_OUTPUTS = {
@@ -87,16 +56,42 @@ SHOWN_OUTPUTS = {
 }
 
 
-def run_tutorial(folder):
-    """What each executed block printed, and each app's help, which is all that a folder needs."""
+def run_app(line):
+    """Runs a command line of an app in this process: imports are most of the time it takes."""
+    _, app, *arguments = shlex.split(line)
+    sys.argv = [app, *arguments]
+    with pytest.raises(SystemExit) as end:
+        runpy.run_path(str(ROOT / app), run_name="__main__")
+    assert not end.value.code, line
+
+
+def run_block(block, names):
+    """Runs a block; Python's blocks share their names."""
+    if block.language == "python":
+        exec(compile(block.text, f"tutorial line {block.line}", "exec"), names)
+    elif block.text.startswith(".venv/bin/python "):
+        for line in block.text.replace("\\\n", " ").splitlines():
+            run_app(line)
+    else:
+        subprocess.run(["bash", "-euc", block.text], check=True)
+
+
+def printed_by(action, *arguments):
+    with contextlib.redirect_stdout(io.StringIO()) as output:
+        action(*arguments)
+    return output.getvalue()
+
+
+def run_tutorial(folder, monkeypatch):
+    """What each executed block printed, and each app's help."""
+    # It would take standard output away from us.
+    monkeypatch.setattr(cli, "quiet_libraries", lambda: None)
+    monkeypatch.setattr(sys, "argv", sys.argv)
+    monkeypatch.chdir(folder)
     (folder / "pepper_drake").symlink_to(ROOT / "pepper_drake")
-    task = {"root": str(ROOT), "blocks": [vars(block) for block in EXECUTED], "apps": APPS}
-    result = subprocess.run(
-        [sys.executable, "-c", DRIVER, json.dumps(task)], cwd=folder, capture_output=True, text=True
-    )
-    assert result.returncode == 0, result.stderr[-2000:]
-    results = json.loads((folder / "results.json").read_text())
-    return results["printed"], results["helps"]
+    names = {}
+    printed = [printed_by(run_block, block, names) for block in EXECUTED]
+    return printed, {app: printed_by(run_app, f"python {app} --help") for app in APPS}
 
 
 def same_but_for_digits(shown, printed):
@@ -105,9 +100,9 @@ def same_but_for_digits(shown, printed):
     return re.match(pattern, printed)
 
 
-def test_the_tutorial_runs_and_shows_what_is_printed(tmp_path):
-    """One test, so that one process runs it: words as they stand, numbers of any digits."""
-    printed, helps = run_tutorial(tmp_path)
+def test_the_tutorial_runs_and_shows_what_is_printed(tmp_path, monkeypatch):
+    """Words as they stand, numbers of any digits."""
+    printed, helps = run_tutorial(tmp_path, monkeypatch)
     for block, output in zip(EXECUTED, printed, strict=True):
         for shown in (
             SHOWN_OUTPUTS[block.line].text.splitlines() if block.line in SHOWN_OUTPUTS else []
