@@ -35,8 +35,8 @@ def taken():
         yield f"tcp://127.0.0.1:{holder.getsockname()[1]}"
 
 
-def test_two_runs_are_compared_in_a_page(two_runs, tmp_path):
-    result = play(*two_runs, "--html", "both.html", "--output", tmp_path)
+def test_two_runs_are_compared_in_a_page(run_app, two_runs, tmp_path):
+    result = run_app("play", *two_runs, "--html", "both.html", "--output", tmp_path)
     assert result.returncode == 0, result.stderr
     header, *rows = result.stdout.splitlines()
     assert header.split() == ["low", "high"]

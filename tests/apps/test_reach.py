@@ -214,7 +214,7 @@ def test_a_marker_that_nobody_can_see_is_a_failure_with_a_name(run, app, monkeyp
     marker.position[0] *= -1
     marker.rpy[2] += np.pi
     save_scene(scene, tmp_path / "turned.yaml")
-    timing = ReachTiming(goal_timeout=2.0)
+    timing = ReachTiming(goal_timeout=1.0)
     monkeypatch.setattr(app, "ReachingConfig", partial(ReachingConfig, timing=timing))
     output = tmp_path / "out"
     code, printed, error = run(
