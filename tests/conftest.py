@@ -3,10 +3,15 @@
 import cv2
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.planning.arm_spheres import arm_link_names
 from pepper_drake.planning.control_model import arm_joints, shared_control_model
+
+# A test must not fail because the machine is busy.
+settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("untimed")
 
 _FINENESS = 4
 

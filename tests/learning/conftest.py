@@ -1,13 +1,8 @@
 import numpy as np
 import pytest
-from hypothesis import settings
 
 from pepper_drake.learning import Demonstration
 from pepper_drake.learning import rotations as so3
-
-# A test must not fail because the machine is busy.
-settings.register_profile("untimed", deadline=None)
-settings.load_profile("untimed")
 
 
 def make_demonstration(duration=2.5, seed=0, moving=True, rate=100.0):

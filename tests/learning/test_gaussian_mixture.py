@@ -58,7 +58,7 @@ def test_a_component_without_data_keeps_what_it_had():
     assert np.isfinite(mixture.log_likelihood(np.array([[2.0]])))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 10_000),
     num_components=st.integers(1, 6),
@@ -87,7 +87,7 @@ def test_recovers_the_clouds_it_was_given():
     np.testing.assert_allclose(mixture.covariances, np.tile(0.09 * np.eye(2), (3, 1, 1)), atol=0.01)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(scale=st.floats(1e-3, 1e3), shift=st.floats(-100, 100))
 def test_units_do_not_matter(scale, shift):
     data = blobs()

@@ -69,7 +69,7 @@ def test_conditioning_is_that_of_the_joint_gaussian(promp):
     np.testing.assert_allclose(conditioned.covariance, covariance, atol=1e-10)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     time=st.floats(0.0, 1.0),
     offset=st.lists(st.floats(-0.03, 0.03), min_size=3, max_size=3),

@@ -69,7 +69,7 @@ def test_what_is_new_is_written_once_and_finished_by_its_files(tmp_path):
 
 
 @given(cut=st.integers(0, 400), zeros=st.integers(0, 3))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_a_torn_end_costs_its_row_only(tmp_path_factory, cut, zeros):
     folder = tmp_path_factory.mktemp("torn")
     write_partial(folder, 30)

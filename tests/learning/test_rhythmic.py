@@ -78,7 +78,7 @@ def test_is_the_differential_equation(primitive):
     np.testing.assert_allclose(path.velocities, solution.y[3:].T / tau, atol=1e-3)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     start=st.lists(st.floats(-1, 1), min_size=3, max_size=3),
     velocity=st.lists(st.floats(-2, 2), min_size=3, max_size=3),

@@ -18,7 +18,7 @@ def test_joint_density_worked_by_hand():
     np.testing.assert_allclose(joint_density([mixture, mixture], views, 2), [[expected]])
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 1000), num_frames=st.integers(1, 3), num_components=st.integers(1, 5))
 def test_likelihood_never_falls(seed, num_frames, num_components):
     rng = np.random.default_rng(seed)

@@ -102,7 +102,7 @@ def robot():
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_kinematics_agree_with_the_table(robot, seed):
     _, plant, _, model = robot
     rng = np.random.default_rng(seed)

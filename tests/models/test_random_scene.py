@@ -8,7 +8,7 @@ seeds = st.integers(0, 2**31 - 1)
 
 
 @given(seeds)
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_a_seed_gives_one_scene_without_overlaps(seed):
     scene = random_scene(seed)
     assert scene == random_scene(seed)

@@ -27,7 +27,7 @@ def test_a_plane_is_looked_up_exactly():
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_curved_surface_is_looked_up_to_second_order(seed):
     grid = DistanceGrid(REGION, ball(REGION.nodes())[None])
     points = np.random.default_rng(seed).uniform(REGION.lower, [0.3, 0.2, 0.4], (200, 3))
@@ -52,7 +52,7 @@ def test_outside_its_region_a_grid_says_what_is_at_its_border():
 
 
 @given(st.integers(0, 10**6), st.floats(0.01, 0.15))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_no_node_near_a_point_is_missed(seed, reach):
     points = np.random.default_rng(seed).uniform(-0.5, 0.6, (6, 3))
     near = near_nodes(REGION, points, reach)

@@ -38,7 +38,7 @@ def test_acceleration_is_limited(right_limits):
     np.testing.assert_allclose(velocity, right_limits.acceleration * TIME_STEP, rtol=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     wishes=st.lists(st.lists(st.floats(-20, 20), min_size=5, max_size=5), min_size=1, max_size=6),
     arm=st.sampled_from(["left", "right"]),

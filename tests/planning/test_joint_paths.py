@@ -30,7 +30,7 @@ def test_minimum_jerk_leaves_and_arrives_at_rest():
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_shifted_path_starts_and_ends_where_asked(seed):
     start, goal = np.random.default_rng(seed).uniform(-1, 1, (2, 5))
     path = shifted(wave(), start, goal)

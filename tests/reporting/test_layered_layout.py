@@ -26,7 +26,7 @@ def spans(center, size):
     return center - size / 2, center + size / 2
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(graphs())
 def test_boxes_do_not_overlap_and_stay_inside(graph):
     sizes, edges = graph
@@ -39,7 +39,7 @@ def test_boxes_do_not_overlap_and_stay_inside(graph):
     assert np.all(high <= np.array([layout.width, layout.height]) + 1e-9)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(graphs())
 def test_lines_are_right_angled_from_the_senders_lower_side_to_the_receivers_upper(graph):
     sizes, edges = graph
@@ -57,7 +57,7 @@ def test_lines_are_right_angled_from_the_senders_lower_side_to_the_receivers_upp
         assert points[-2][1] > points[-1][1], "it arrives from above"
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(graphs())
 def test_no_line_runs_through_a_box(graph):
     sizes, edges = graph
@@ -83,7 +83,7 @@ def horizontals(layout, sender):
                     yield y0, min(x0, x1), max(x0, x1)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(graphs())
 def test_nets_of_two_senders_never_lie_on_each_other(graph):
     sizes, edges = graph

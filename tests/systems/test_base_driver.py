@@ -37,7 +37,7 @@ class Drive:
         return port.Eval(self.context)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(x=st.floats(-1, 1), y=st.floats(-1, 1), yaw=st.floats(-3, 3), start_yaw=st.floats(-3, 3))
 def test_every_goal_is_reached_and_stays_reached(x, y, yaw, start_yaw):
     drive = Drive([0.1, -0.2, start_yaw], [x, y, yaw])

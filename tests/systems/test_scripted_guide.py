@@ -1,5 +1,5 @@
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
 
@@ -16,7 +16,6 @@ def random_path(seed):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(deadline=None)
 def test_path_passes_its_via_poses_and_rests_at_both_ends(seed):
     path, times, poses = random_path(seed)
     for time, X_WG in zip(times, poses, strict=True):
@@ -28,7 +27,6 @@ def test_path_passes_its_via_poses_and_rests_at_both_ends(seed):
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.99))
-@settings(deadline=None)
 def test_velocity_is_the_derivative_of_the_pose(seed, part):
     path, times, _ = random_path(seed)
     time = times[0] + part * (times[-1] - times[0])

@@ -2,7 +2,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 
@@ -17,7 +17,6 @@ def test_one_step_by_hand():
     np.testing.assert_allclose(state, [0.0002, 0.02])
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(-2, 2), min_size=3, max_size=3))
 def test_comes_to_the_target_without_overshoot_or_excess_speed(target):
     target = np.array(target)
