@@ -23,6 +23,7 @@ from pepper_drake.learning.coupling import Coupling
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group
 from pepper_drake.models.scene import Scene
+from pepper_drake.perception.camera import CAMERA_DEPTH
 from pepper_drake.perception.goal import MarkedObject
 from pepper_drake.perception.goal_filter import GoalFilterParameters
 from pepper_drake.perception.solids import RobotSolids
@@ -127,7 +128,7 @@ class Reaching(Diagram):
             GoalEstimator(
                 marked,
                 # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
-                parameters=GoalFilterParameters(hand_on_angle=0.01),
+                parameters=GoalFilterParameters(hand_on_angle=0.01, hold_seconds=5.0),
                 latency=0.04,
                 expects_noise=self.config.station.noise,
             ),
@@ -170,7 +171,18 @@ class Reaching(Diagram):
         )
         self._connect(station.GetOutputPort("torso_pose"), self.cloud_source, "X_WT")
 
-        self.look_at = builder.AddNamedSystem("look_at", LookAt(marked.X_OM.translation()))
+        self.look_at = builder.AddNamedSystem(
+            "look_at",
+            LookAt(
+                marked.X_OM.translation(),
+                companion=CAMERA_DEPTH,
+                radius=marked.marker_size / np.sqrt(2),
+                max_velocity=2.5,
+                max_acceleration=8.0,
+            ),
+        )
+        for name in ("age", "velocity"):
+            self._connect(self.goal_estimator.GetOutputPort(name), self.look_at, name)
         self._connect(self.object_pose, self.look_at, "object_pose")
         self._connect(self.goal_estimator.GetOutputPort("valid"), self.look_at, "valid")
         self._connect(station.GetOutputPort("torso_pose"), self.look_at, "X_WT")
@@ -206,6 +218,7 @@ class Reaching(Diagram):
             "goal_position": self.hand_goal.GetOutputPort("goal_position"),
             "cloud": self.cloud_source.GetOutputPort("cloud"),
             "cloud_time": self.cloud_source.GetOutputPort("time_stamp"),
+            "approaching": self.cloud_source.GetOutputPort("approaching"),
             "joint_position": station.GetOutputPort("joint_position"),
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_pose": station.GetOutputPort(f"{self.scene.arm}_hand_pose"),
@@ -216,6 +229,7 @@ class Reaching(Diagram):
         self.performed = self.supervisor.GetOutputPort("primitive")
         self._connect(self.supervisor.GetOutputPort("X_OG"), self.hand_goal, "X_OG")
         self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
+        self._connect(self.active, self.look_at, "watchful")
 
         driver = builder.AddNamedSystem("base_driver", BaseDriver())
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)

@@ -1,11 +1,19 @@
-"""Drake's PointCloud as an array."""
+"""Drake's PointCloud as an array, and back."""
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.perception import PointCloud
+from pydrake.perception import BaseField, Fields, PointCloud
 
 
 def cloud_points(cloud: PointCloud) -> npt.NDArray[np.float64]:
     """Returns the finite points (P, 3) of a cloud, in its frame, m."""
     points = np.asarray(cloud.xyzs(), dtype=float).T
     return points[np.isfinite(points).all(axis=1)]
+
+
+def make_cloud(points: npt.NDArray[np.floating]) -> PointCloud:
+    """Returns points (P, 3) [m] as a cloud in the same frame."""
+    cloud = PointCloud(len(points), Fields(BaseField.kXYZs))
+    if len(points):
+        cloud.mutable_xyzs()[:] = points.T
+    return cloud

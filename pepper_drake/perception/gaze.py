@@ -21,6 +21,11 @@ P_T_NECK = (-0.038, 0.0, 0.1699)
 HEAD_YAW_LIMIT = 2.08567
 """Largest HeadYaw to either side, rad."""
 
+_EDGE = 0.95
+"""Offset beyond which nothing is looked at for another camera's sake."""
+_HALVINGS = 6
+"""With which the angles between two gazes are found, to a hundredth of the way."""
+
 Vector = npt.NDArray[np.float64]
 
 
@@ -164,6 +169,68 @@ def choose_camera(
             break
     good = [gaze for gaze in gazes if gaze.offset <= good_offset]
     return good[0] if good else min(gazes, key=lambda gaze: gaze.offset)
+
+
+def share_gaze(
+    cameras: Sequence[HeadCamera],
+    other: HeadCamera,
+    p_TP: npt.ArrayLike,
+    *,
+    radius: float = 0.0,
+    current: HeadCamera | None = None,
+    patience: float = 0.15,
+) -> Gaze:
+    """Chooses the camera and the head angles that show a thing to another camera, too.
+
+    From where a camera has the thing in its middle, the head turns towards where the other one has
+    it there, as far as the first still has all of it in its image. The camera that leaves the other
+    one the best view is taken.
+
+    Args:
+        cameras: One of them has to see the thing.
+        other: It should see what is around the thing as well as can be.
+        p_TP: The thing's middle in the torso frame (3,), m.
+        radius: Of the thing, m.
+        current: The camera in use; it is kept until another one's view is better by `patience`.
+        patience: See `current`.
+
+    Returns:
+        That of the camera chosen; of `choose_camera` if no camera gets all of it into its image.
+    """
+    wanted = clamp_head(aim_head(other, p_TP))
+    best, least = None, math.inf
+    for camera in cameras:
+        own = look_at(camera, p_TP)
+        distance = np.linalg.norm(p_TP - camera_pose(camera, own.head).translation())
+        intrinsics = camera.intrinsics
+        half_size = radius / distance * intrinsics.focal_y / (intrinsics.height / 2)
+        well = _EDGE - float(half_size)
+        if own.offset > well:
+            continue
+        gaze = _turned_towards(own, wanted, p_TP, well)
+        loss = image_offset(other, gaze.head, p_TP)
+        if current is not None and camera.name == current.name:
+            loss -= patience
+        if loss < least:
+            best, least = gaze, loss
+    return choose_camera(cameras, p_TP, current=current) if best is None else best
+
+
+def _turned_towards(gaze: Gaze, wanted: Vector, p_TP: npt.ArrayLike, well: float) -> Gaze:
+    """A gaze turned towards head angles as far as its camera still sees the point well."""
+    best, share, step = gaze, 1.0, 1.0
+    for _ in range(_HALVINGS):
+        head = clamp_head(gaze.head + share * (wanted - gaze.head))
+        offset = image_offset(gaze.camera, head, p_TP)
+        step *= 0.5
+        if offset <= well:
+            best = Gaze(gaze.camera, head, offset, True)
+            if share == 1.0:
+                break
+            share += step
+        else:
+            share -= step
+    return best
 
 
 def step_head(

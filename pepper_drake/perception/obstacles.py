@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
+from pepper_drake.perception.approach import ApproachParameters
 from pepper_drake.perception.camera import CameraIntrinsics
 from pepper_drake.perception.cloud import (
     CloudParameters,
@@ -49,10 +50,15 @@ class ObstacleParameters:
     Attributes:
         cloud: What of a depth image is kept.
         memory: How the map remembers.
+        approach: How what moves is followed.
+        holes_are_near: Whether a hole in the image is of something too near to be measured; if not,
+            it means nothing.
     """
 
     cloud: CloudParameters = field(default_factory=CloudParameters)
     memory: VoxelMapParameters = field(default_factory=VoxelMapParameters)
+    approach: ApproachParameters = field(default_factory=ApproachParameters)
+    holes_are_near: bool = True
 
 
 def update_obstacles(

@@ -116,6 +116,7 @@ class StereoParameters:
 STEREO_CLOUD = ObstacleParameters(
     cloud=CloudParameters(stride=4, flying_noise=0.004, object_margin=0.02, robot_margin=0.03),
     memory=VoxelMapParameters(depth_noise=0.005),
+    holes_are_near=False,
 )
 """How obstacles are seen and remembered from matched images: more pixels, less sure of each."""
 

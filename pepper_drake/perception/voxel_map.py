@@ -182,6 +182,47 @@ def add_points(
     )
 
 
+def looks_through(
+    p_W: npt.NDArray[np.floating],
+    depth: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    parameters: VoxelMapParameters,
+) -> npt.NDArray[np.bool_]:
+    """Tells through which places an image looks to something farther away.
+
+    All that was measured by the nine pixels around a place's projection, at least four of them, is
+    clearly farther away.
+
+    Args:
+        p_W: The places (N, 3), m.
+        depth: Depth image (height, width), m, 0 where nothing was measured.
+        intrinsics: The camera.
+        X_WC: Its pose when the image was taken.
+        parameters: Margins.
+
+    Returns:
+        (N,).
+    """
+    through = np.zeros(len(p_W), dtype=bool)
+    if len(p_W) == 0 or depth.size == 0:
+        return through
+    R_WC = X_WC.rotation().matrix().astype(p_W.dtype)
+    p_C = (p_W - X_WC.translation().astype(p_W.dtype)) @ R_WC
+    z = p_C[:, 2]
+    inside = np.flatnonzero((z > 0.05) & intrinsics.sees(p_C))
+    columns, rows = np.rint(intrinsics.project(p_C[inside])).astype(np.int64).T
+    measured = depth > 0
+    count = cv2.boxFilter(measured.astype(np.uint8), -1, (3, 3), normalize=False)
+    distant = np.where(measured, depth, np.float32(2 * intrinsics.far))
+    nearest = cv2.erode(distant, np.ones((3, 3), np.uint8))
+    margin = parameters.carve_margin + 3 * parameters.depth_noise * np.square(z[inside])
+    through[inside] = (count[rows, columns] >= _LEAST_PIXELS) & (
+        nearest[rows, columns] - margin > z[inside]
+    )
+    return through
+
+
 def carve(
     voxels: VoxelMap,
     depth: npt.NDArray[np.float32],

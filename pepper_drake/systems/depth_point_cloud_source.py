@@ -16,12 +16,15 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.sensors import ImageDepth16U
 
+from pepper_drake.perception.approach import DepthView
 from pepper_drake.perception.camera import CAMERA_DEPTH, CameraIntrinsics
-from pepper_drake.perception.cloud import SurfacePoints, to_point_cloud
+from pepper_drake.perception.cloud import SurfacePoints, depth_in_metres, to_point_cloud
+from pepper_drake.perception.cloud_points import make_cloud
 from pepper_drake.perception.goal import MarkedObject
 from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters, update_obstacles
 from pepper_drake.perception.solids import RobotSolids
 from pepper_drake.perception.voxel_map import VoxelMap
+from pepper_drake.perception.watch import Watch, keep_watch
 
 _LAG = 0.3
 """For how long a moving object's pose may be old, s: half of it between images, half in filters."""
@@ -49,6 +52,7 @@ class _Memory:
         surface: The map's points.
         cloud: The same in W.
         X_WT: The torso's pose for which the cloud in T is made, when someone asks for it.
+        watch: What moves.
     """
 
     voxels: VoxelMap
@@ -59,6 +63,7 @@ class _Memory:
     surface: SurfacePoints
     cloud: PointCloud
     X_WT: RigidTransform
+    watch: Watch
 
     def __deepcopy__(self, memo: dict) -> "_Memory":
         """Returns itself: Drake copies the state at each event, and this never changes."""
@@ -83,6 +88,7 @@ class DepthPointCloudSource(LeafSystem):
         output_ports:
         - cloud
         - cloud_torso
+        - approaching
         - time_stamp
         - age
 
@@ -97,10 +103,13 @@ class DepthPointCloudSource(LeafSystem):
     `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on
     the state alone, so whatever a consumer computes from them stays cached until the next image, or
     until the torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
+    `approaching` (PointCloud in W) is where things that move will be soon, see
+    `perception.approach`.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
     the time since then.
 
-    State: voxel map and clouds (abstract). Event: one periodic unrestricted update.
+    State: voxel map, clouds and things that move (abstract).
+    Event: one periodic unrestricted update.
 
     Args:
         robot: The robot's collision shapes; without them its body is taken for an obstacle.
@@ -154,11 +163,16 @@ class DepthPointCloudSource(LeafSystem):
                     surface=voxels.surface(),
                     cloud=to_point_cloud(voxels.surface()),
                     X_WT=RigidTransform(),
+                    watch=Watch(),
                 )
             )
         )
         state = {self.abstract_state_ticket(self._memory)}
-        for name, calc in (("cloud", self._calc_cloud), ("cloud_torso", self._calc_cloud_torso)):
+        for name, calc in (
+            ("cloud", self._calc_cloud),
+            ("cloud_torso", self._calc_cloud_torso),
+            ("approaching", self._calc_approaching),
+        ):
             self.DeclareAbstractOutputPort(
                 name, lambda: Value(PointCloud()), calc, prerequisites_of_calc=state
             )
@@ -210,14 +224,13 @@ class DepthPointCloudSource(LeafSystem):
         )
         if is_known:
             X_WO = RigidTransform(self._object_pose.Eval(context))
+        ignored = self._no_obstacles(context, X_WO)
         voxels = update_obstacles(
-            memory.voxels,
-            image,
-            time,
-            X_WC,
-            self._intrinsics,
-            self._no_obstacles(context, X_WO),
-            self._parameters,
+            memory.voxels, image, time, X_WC, self._intrinsics, ignored, self._parameters
+        )
+        view = DepthView(depth_in_metres(image, self._intrinsics), X_WC, time)
+        watch, voxels = keep_watch(
+            memory.watch, voxels, view, self._intrinsics, ignored, self._parameters
         )
         surface = voxels.surface()
         return replace(
@@ -229,6 +242,7 @@ class DepthPointCloudSource(LeafSystem):
             X_WO=X_WO,
             surface=surface,
             cloud=to_point_cloud(surface),
+            watch=watch,
         )
 
     def _no_obstacles(self, context: Context, X_WO: RigidTransform | None) -> list[NoObstacle]:
@@ -257,6 +271,9 @@ class DepthPointCloudSource(LeafSystem):
         memory = self._get_memory(context)
         near = self._near(memory.surface, memory.X_WT)
         output.set_value(to_point_cloud(near, memory.X_WT.inverse()))
+
+    def _calc_approaching(self, context: Context, output: Value) -> None:
+        output.set_value(make_cloud(self._get_memory(context).watch.expected))
 
     def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self._get_memory(context).time)

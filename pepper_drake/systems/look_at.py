@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +13,37 @@ from pydrake.systems.framework import (
     Context,
     DiscreteValues,
     EventStatus,
+    InputPort,
     LeafSystem,
     OutputPort,
 )
 
 from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_TOP, HeadCamera
-from pepper_drake.perception.gaze import choose_camera, clamp_head, image_offset, step_head
+from pepper_drake.perception.gaze import (
+    Gaze,
+    aim_head,
+    choose_camera,
+    clamp_head,
+    image_offset,
+    share_gaze,
+    step_head,
+)
 
 _HEAD, _VELOCITY = slice(0, 2), slice(2, 4)
-_CAMERA, _IN_VIEW, _REACHABLE = 4, 5, 6
+_CAMERA, _IN_VIEW, _REACHABLE, _GLANCING, _SIDE = 4, 5, 6, 7, 8
+
+_MISSED = 1.9
+"""Age at which the object was missed in images that should have shown it, s."""
+_JUST_SEEN, _LOOK_AGAIN = 0.35, 0.6
+"""Ages at which a glance begins and ends, s: images are old by a quarter of a second."""
+_AT_REST = 0.02
+"""Speed of an object from which the eye may be taken, m/s."""
+_ASIDE = 0.3
+"""Glances go by turns to the left and to the right of the object by this, rad: it stays in view."""
+_SPARE = 0.04
+"""How far an object may have moved meanwhile and is still seen, m."""
+_SWING, _SWING_PERIOD = 0.4, 2.4
+"""A missed object is looked for this much above and below where it was, rad, in that time, s."""
 
 Vector = npt.NDArray[np.float64]
 
@@ -28,6 +51,18 @@ Vector = npt.NDArray[np.float64]
 def _is_enabled(index: int, state: Vector) -> Vector:
     """1 when the camera of that index is in use, or when none is yet."""
     return np.isin(state[[_CAMERA]], (index, -1)).astype(float)
+
+
+@functools.lru_cache(maxsize=16)
+def _shared_gaze(
+    cameras: tuple[HeadCamera, ...],
+    companion: HeadCamera,
+    p_TP: tuple[float, float, float],
+    radius: float,
+    current: HeadCamera | None,
+) -> Gaze:
+    """`share_gaze`, computed once for each place: an object at rest costs nothing."""
+    return share_gaze(cameras, companion, p_TP, radius=radius, current=current)
 
 
 class LookAt(LeafSystem):
@@ -42,6 +77,9 @@ class LookAt(LeafSystem):
         - valid (optional)
         - head_position (optional)
         - resting_head (optional)
+        - age (optional)
+        - velocity (optional)
+        - watchful (optional)
         output_ports:
         - head_position_command
         - head_velocity_command
@@ -64,13 +102,24 @@ class LookAt(LeafSystem):
     it and 0 for the other, ready for CameraModel's `enabled`. Without a valid object all are
     enabled: whichever sees it first finds it.
 
-    State: head angles, velocities, camera, in_view, reachable (7, discrete).
+    With a `companion` the head does not bring the object to the middle of the image, but as near to
+    the middle of the companion's as it goes while a camera still sees the object well. An object
+    that moves, by its `velocity` (3; m/s), is brought to the middle all the same; one that was
+    missed, by its `age` (1; s since it was last seen), is looked for with all cameras above and
+    below where it was. While it is `watchful` (1; not zero) and the object at rest, the head
+    glances at where the companion sees best, by turns a little to the left and to the right,
+    between two looks at the object.
+
+    State: head angles, velocities, camera, in_view, reachable, glancing, side (9,
+    discrete).
     Events: one periodic discrete update; one at initialization.
 
     Args:
         p_OP: The point on the object to look at (3,), m: its marker.
         cameras: The top and the bottom camera, in order of preference; the top one looks along
             with the depth camera.
+        companion: A camera that should see what is around the object, too: the depth camera.
+        radius: Of what has to stay in view of the object then, m: half its marker's diagonal.
         time_step: Period of the update, s.
         max_velocity: rad/s. Low, because images taken by a fast head are blurred.
         max_acceleration: rad/s^2.
@@ -81,6 +130,8 @@ class LookAt(LeafSystem):
         p_OP: npt.ArrayLike = (0.0, 0.0, 0.0),
         *,
         cameras: Sequence[HeadCamera] = (CAMERA_TOP, CAMERA_BOTTOM),
+        companion: HeadCamera | None = None,
+        radius: float = 0.0,
         time_step: float = 0.02,
         max_velocity: float = 1.0,
         max_acceleration: float = 4.0,
@@ -88,6 +139,7 @@ class LookAt(LeafSystem):
         super().__init__()
         self._p_OP = np.asarray(p_OP, dtype=float)
         self._cameras = tuple(cameras)
+        self._companion, self._radius = companion, radius
         self._time_step = time_step
         self._max_velocity = max_velocity
         self._max_acceleration = max_acceleration
@@ -97,8 +149,11 @@ class LookAt(LeafSystem):
         self._valid = self.DeclareVectorInputPort("valid", 1)
         self._head_position = self.DeclareVectorInputPort("head_position", 2)
         self._resting_head = self.DeclareVectorInputPort("resting_head", 2)
+        self._age = self.DeclareVectorInputPort("age", 1)
+        self._velocity = self.DeclareVectorInputPort("velocity", 3)
+        self._watchful = self.DeclareVectorInputPort("watchful", 1)
 
-        self._state = self.DeclareDiscreteState(np.array([0, 0, 0, 0, -1, 0, 0], dtype=float))
+        self._state = self.DeclareDiscreteState(np.array([0, 0, 0, 0, -1, 0, 0, 0, 0], dtype=float))
         self._declare_output("head_position_command", 2, lambda state: state[_HEAD])
         self._declare_output("head_velocity_command", 2, lambda state: state[_VELOCITY])
         self._declare_output("in_view", 1, lambda state: state[[_IN_VIEW]])
@@ -132,6 +187,35 @@ class LookAt(LeafSystem):
         state[_HEAD] = clamp_head(self._head_position.Eval(context))
         return EventStatus.Succeeded()
 
+    def _scalar(self, context: Context, port: InputPort, otherwise: float) -> float:
+        """The size of what is at an optional port."""
+        return float(np.linalg.norm(port.Eval(context))) if port.HasValue(context) else otherwise
+
+    def _aim(self, context: Context, state: Vector, p_TP: Vector) -> Gaze:
+        """Turns the eye to the object, or aside when another camera may have the view."""
+        index = int(state[_CAMERA])
+        current = self._cameras[index] if index >= 0 else None
+        age = self._scalar(context, self._age, 0.0)
+        is_watchful = self._scalar(context, self._watchful, 0.0) > 0.5
+        is_moving = self._scalar(context, self._velocity, 0.0) > _AT_REST
+        was_glancing, state[_GLANCING] = state[_GLANCING] > 0, 0.0
+        if self._companion is None or is_moving or age > _MISSED:
+            gaze = choose_camera(self._cameras, p_TP, current=current)
+            if self._companion is not None and age > _MISSED:
+                swing = _SWING * np.sin(2 * np.pi * (age - _MISSED) / _SWING_PERIOD)
+                gaze = replace(gaze, head=clamp_head(gaze.head - [0.0, swing]))
+            return gaze
+        place = tuple(np.round(p_TP, 3).tolist())
+        radius = self._radius + (_SPARE if is_watchful else 0.0)
+        gaze = _shared_gaze(self._cameras, self._companion, place, radius, current)
+        if is_watchful and age < (_LOOK_AGAIN if was_glancing else _JUST_SEEN):
+            state[_GLANCING] = 1.0
+            if not was_glancing:
+                state[_SIDE] = -1.0 if state[_SIDE] > 0 else 1.0
+            aside = np.array([_ASIDE * state[_SIDE], 0.0])
+            gaze = replace(gaze, head=clamp_head(aim_head(self._companion, p_TP) + aside))
+        return gaze
+
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         state = discrete.get_mutable_vector(self._state).get_mutable_value()
         head = state[_HEAD].copy()
@@ -141,16 +225,16 @@ class LookAt(LeafSystem):
         if not self._valid.HasValue(context) or self._valid.Eval(context)[0] > 0:
             X_TO = self._X_WT.Eval(context).InvertAndCompose(self._object_pose.Eval(context))
             p_TP = X_TO @ self._p_OP
-            index = int(state[_CAMERA])
-            current = self._cameras[index] if index >= 0 else None
-            gaze = choose_camera(self._cameras, p_TP, current=current)
+            gaze = self._aim(context, state, p_TP)
             target = gaze.head
-            state[_CAMERA] = self._cameras.index(gaze.camera)
             state[_REACHABLE] = gaze.in_view
+            state[_CAMERA] = self._cameras.index(gaze.camera)
+            if self._companion is not None and self._scalar(context, self._age, 0.0) > _MISSED:
+                state[_CAMERA] = -1
         else:
             resting = self._resting_head
             target = clamp_head(resting.Eval(context)) if resting.HasValue(context) else head
-            state[_CAMERA] = -1
+            state[_CAMERA], state[_GLANCING] = -1, 0
         state[_HEAD], state[_VELOCITY] = step_head(
             head,
             state[_VELOCITY],

@@ -32,6 +32,9 @@ from pepper_drake.systems.reach_progress import ReachProgress, ReachTiming
 
 Vector = npt.NDArray[np.float64]
 
+_NEAR = 0.6
+"""What moves farther from the goal than this is not waited for, m."""
+
 
 class ReachSupervisor(LeafSystem):
     """The reach as a sequence of modes.
@@ -51,6 +54,7 @@ class ReachSupervisor(LeafSystem):
         - goal_position
         - cloud
         - cloud_time
+        - approaching (optional)
         - joint_position
         - base_pose
         - hand_pose
@@ -72,10 +76,10 @@ class ReachSupervisor(LeafSystem):
 
     Inputs: `object_pose` X_WO; `goal_valid`, `goal_age` (1; s); `goal_position` (3), the hand's
     goal in T; `cloud` (PointCloud in W) and `cloud_time` (1; time of its last frame, not finite
-    before the first); `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and
-    `desired_position` (3), where the primitive wants the hand in T; `arm_position_command` and
-    `arm_velocity_command` (5), rad and rad/s, without which a movement is not planned anew on the
-    way; `arrived` (1); `tau` (1; s);
+    before the first); `approaching` (PointCloud in W), where what moves will be soon;
+    `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and `desired_position` (3), where the
+    primitive wants the hand in T; `arm_position_command` and `arm_velocity_command` (5), rad and
+    rad/s, without which a movement is not planned anew on the way; `arrived` (1); `tau` (1; s);
     `stop_reason` (1; the safety monitor's `StopReason`).
     Outputs: `active` (1), the number of the movement while one runs, else 0; `primitive`,
     `coupling_law` and `X_OG`, abstract, of that movement, known a tick before it begins (see
@@ -95,6 +99,7 @@ class ReachSupervisor(LeafSystem):
             for name, value in (
                 ("object_pose", Value(RigidTransform())),
                 ("cloud", Value(PointCloud())),
+                ("approaching", Value(PointCloud())),
                 ("hand_pose", Value(RigidTransform())),
             )
         }
@@ -300,19 +305,22 @@ class ReachSupervisor(LeafSystem):
     def _look_ahead(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
         """Holds a new cloud against the rest of the movement.
 
-        When something is in the way, another way is planned; if there is none, the arm withdraws
-        to where there is room, waits, and goes on when the way is free.
+        When something is in the way, another way is planned; if there is none, or if it moves, the
+        arm withdraws to where there is room, waits, and goes on when the way is free.
         """
         cloud_time = self._scalar(context, "cloud_time")
-        plan, commands = progress.plan, self._ports["arm_position_command"]
+        timing, plan, commands = self._timing, progress.plan, self._ports["arm_position_command"]
         if plan is None or plan.joint_path is None or cloud_time == progress.cloud_time:
             return progress
         progress = replace(progress, cloud_time=cloud_time)
         if not (plan.vetted and commands.HasValue(context)):
             return progress
         seen = self._seen(context)
+        goal = seen["X_WO"].translation()
+        coming = self._coming(context, goal)
+        if len(coming):
+            seen["cloud_W"] = np.concatenate((seen["cloud_W"], coming))
         if progress.known is not None:
-            goal = seen["X_WO"].translation()
             seen["cloud_W"] = with_undersides(seen["cloud_W"], progress.known, goal)
         seen["joint_position"] = seen["joint_position"].copy()
         seen["joint_position"][self._planner.arm_in_body] = commands.Eval(context)
@@ -321,14 +329,28 @@ class ReachSupervisor(LeafSystem):
         is_free = self._is_free(reach, seen)
         if is_free and progress.blocked is None:
             return progress
-        if is_free or progress.blocked is None:
+        # What moves is given time: where it goes is not known well enough to pass it.
+        waited = time - progress.since >= timing.stepping_aside
+        if is_free or (waited if len(coming) else progress.blocked is None):
             other = self._planner.replan(reach, joint_velocity=velocity, **seen)
             if other.verdict == ReachVerdict.CLEAR:
                 return replace(progress.performing(other, time), blocked=None)
-        elif self._is_free(plan, seen):
+        if progress.blocked is not None and self._is_free(plan, seen):
             return progress  # Out of the way, and waiting.
         withdrawal = self._planner.withdraw(plan, joint_velocity=velocity, **seen)
+        if progress.blocked is not None and withdrawal.clearance <= (
+            self._planner.clearance_ahead(plan, **seen)
+        ):
+            return progress  # Nowhere is better than where the arm is going.
         return replace(progress.performing(withdrawal, time), blocked=reach)
+
+    def _coming(self, context: Context, goal: Vector) -> Vector:
+        """Where what moves near the goal will be soon (P, 3), m."""
+        port = self._ports["approaching"]
+        if not port.HasValue(context):
+            return np.zeros((0, 3))
+        points = cloud_points(port.Eval(context))
+        return points[np.sum((points - goal) ** 2, axis=1) < _NEAR**2]
 
     def _is_free(self, plan: ReachPlan, seen: dict[str, Any]) -> bool:
         """Whether the rest of a plan's way is."""

@@ -18,6 +18,7 @@ from pepper_drake.perception.gaze import (
     clamp_head,
     image_offset,
     look_at,
+    share_gaze,
     step_head,
 )
 
@@ -101,6 +102,35 @@ def test_choice_does_not_flicker():
     assert changes == [1, 1]
     # The way back changes at another place than the way there.
     assert closer.index("CameraBottom") > len(line) - 1 - away.index("CameraTop")
+
+
+PAIR = (CAMERA_TOP, CAMERA_BOTTOM)
+MARKER = 0.042
+
+
+@pytest.mark.parametrize("p_TP", [[0.28, -0.13, 0.0], [0.3, 0.1, -0.1], [0.6, -0.2, 0.0]])
+def test_the_other_camera_sees_more_and_the_thing_stays_in_view(p_TP):
+    shared = share_gaze(PAIR, CAMERA_DEPTH, p_TP, radius=MARKER)
+    alone = choose_camera(PAIR, p_TP)
+    before = image_offset(CAMERA_DEPTH, alone.head, p_TP)
+    assert image_offset(CAMERA_DEPTH, shared.head, p_TP) < before
+    X_TC = camera_pose(shared.camera, shared.head)
+    corners = MARKER * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    middle = X_TC.inverse() @ np.array(p_TP)
+    assert np.all(shared.camera.intrinsics.ideal().sees(middle + corners))
+
+
+def test_a_far_thing_is_in_the_middle_for_the_other_camera():
+    p_TP = [1.2, 0.1, 0.0]
+    shared = share_gaze(PAIR, CAMERA_DEPTH, p_TP, radius=MARKER)
+    np.testing.assert_allclose(shared.head, look_at(CAMERA_DEPTH, p_TP).head)
+    assert shared.camera is CAMERA_TOP
+
+
+def test_what_no_camera_gets_into_its_image_is_looked_at_alone():
+    p_TP = [0.25, 0.0, -0.1]
+    shared = share_gaze(PAIR, CAMERA_DEPTH, p_TP, radius=0.5)
+    np.testing.assert_array_equal(shared.head, choose_camera(PAIR, p_TP).head)
 
 
 @pytest.mark.parametrize("seed", range(5))

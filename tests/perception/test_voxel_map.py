@@ -15,6 +15,7 @@ from pepper_drake.perception.voxel_map import (
     add_points,
     carve,
     forget,
+    looks_through,
     voxel_keys,
 )
 
@@ -153,3 +154,14 @@ def test_maps_are_values():
 def test_bad_voxel_size_is_named():
     with pytest.raises(InputError, match="voxel_size"):
         VoxelMapParameters(voxel_size=0.0)
+
+
+def test_an_image_looks_through_what_is_clearly_nearer_than_all_around_it():
+    places = np.array([[0, 0, 0.8], [0, 0, 0.99], [0, 0, 1.2], [5.0, 0, 1.0], [0, 0, -1.0]])
+    through = looks_through(places, wall(1.0), CAMERA, X_WC, PARAMETERS)
+    np.testing.assert_array_equal(through, [True, False, False, False, False])
+    assert not looks_through(places, wall(0.0), CAMERA, X_WC, PARAMETERS).any()
+    thin = wall(1.0)
+    thin[:, CAMERA.width // 2] = 0.7
+    assert not looks_through(places[:1], thin, CAMERA, X_WC, PARAMETERS).any()
+    assert len(looks_through(places[:0], wall(1.0), CAMERA, X_WC, PARAMETERS)) == 0

@@ -7,6 +7,7 @@ from pydrake.systems.sensors import ImageDepth16U
 
 from pepper_drake.perception.camera import CAMERA_DEPTH
 from pepper_drake.perception.goal import MarkedObject
+from pepper_drake.perception.obstacles import ObstacleParameters
 from pepper_drake.perception.solids import RobotSolids, Solid
 from pepper_drake.planning.control_model import ControlModel
 from pepper_drake.systems.depth_point_cloud_source import DepthPointCloudSource
@@ -25,8 +26,8 @@ def wall(millimetres=1000):
 
 
 class Bench:
-    def __init__(self, *arguments, torso_range=5.0):
-        self.system = DepthPointCloudSource(*arguments, torso_range=torso_range)
+    def __init__(self, *arguments, torso_range=5.0, **options):
+        self.system = DepthPointCloudSource(*arguments, torso_range=torso_range, **options)
         self.simulator = Simulator(self.system)
         self.context = self.simulator.get_mutable_context()
         self.fix("X_WC", X_WC)
@@ -181,3 +182,37 @@ def test_wall_that_moved_leaves_no_ghost():
     for k in range(5, 7):
         bench.show(wall(1100), 0.2 * k)
     np.testing.assert_allclose(bench.points()[:, 0], 1.1, atol=1e-4)
+
+
+def ball_before_the_wall(column, millimetres):
+    image = wall()
+    y, x = np.indices((CAMERA.height, CAMERA.width))
+    image.mutable_data[(x - column) ** 2 + (y - 120) ** 2 < 20**2] = millimetres
+    return image
+
+
+def test_what_moves_is_expected_ahead_of_where_it_is_seen():
+    bench = Bench()
+    for number in range(5):
+        bench.show(ball_before_the_wall(100 + 14 * number, 700), 0.2 * number)
+    # 14 pixels in 0.2 s at 0.7 m are 0.17 m/s, towards -y.
+    ball = 0.7 * (CAMERA.center_x - np.array([100.0, 156.0, 176.0])) / CAMERA.focal_x
+    ahead = bench.points("approaching")
+    assert ahead[:, 1].min() == pytest.approx(ball[2] - 0.17 * 0.7, abs=0.04)
+    assert ahead[:, 1].max() < ball[1] + 0.02
+    np.testing.assert_allclose(ahead[:, 0], 0.7, atol=0.03)
+
+
+def test_what_is_too_near_to_be_measured_is_expected_all_the_same():
+    bench = Bench().show(wall(), 0.0)
+    assert bench.output("approaching").size() == 0
+    bench.show(ball_before_the_wall(160, 0), 0.2)
+    near = bench.points("approaching")
+    assert len(near) > 5
+    assert near[:, 0].max() < CAMERA.near + 0.04
+
+
+def test_holes_mean_nothing_where_they_need_not_be_near():
+    bench = Bench(parameters=ObstacleParameters(holes_are_near=False)).show(wall(), 0.0)
+    bench.show(ball_before_the_wall(160, 0), 0.2)
+    assert bench.output("approaching").size() == 0

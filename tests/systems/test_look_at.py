@@ -4,8 +4,8 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from pepper_drake.models.pepper import head_pitch_limits
-from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_TOP
-from pepper_drake.perception.gaze import camera_pose
+from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_DEPTH, CAMERA_TOP
+from pepper_drake.perception.gaze import camera_pose, choose_camera, image_offset, look_at
 from pepper_drake.systems.look_at import LookAt
 
 X_WT = RigidTransform([0.3, 0.1, 0.82])
@@ -15,8 +15,8 @@ BEHIND = RigidTransform([-1.0, 0.0, 0.8])
 
 
 class Bench:
-    def __init__(self, object_pose, **inputs):
-        self.system = LookAt()
+    def __init__(self, object_pose, system=None, **inputs):
+        self.system = system or LookAt()
         self.simulator = Simulator(self.system)
         self.context = self.simulator.get_mutable_context()
         self.fix("object_pose", object_pose)
@@ -119,3 +119,53 @@ def test_it_looks_at_the_point_on_the_object(point):
     head = system.GetOutputPort("head_position_command").Eval(context)
     p_CP = (X_WT @ camera_pose(CAMERA_TOP, head)).inverse() @ (FAR @ np.array(point))
     np.testing.assert_allclose(p_CP[:2], 0, atol=1e-4)
+
+
+P_TP = X_WT.inverse() @ NEAR.translation()
+
+
+def sharing(**inputs):
+    """A head that serves the depth camera, too, and saw the object when it was old by `age`."""
+    still = {"age": [0.3], "velocity": np.zeros(3), "watchful": [1.0]}
+    system = LookAt(companion=CAMERA_DEPTH, radius=0.042)
+    return Bench(NEAR, system, **{**still, **inputs})
+
+
+def test_between_two_looks_the_head_glances_where_the_companion_sees_best():
+    bench = sharing().run(3.0)
+    best = look_at(CAMERA_DEPTH, P_TP).head
+    first = bench.output("head_position_command")
+    assert first[0] > best[0] + 0.2
+    # As low as it goes there.
+    assert first[1] == pytest.approx(head_pitch_limits(first[0])[1], abs=1e-4)
+    assert image_offset(CAMERA_DEPTH, first, P_TP) < 1.3
+    bench.fix("age", [0.5])
+    np.testing.assert_allclose(bench.run(4.0).output("head_position_command"), first, atol=1e-4)
+    bench.fix("age", [0.8])
+    bench.run(6.0)
+    assert bench.output("in_view") == [1]
+    # The glance is over until the object was seen anew.
+    bench.fix("age", [0.5])
+    assert bench.run(7.0).output("in_view") == [1]
+    bench.fix("age", [0.3])
+    assert bench.run(9.0).output("head_position_command")[0] < best[0] - 0.2
+
+
+@pytest.mark.parametrize("inputs", [{"watchful": [0.0]}, {"velocity": [0.0, 0.1, 0.0]}])
+def test_the_eye_stays_on_an_object_that_moves_or_when_nothing_is_to_be_watched(inputs):
+    bench = sharing(**inputs).run(3.0)
+    assert bench.output("in_view") == [1]
+    head = bench.output("head_position_command")
+    assert not np.allclose(head, look_at(CAMERA_DEPTH, P_TP).head, atol=0.05)
+
+
+def test_a_missed_object_is_looked_for_above_and_below_with_all_cameras():
+    bench = sharing(age=[2.0], watchful=[1.0]).run(2.0)
+    assert (bench.output("top_enabled"), bench.output("bottom_enabled")) == ([1], [1])
+    middle = choose_camera((CAMERA_TOP, CAMERA_BOTTOM), P_TP).head[1]
+    pitches = []
+    for age in (2.5, 3.7):  # A quarter and three quarters of a period after it was missed.
+        bench.fix("age", [age])
+        pitches.append(bench.run(2.0 + 2.0 * len(pitches) + 2.0).output("head_position_command")[1])
+    assert pitches[0] < middle - 0.3
+    assert pitches[1] > middle + 0.2

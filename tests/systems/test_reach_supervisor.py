@@ -413,6 +413,57 @@ def test_without_another_way_the_arm_withdraws_waits_and_goes_on():
     rig.until(ReachMode.DONE)
 
 
+def cloud_at(point):
+    cloud = PointCloud(1)
+    cloud.mutable_xyzs()[:] = np.reshape(point, (3, 1))
+    return cloud
+
+
+def test_what_moves_is_waited_for_and_only_then_passed():
+    rig = blocked()
+    way = rig.progress.plan
+    rig.planner.asked.clear()
+    rig.planner.ahead = 0.0
+    coming = X_WO.translation() + [0.1, 0.2, 0.1]
+    rig.set(cloud_time=[0.4], approaching=cloud_at(coming))
+    rig.advance(0.1)
+    assert rig.progress.plan is rig.planner.back
+    assert rig.progress.blocked is way
+    assert not any(name == "replan" for name, _ in rig.planner.asked)
+    for _, seen in rig.planner.asked:
+        np.testing.assert_allclose(seen["cloud_W"][len(CLOUD)], coming, atol=1e-6)
+    rig.advance(TIMING.stepping_aside)
+    rig.set(cloud_time=[0.6])
+    rig.advance(0.1)
+    assert rig.progress.plan is rig.planner.detour
+    assert rig.progress.blocked is None
+
+
+def test_what_moves_far_away_does_not_matter():
+    rig = blocked()
+    rig.planner.asked.clear()
+    rig.planner.ahead = 0.0
+    rig.set(cloud_time=[0.4], approaching=cloud_at(X_WO.translation() + [0.5, 0.5, 0.0]))
+    rig.advance(0.1)
+    assert rig.progress.plan is rig.planner.detour
+
+
+def test_who_withdraws_does_not_turn_for_a_place_that_is_no_better():
+    rig = blocked()
+    rig.planner.ahead = 0.0
+    rig.set(cloud_time=[0.4], approaching=cloud_at(X_WO.translation()))
+    rig.advance(0.1)
+    number = rig.progress.movements
+    rig.planner.back = replace(rig.planner.back, clearance=0.0)
+    rig.set(cloud_time=[0.6])
+    rig.advance(0.1)
+    assert rig.progress.movements == number
+    rig.planner.back = replace(rig.planner.back, clearance=0.01)
+    rig.set(cloud_time=[0.8])
+    rig.advance(0.1)
+    assert rig.progress.movements == number + 1
+
+
 def test_what_stays_in_the_way_is_named_in_the_end():
     rig = blocked()
     rig.planner.ahead = 0.0

@@ -1,0 +1,143 @@
+"""What is too near for the depth camera, from what it hides.
+
+A depth camera measures nothing of what is nearer than its near limit: it leaves a hole in the
+image. Where a hole hides what is known to be there, and neither the robot nor anything else that is
+known stands in the way, something is between.
+"""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+from scipy.spatial import cKDTree
+
+from pepper_drake.perception.camera import CameraIntrinsics, pixel_rays
+from pepper_drake.perception.obstacles import NoObstacle
+from pepper_drake.perception.solids import near_solids
+from pepper_drake.perception.voxel_map import voxel_keys
+
+Points = npt.NDArray[np.floating]
+
+_HOLE = 7
+"""Edge of the square of pixels that have to have measured nothing, all of them."""
+_BEYOND = 0.05
+"""What is hidden is farther than the near limit by this, m."""
+_PITCH = 6
+"""One ray of each square of so many pixels is enough."""
+_FARTHEST = 3.0
+"""What is farther is no backdrop, m."""
+_GRAIN = 0.03
+"""Of the backdrop, m."""
+_STEP = 0.02
+"""Between points on a ray, m."""
+_NEAREST = 0.15
+"""Nothing is nearer to the camera than this, m."""
+_MARGIN = 0.03
+"""What passes a known thing by less may be hidden by it, m."""
+_AROUND_KNOWN = 0.05
+"""The same for what was seen itself: of that one side is known only, m."""
+_LEAST_RAYS = 4
+"""Fewer are noise."""
+
+
+def backdrop(
+    before: Points,
+    depth: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+) -> npt.NDArray[np.float64]:
+    """What is to be seen when nothing hides it: all surfaces, floor and robot's table alike.
+
+    Args:
+        before: (P, 3) the backdrop before this image, in W, m.
+        depth: Depth image (height, width), m, 0 where nothing was measured.
+        intrinsics: The camera.
+        X_WC: Its pose when the image was taken.
+
+    Returns:
+        (Q, 3) what the image shows, and what was seen before where it measured nothing.
+    """
+    if depth.size == 0:
+        return np.asarray(before, dtype=float)
+    kept = np.ones(len(before), dtype=bool)
+    p_C = _in_camera(before, X_WC)
+    inside = np.flatnonzero((p_C[:, 2] > 0.0) & intrinsics.sees(p_C))
+    columns, rows = _pixels(p_C[inside], intrinsics)
+    kept[inside] = _is_hole(depth)[rows, columns]
+    half = _PITCH // 2
+    z = depth[half::_PITCH, half::_PITCH]
+    rays = pixel_rays(intrinsics, _PITCH)
+    measured = (z > intrinsics.near + _BEYOND) & (z < _FARTHEST)
+    p_W = (rays[measured] * z[measured][:, None]) @ X_WC.rotation().matrix().T
+    points = np.concatenate((p_W + X_WC.translation(), before[kept]))
+    return np.asarray(points[np.unique(voxel_keys(points, _GRAIN), return_index=True)[1]])
+
+
+def veiled(
+    behind: Points,
+    known: Points,
+    depth: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    ignored: Sequence[NoObstacle],
+) -> npt.NDArray[np.float64]:
+    """Finds where something may be that is too near to be measured.
+
+    Args:
+        behind: (B, 3) what would be seen if nothing hid it, in W, m.
+        known: (P, 3) points on known obstacles, in W, m.
+        depth: Depth image (height, width), m, 0 where nothing was measured.
+        intrinsics: The camera.
+        X_WC: Its pose when the image was taken.
+        ignored: The robot and the goal object, where they were.
+
+    Returns:
+        (Q, 3) points in W, m, on the rays through such holes, up to the near limit; none for an
+        image without any measurement.
+    """
+    nothing = np.zeros((0, 3))
+    if len(behind) == 0 or not depth.any():
+        return nothing
+    R_WC, p_WC = X_WC.rotation().matrix(), X_WC.translation()
+    p_C = _in_camera(behind, X_WC)
+    ahead = p_C[(p_C[:, 2] > intrinsics.near + _BEYOND) & intrinsics.sees(p_C)]
+    columns, rows = _pixels(ahead, intrinsics)
+    hidden = _is_hole(depth)[rows, columns]
+    squares = columns[hidden] // _PITCH + (rows[hidden] // _PITCH) * intrinsics.width
+    ahead = ahead[hidden][np.unique(squares, return_index=True)[1]]
+    if len(ahead) < _LEAST_RAYS:
+        return nothing
+    depths = np.arange(_NEAREST, intrinsics.near + _MARGIN, _STEP)
+    rays_C = (ahead / ahead[:, 2:])[:, None] * depths[:, None]
+    rays_W = rays_C @ R_WC.T + p_WC
+    points = rays_W.reshape(-1, 3)
+    near = np.asarray(known[np.sum((known - p_WC) ** 2, axis=1) < (2 * intrinsics.near) ** 2])
+    explained = np.zeros(len(points), dtype=bool)
+    if len(near):
+        explained |= np.isfinite(cKDTree(near).query(points, distance_upper_bound=_AROUND_KNOWN)[0])
+    for each in ignored:
+        explained |= near_solids(points, each.solids, each.poses, max(each.margin, _MARGIN))
+    open_rays = ~explained.reshape(len(ahead), -1).any(axis=1)
+    if open_rays.sum() < _LEAST_RAYS:
+        return nothing
+    return np.asarray(rays_W[open_rays].reshape(-1, 3))
+
+
+def _in_camera(p_W: Points, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
+    """Points (N, 3) of W in the camera frame, m."""
+    p_C = (np.asarray(p_W, dtype=float) - X_WC.translation()) @ X_WC.rotation().matrix()
+    return np.asarray(p_C)
+
+
+def _pixels(p_C: Points, intrinsics: CameraIntrinsics) -> npt.NDArray[np.int64]:
+    """Columns and rows (2, N) of points (N, 3) that the camera sees."""
+    return np.rint(intrinsics.project(p_C)).astype(np.int64).T
+
+
+def _is_hole(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+    """Which pixels have measured nothing, nor have any around them."""
+    measured = (depth > 0).astype(np.uint8)
+    hole: npt.NDArray[np.bool_] = cv2.dilate(measured, np.ones((_HOLE, _HOLE), np.uint8)) == 0
+    return hole

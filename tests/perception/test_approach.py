@@ -1,0 +1,131 @@
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from pepper_drake.perception.approach import (
+    Approaching,
+    ApproachParameters,
+    DepthView,
+    expected,
+    follow,
+)
+from pepper_drake.perception.camera import CAMERA_DEPTH
+from pepper_drake.perception.voxel_map import VoxelMapParameters, looks_through
+
+CAMERA = CAMERA_DEPTH.intrinsics
+MEMORY = VoxelMapParameters()
+PARAMETERS = ApproachParameters()
+X_WC = RigidTransform()  # Looks along +z, x to the right.
+PERIOD = 0.2
+NOTHING = np.zeros((0, 3))
+
+
+def plate(middle, half=0.05, z=1.0):
+    """Points of a square plate across the camera's axis, and the depth image of it on a wall."""
+    side = np.arange(-half, half + 1e-9, 0.01)
+    x, y = np.meshgrid(middle + side, side)
+    points = np.stack([x.ravel(), y.ravel(), np.full(x.size, z)], axis=1)
+    depth = np.full((CAMERA.height, CAMERA.width), 1.5, np.float32)
+    (left, top), (right, bottom) = np.rint(CAMERA.project(points[[0, -1]])).astype(int)
+    depth[max(top, 0) : bottom + 1, max(left, 0) : max(right + 1, 0)] = z
+    return points, depth
+
+
+def come(points, before):
+    """Those of some points that are where an image looked through."""
+    return points[looks_through(points, before.depth, CAMERA, before.X_WC, MEMORY)]
+
+
+def watch(middles, things=()):
+    """Shows a plate at one place after the other."""
+    before = None
+    for number, middle in enumerate(middles):
+        points, depth = plate(middle)
+        now = DepthView(depth, X_WC, PERIOD * number)
+        if before is not None:
+            things = follow(things, come(points, before), now, CAMERA, MEMORY, PARAMETERS)
+        before = now
+    return things, now
+
+
+def soon(things, now, veil=NOTHING):
+    return expected(things, veil, now, CAMERA, MEMORY, PARAMETERS)
+
+
+def test_what_stands_still_is_not_followed():
+    assert watch([0.1, 0.1, 0.1])[0] == ()
+
+
+def test_what_moves_is_followed_with_its_velocity():
+    (thing,), now = watch(np.arange(5) * 0.05)
+    assert thing.seen == pytest.approx(now.time)
+    np.testing.assert_allclose(thing.velocity, [0.25, 0.0, 0.0], atol=0.02)
+    # Only its front came to where nothing was.
+    assert thing.points[:, 0].min() > 0.2
+    assert thing.points[:, 0].max() <= 0.251
+
+
+def test_it_is_expected_as_far_ahead_as_it_may_come():
+    things, now = watch(np.arange(5) * 0.05)
+    ahead = soon(things, now)[:, 0]
+    assert ahead.max() == pytest.approx(0.25 + 0.25 * PARAMETERS.horizon, abs=0.03)
+    # No gap is left on the way.
+    assert np.diff(np.sort(ahead)).max() < 2 * PARAMETERS.spacing
+
+
+def test_two_things_have_velocities_of_their_own():
+    before = None
+    things = ()
+    for number in range(4):
+        points = []
+        depth = np.full((CAMERA.height, CAMERA.width), 1.5, np.float32)
+        for middle in (0.2 + 0.04 * number, -0.2 - 0.06 * number):
+            some, image = plate(middle)
+            points.append(some)
+            depth = np.minimum(depth, image)
+        now = DepthView(depth, X_WC, PERIOD * number)
+        if before is not None:
+            new = come(np.concatenate(points), before)
+            things = follow(things, new, now, CAMERA, MEMORY, PARAMETERS)
+        before = now
+    velocities = sorted(thing.velocity[0] for thing in things)
+    np.testing.assert_allclose(velocities, [-0.3, 0.2], atol=0.02)
+
+
+def test_noise_of_a_few_points_is_nothing():
+    few = np.array([[0.1, 0.0, 1.0], [0.11, 0.0, 1.0], [0.3, 0.1, 1.0]])
+    now = DepthView(plate(0.0)[1], X_WC, PERIOD)
+    assert follow((), few, now, CAMERA, MEMORY, PARAMETERS) == ()
+
+
+def lost(depth, later):
+    """A thing last seen in the middle at 0.25 m/s, and an image some time later."""
+    thing = Approaching(plate(0.0)[0], np.array([0.25, 0.0, 0.0]), 0.0)
+    now = DepthView(depth, X_WC, later)
+    return follow((thing,), NOTHING, now, CAMERA, MEMORY, PARAMETERS), now
+
+
+def test_what_is_lost_where_nothing_is_measured_is_supposed_to_be_there_for_a_while():
+    blind = np.zeros((CAMERA.height, CAMERA.width), np.float32)
+    things, now = lost(blind, 1.0)
+    assert len(things) == 1
+    farthest = 0.05 + 0.25 * 2 * PARAMETERS.horizon
+    assert soon(things, now)[:, 0].max() == pytest.approx(farthest, abs=0.03)
+    assert lost(blind, PARAMETERS.memory + 0.1)[0] == ()
+
+
+def test_what_is_seen_to_have_gone_is_not_waited_for():
+    empty = np.full((CAMERA.height, CAMERA.width), 1.5, np.float32)
+    assert lost(empty, PERIOD)[0] == ()
+
+
+def test_what_stopped_is_not_expected_where_it_is_seen_not_to_be():
+    things, now = lost(plate(0.0)[1], 1.0)
+    assert len(things) == 1
+    assert soon(things, now)[:, 0].max() < 0.07
+
+
+def test_what_hides_behind_a_hole_is_expected_there():
+    veil = np.array([[0.1, 0.2, 0.3]])
+    _, now = watch([0.0, 0.0])
+    np.testing.assert_array_equal(soon((), now, veil), veil)

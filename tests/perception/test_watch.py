@@ -1,0 +1,65 @@
+import numpy as np
+from pydrake.math import RigidTransform
+
+from pepper_drake.perception.approach import DepthView
+from pepper_drake.perception.camera import CAMERA_DEPTH
+from pepper_drake.perception.cloud import depth_in_metres
+from pepper_drake.perception.obstacles import ObstacleParameters, update_obstacles
+from pepper_drake.perception.voxel_map import VoxelMap
+from pepper_drake.perception.watch import Watch, keep_watch
+
+CAMERA = CAMERA_DEPTH.intrinsics
+PARAMETERS = ObstacleParameters()
+X_WC = RigidTransform()  # Looks along +z.
+AWAY = RigidTransform([0.0, 0.0, 2.0])
+
+
+def image(millimetres=None):
+    """A wall 1.4 m away with, if a distance is given, a ball before it."""
+    depth = np.full((CAMERA.height, CAMERA.width), 1400, np.uint16)
+    if millimetres is not None:
+        y, x = np.indices(depth.shape)
+        depth[(x - 160) ** 2 + (y - 120) ** 2 < 25**2] = millimetres
+    return depth
+
+
+def shown(*frames):
+    """What is known after images, each with its time and the camera's pose."""
+    watch, voxels = Watch(), VoxelMap.empty()
+    for depth, time, X_WD in frames:
+        voxels = update_obstacles(voxels, depth, time, X_WD, CAMERA, [], PARAMETERS)
+        view = DepthView(depth_in_metres(depth, CAMERA), X_WD, time)
+        watch, voxels = keep_watch(watch, voxels, view, CAMERA, [], PARAMETERS)
+    return watch, voxels
+
+
+def is_ball_known(voxels):
+    return bool(np.any(np.abs(voxels.positions[:, 2] - 0.8) < 0.02))
+
+
+def test_a_scene_at_rest_has_nothing_that_moves():
+    watch, voxels = shown(*((image(800), 0.2 * k, X_WC) for k in range(4)))
+    assert watch.things == ()
+    assert len(watch.expected) == len(watch.visitors) == 0
+    assert is_ball_known(voxels)
+
+
+def test_what_came_is_forgotten_when_it_was_not_seen_for_long():
+    came = [(image(), 0.0, X_WC), (image(800), 0.2, X_WC)]
+    visit = PARAMETERS.approach.visit
+    watch, voxels = shown(*came, (image(), 0.1 + visit, AWAY))
+    assert is_ball_known(voxels)
+    assert set(watch.visitors) <= set(voxels.keys)
+    assert not is_ball_known(shown(*came, (image(), 0.3 + visit, AWAY))[1])
+
+
+def test_what_was_there_from_the_beginning_is_never_forgotten():
+    visit = PARAMETERS.approach.visit
+    assert is_ball_known(shown((image(800), 0.0, X_WC), (image(), 3 * visit, AWAY))[1])
+
+
+def test_what_comes_too_near_to_be_measured_moves():
+    watch, _ = shown((image(), 0.0, X_WC), (image(0), 0.2, X_WC))
+    assert len(watch.things) == 1
+    assert len(watch.expected) > 0
+    assert watch.expected[:, 2].max() < CAMERA.near + 0.04
