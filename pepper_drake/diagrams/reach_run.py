@@ -15,7 +15,6 @@ from pydrake.geometry import (
     Rgba,
 )
 from pydrake.math import RigidTransform
-from pydrake.perception import BaseField, Fields, PointCloud
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from tqdm import tqdm
@@ -24,7 +23,7 @@ from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.models.scene import Scene, save_scene
-from pepper_drake.perception.cloud_points import cloud_points
+from pepper_drake.perception.cloud_points import cloud_points, make_cloud
 from pepper_drake.reporting.reach_log import ReachLog
 from pepper_drake.reporting.reach_report import CloudReport, ReachReport, pose_error
 from pepper_drake.systems.reach_mode import ReachMode
@@ -358,9 +357,7 @@ def draw_paths(meshcat: Meshcat, hand_W: Vector, demonstration_W: Vector) -> Non
 
 def draw_cloud(meshcat: Meshcat, points_W: Vector) -> None:
     """Shows what the robot takes for obstacles as small dots."""
-    cloud = PointCloud(len(points_W), Fields(BaseField.kXYZs))
-    cloud.mutable_xyzs()[:] = points_W.T
-    meshcat.SetObject("cloud", cloud, 0.006, Rgba(0.85, 0.33, 0.1))
+    meshcat.SetObject("cloud", make_cloud(points_W), 0.006, Rgba(0.85, 0.33, 0.1))
 
 
 def save_result(result: ReachResult, folder: Path) -> None:

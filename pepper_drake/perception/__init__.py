@@ -8,9 +8,9 @@ from pepper_drake.perception.camera import (
     HeadCamera,
 )
 from pepper_drake.perception.cloud import CloudParameters, SurfacePoints, to_point_cloud
-from pepper_drake.perception.cloud_points import cloud_points
+from pepper_drake.perception.cloud_points import cloud_points, make_cloud
 from pepper_drake.perception.evaluate import CloudReport, TrueSurfaces, evaluate_cloud
-from pepper_drake.perception.gaze import choose_camera, look_at
+from pepper_drake.perception.gaze import choose_camera, look_at, share_gaze
 from pepper_drake.perception.goal import MarkedObject, measure_goal
 from pepper_drake.perception.goal_filter import (
     GoalFilterParameters,
@@ -24,6 +24,7 @@ from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters, up
 from pepper_drake.perception.solids import RobotSolids, Solid
 from pepper_drake.perception.stereo import StereoParameters, make_stereo_cameras
 from pepper_drake.perception.voxel_map import VoxelMap, VoxelMapParameters
+from pepper_drake.perception.watch import Watch, keep_watch
 
 __all__ = [
     "CAMERA_BOTTOM",
@@ -48,6 +49,7 @@ __all__ = [
     "TrueSurfaces",
     "VoxelMap",
     "VoxelMapParameters",
+    "Watch",
     "choose_camera",
     "cloud_points",
     "degrade_color",
@@ -55,10 +57,13 @@ __all__ = [
     "detect_markers",
     "evaluate_cloud",
     "filter_goal",
+    "keep_watch",
     "look_at",
+    "make_cloud",
     "make_stereo_cameras",
     "marker_poses",
     "measure_goal",
+    "share_gaze",
     "to_point_cloud",
     "update_obstacles",
 ]

@@ -32,8 +32,8 @@ _GRAIN = 0.03
 """Of the backdrop, m."""
 _STEP = 0.02
 """Between points on a ray, m."""
-_NEAREST = 0.15
-"""Nothing is nearer to the camera than this, m."""
+_NEAREST, _LIKELY = 0.15, 0.25
+"""Nothing is nearer to the camera than the first, and most likely not than the second, m."""
 _MARGIN = 0.03
 """What passes a known thing by less may be hidden by it, m."""
 _AROUND_KNOWN = 0.05
@@ -122,7 +122,7 @@ def veiled(
     open_rays = ~explained.reshape(len(ahead), -1).any(axis=1)
     if open_rays.sum() < _LEAST_RAYS:
         return nothing
-    return np.asarray(rays_W[open_rays].reshape(-1, 3))
+    return np.asarray(rays_W[open_rays][:, depths >= _LIKELY].reshape(-1, 3))
 
 
 def _in_camera(p_W: Points, X_WC: RigidTransform) -> npt.NDArray[np.float64]:

@@ -25,6 +25,9 @@ NEWCOMER_DEPTH = 0.10
 """How far what is new is taken to reach down, m: of what hangs in the air, such as an arm, a camera
 from above sees the upper side alone."""
 
+NEWCOMER_SIDE = 0.025
+"""How far it is taken to reach to all sides by who plans around it, m."""
+
 
 def with_undersides(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
     """A cloud with what is new in it extended downwards.
@@ -37,14 +40,38 @@ def with_undersides(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
     Returns:
         (Q, 3), the cloud first.
     """
-    near = cloud[np.sum((cloud - around) ** 2, axis=1) < _NEAR**2]
-    if not len(near):
-        return cloud
-    far = known.query(near, distance_upper_bound=NEWCOMER_DISTANCE)[0]
-    new = near[~np.isfinite(far)]
+    new = _newcomers(cloud, known, around)
     depths = np.arange(1, round(NEWCOMER_DEPTH / 0.02) + 1) * 0.02
     below = new - np.multiply.outer(depths, np.array([0.0, 0.0, 1.0]))[:, None]
     return np.concatenate((cloud, below.reshape(-1, 3)))
+
+
+def with_sides(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
+    """A cloud with what is new in it extended to all sides.
+
+    Of what came only the side towards the camera was seen, and it may move on: who plans around it
+    keeps away a little more than from what was known before.
+
+    Args:
+        cloud: (P, 3) what is seen now, m, z up.
+        known: Of what was seen when the movement was planned, (K, 3), m.
+        around: (3,) m: only what is near this is held against it.
+
+    Returns:
+        (Q, 3), the cloud first.
+    """
+    new = _newcomers(cloud, known, around)
+    steps = NEWCOMER_SIDE * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    return np.concatenate((cloud, (new + steps[:, None]).reshape(-1, 3)))
+
+
+def _newcomers(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
+    """The points (N, 3) of a cloud that are near a place and were not there before."""
+    near = cloud[np.sum((cloud - around) ** 2, axis=1) < _NEAR**2]
+    if not len(near):
+        return near
+    far = known.query(near, distance_upper_bound=NEWCOMER_DISTANCE)[0]
+    return near[~np.isfinite(far)]
 
 
 def withdrawal_path(

@@ -68,7 +68,8 @@ class ReachProgress:
         plan: What is to be performed; None before it is decided.
         movements: How many movements began so far: more than one when something came in the way.
         cloud_time: Of the last cloud in which the way ahead was looked at, s.
-        checked: When the reach was last planned from where the robot stands, s.
+        checked: When the reach was last planned from where the robot stands, or a way around
+            something in vain, s.
         known: The cloud in W with which the movement was planned, m.
         X_WO: The goal object's pose for which it was planned.
         blocked: While the arm has withdrawn from something in its way: the plan that it goes on

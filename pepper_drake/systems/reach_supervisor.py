@@ -26,7 +26,7 @@ from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
 from pepper_drake.planning.control_model import BODY_JOINTS
 from pepper_drake.planning.movement import Movement
 from pepper_drake.planning.reach_planner import ReachPlan, ReachPlanner, ReachVerdict
-from pepper_drake.planning.withdrawal import with_undersides
+from pepper_drake.planning.withdrawal import with_sides, with_undersides
 from pepper_drake.systems.reach_mode import ReachMode
 from pepper_drake.systems.reach_progress import ReachProgress, ReachTiming
 
@@ -320,8 +320,9 @@ class ReachSupervisor(LeafSystem):
         coming = self._coming(context, goal)
         if len(coming):
             seen["cloud_W"] = np.concatenate((seen["cloud_W"], coming))
+        cloud = seen["cloud_W"]
         if progress.known is not None:
-            seen["cloud_W"] = with_undersides(seen["cloud_W"], progress.known, goal)
+            seen["cloud_W"] = with_undersides(cloud, progress.known, goal)
         seen["joint_position"] = seen["joint_position"].copy()
         seen["joint_position"][self._planner.arm_in_body] = commands.Eval(context)
         velocity = self._ports["arm_velocity_command"].Eval(context)
@@ -330,13 +331,22 @@ class ReachSupervisor(LeafSystem):
         if is_free and progress.blocked is None:
             return progress
         # What moves is given time: where it goes is not known well enough to pass it.
-        waited = time - progress.since >= timing.stepping_aside
+        last = max(progress.since, progress.checked)
+        waited = time - last >= timing.stepping_aside
         if is_free or (waited if len(coming) else progress.blocked is None):
-            other = self._planner.replan(reach, joint_velocity=velocity, **seen)
+            around = dict(seen)
+            if progress.known is not None and not is_free:
+                sides = with_sides(cloud, progress.known, goal)
+                around["cloud_W"] = with_undersides(sides, progress.known, goal)
+            other = self._planner.replan(reach, joint_velocity=velocity, **around)
             if other.verdict == ReachVerdict.CLEAR:
                 return replace(progress.performing(other, time), blocked=None)
+            progress = replace(progress, checked=time)
         if progress.blocked is not None and self._is_free(plan, seen):
             return progress  # Out of the way, and waiting.
+        if progress.known is not None:
+            # What has left its place may come back to it.
+            seen["cloud_W"] = np.concatenate((seen["cloud_W"], progress.known.data))
         withdrawal = self._planner.withdraw(plan, joint_velocity=velocity, **seen)
         if progress.blocked is not None and withdrawal.clearance <= (
             self._planner.clearance_ahead(plan, **seen)

@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from pepper_drake.planning.withdrawal import NEWCOMER_DEPTH, with_undersides, withdrawal_path
+from pepper_drake.planning.withdrawal import (
+    NEWCOMER_DEPTH,
+    NEWCOMER_SIDE,
+    with_sides,
+    with_undersides,
+    withdrawal_path,
+)
 
 LIMITS = (np.full(5, 4.0), np.full(5, 10.0))
 CAME = np.linspace(0.0, 1.0, 101)[:, None] * np.array([1.0, -0.5, 0.3, 0.2, 0.0])
@@ -47,6 +53,18 @@ def test_only_what_is_new_and_near_reaches_down():
     below = cloud[202:]
     np.testing.assert_allclose(below[:, :2], [[0.2, 0.0]] * 5)
     assert below[:, 2].min() == pytest.approx(1.0 - NEWCOMER_DEPTH)
+
+
+def test_who_plans_around_what_is_new_keeps_off_its_sides():
+    known = np.array([[0.0, 0.0, 0.8]])
+    seen = np.array([[0.01, 0.0, 0.8], [0.2, 0.1, 0.9]])
+    cloud = with_sides(seen, cKDTree(known), known[0])
+    np.testing.assert_array_equal(cloud[:2], seen)
+    off = cloud[2:] - seen[1]
+    np.testing.assert_allclose(np.linalg.norm(off, axis=1), NEWCOMER_SIDE)
+    np.testing.assert_allclose(off.sum(axis=0), 0.0, atol=1e-12)
+    assert len(off) == 4
+    assert np.ptp(off[:, 2]) < 1e-12
 
 
 @pytest.mark.parametrize("count", [0, 3])

@@ -12,6 +12,7 @@ from pepper_drake.planning.command_check import StopReason
 from pepper_drake.planning.control_model import BODY_JOINTS
 from pepper_drake.planning.movement import Movement
 from pepper_drake.planning.reach_planner import ReachPlan, ReachVerdict
+from pepper_drake.planning.withdrawal import NEWCOMER_SIDE
 from pepper_drake.systems.reach_mode import ReachMode
 from pepper_drake.systems.reach_progress import ReachTiming
 from pepper_drake.systems.reach_supervisor import ReachSupervisor, search_gaze
@@ -413,6 +414,19 @@ def test_without_another_way_the_arm_withdraws_waits_and_goes_on():
     rig.until(ReachMode.DONE)
 
 
+def test_a_way_around_what_is_new_keeps_off_it_more_than_the_way_ahead_is_asked_to():
+    rig = blocked()
+    rig.planner.asked.clear()
+    rig.planner.ahead = 0.004
+    new = X_WO.translation() + [0.1, 0.2, 0.1]
+    rig.set(cloud_time=[0.4], cloud=cloud_at(new))
+    rig.advance(0.1)
+    seen = {name: seen["cloud_W"] for name, seen in rig.planner.asked}
+    for name, reach in (("clearance_ahead", 0.0), ("replan", NEWCOMER_SIDE)):
+        aside = np.linalg.norm((seen[name] - new)[:, :2], axis=1).max()
+        assert aside == pytest.approx(reach, abs=1e-6)
+
+
 def cloud_at(point):
     cloud = PointCloud(1)
     cloud.mutable_xyzs()[:] = np.reshape(point, (3, 1))
@@ -437,6 +451,20 @@ def test_what_moves_is_waited_for_and_only_then_passed():
     rig.advance(0.1)
     assert rig.progress.plan is rig.planner.detour
     assert rig.progress.blocked is None
+
+
+def test_the_arm_does_not_withdraw_to_where_something_was_that_may_come_back():
+    rig = blocked()
+    rig.planner.asked.clear()
+    rig.planner.ahead = 0.0
+    coming = X_WO.translation()
+    left = PointCloud(1)
+    left.mutable_xyzs()[:] = CLOUD[:1].T
+    rig.set(cloud_time=[0.4], cloud=left, approaching=cloud_at(coming))
+    rig.advance(0.1)
+    ((_, seen),) = [asked for asked in rig.planner.asked if asked[0] == "withdraw"]
+    off = np.linalg.norm(seen["cloud_W"] - CLOUD[1], axis=1)
+    assert off.min() < 1e-6
 
 
 def test_what_moves_far_away_does_not_matter():
