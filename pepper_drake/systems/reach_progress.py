@@ -41,8 +41,8 @@ class ReachTiming:
     """A plan whose goal moved farther than this before the arm starts is made anew."""
     patience: float = 20.0
     """How long after its start the arm may still wait for something in its way to go."""
-    stepping_aside: float = 3.0
-    """How long what moves is waited for before a way around it is looked for."""
+    stepping_aside: float = 4.0
+    """How long the arm waits for what came in its way before a way around it is looked for."""
     clearance_ahead: float = 0.006
     """With less between the rest of the arm's way and what is seen, it is planned anew."""
     clearance_lost: float = 0.003

@@ -321,6 +321,11 @@ class ReachSupervisor(LeafSystem):
         if len(coming):
             seen["cloud_W"] = np.concatenate((seen["cloud_W"], coming))
         cloud = seen["cloud_W"]
+        last = max(progress.since, progress.checked)
+        waited = progress.blocked is not None and time - last >= timing.stepping_aside
+        if waited and not len(coming):
+            # What stands there and does not go is no newcomer any more.
+            progress = replace(progress, known=cKDTree(cloud))
         if progress.known is not None:
             seen["cloud_W"] = with_undersides(cloud, progress.known, goal)
         seen["joint_position"] = seen["joint_position"].copy()
@@ -331,9 +336,8 @@ class ReachSupervisor(LeafSystem):
         if is_free and progress.blocked is None:
             return progress
         # What moves is given time: where it goes is not known well enough to pass it.
-        last = max(progress.since, progress.checked)
-        waited = time - last >= timing.stepping_aside
-        if is_free or (waited if len(coming) else progress.blocked is None):
+        is_sudden = progress.blocked is None and not len(coming)
+        if is_free or waited or is_sudden:
             around = dict(seen)
             if progress.known is not None and not is_free:
                 sides = with_sides(cloud, progress.known, goal)

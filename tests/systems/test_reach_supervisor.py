@@ -427,6 +427,26 @@ def test_a_way_around_what_is_new_keeps_off_it_more_than_the_way_ahead_is_asked_
         assert aside == pytest.approx(reach, abs=1e-6)
 
 
+def test_what_stands_in_the_way_for_long_is_known_and_planned_around():
+    rig = blocked()
+    rig.planner.ahead = 0.0
+    rig.planner.detour = plan(ReachVerdict.NO_CLEAR_PATH, "no way")
+    rig.set(cloud_time=[0.4], cloud=cloud_at(X_WO.translation() + [0.1, 0.2, 0.1]))
+    rig.advance(0.1)
+    assert rig.progress.blocked is not None
+    rig.planner.detour = Blocked.detour
+    rig.set(cloud_time=[0.6])
+    rig.advance(0.1)
+    assert rig.progress.blocked is not None
+    rig.advance(TIMING.stepping_aside)
+    rig.planner.asked.clear()
+    rig.set(cloud_time=[0.8])
+    rig.advance(0.1)
+    assert rig.progress.plan is rig.planner.detour
+    for _, seen in rig.planner.asked:  # Without the undersides of what is new.
+        assert len(seen["cloud_W"]) == 1
+
+
 def cloud_at(point):
     cloud = PointCloud(1)
     cloud.mutable_xyzs()[:] = np.reshape(point, (3, 1))
