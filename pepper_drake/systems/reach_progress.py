@@ -43,8 +43,10 @@ class ReachTiming:
     """How long after its start the arm may still wait for something in its way to go."""
     stepping_aside: float = 4.0
     """How long the arm waits for what came in its way before a way around it is looked for."""
-    clearance_ahead: float = 0.006
+    clearance_ahead: float = 0.012
     """With less between the rest of the arm's way and what is seen, it is planned anew."""
+    clearance_resumed: float = 0.015
+    """An arm that waited goes on with less only if no better way is found from where it is."""
     clearance_lost: float = 0.003
     """A plan with less clearance than that is planned anew when it has lost so much of it."""
 

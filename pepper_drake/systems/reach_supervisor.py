@@ -32,6 +32,8 @@ from pepper_drake.systems.reach_progress import ReachProgress, ReachTiming
 
 Vector = npt.NDArray[np.float64]
 
+_STILL = 0.1
+"""Joint speed below which the arm waits, rad/s."""
 _NEAR = 0.6
 """What moves farther from the goal than this is not waited for, m."""
 
@@ -343,6 +345,11 @@ class ReachSupervisor(LeafSystem):
                 sides = with_sides(cloud, progress.known, goal)
                 around["cloud_W"] = with_undersides(sides, progress.known, goal)
             other = self._planner.replan(reach, joint_velocity=velocity, **around)
+            is_at_rest = progress.blocked is not None and np.abs(velocity).max() < _STILL
+            if is_at_rest and other.clearance < timing.clearance_resumed:
+                anew = self._planner.check_reach(**around)
+                if anew.verdict == ReachVerdict.CLEAR and anew.clearance > other.clearance:
+                    other = anew
             if other.verdict == ReachVerdict.CLEAR:
                 return replace(progress.performing(other, time), blocked=None)
             progress = replace(progress, checked=time)

@@ -447,6 +447,21 @@ def test_what_stands_in_the_way_for_long_is_known_and_planned_around():
         assert len(seen["cloud_W"]) == 1
 
 
+def test_an_arm_that_waited_looks_for_a_better_way_than_a_narrow_one():
+    rig = blocked()
+    rig.planner.ahead = 0.0
+    rig.planner.detour = plan(ReachVerdict.NO_CLEAR_PATH, "no way")
+    rig.set(cloud_time=[0.4], arm_velocity_command=np.zeros(5))
+    rig.advance(0.1)
+    wide = replace(Blocked.detour, clearance=0.03)
+    rig.planner.ahead, rig.planner.reach = 0.02, wide
+    rig.planner.detour = replace(Blocked.detour, clearance=0.007)
+    rig.set(cloud_time=[0.6])
+    rig.advance(0.1)
+    assert rig.progress.plan is wide
+    assert rig.progress.blocked is None
+
+
 def cloud_at(point):
     cloud = PointCloud(1)
     cloud.mutable_xyzs()[:] = np.reshape(point, (3, 1))
