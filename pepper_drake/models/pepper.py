@@ -1,6 +1,7 @@
 """Pepper in a MultibodyPlant: its joints by group, postures, coupled limits and how it is added."""
 
-from collections.abc import Mapping
+from bisect import bisect
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -78,11 +79,11 @@ POSTURES: dict[str, dict[str, float]] = {
 """Named postures [rad]; joints that are not named are zero."""
 
 # Coupled limits of the vendor's documentation (NAOqi 2.8), degrees, linear between the rows.
-_HEAD_YAW = np.radians([33.33, 61.6, 91.4, 119.5])
-_HEAD_PITCH_LOWER = np.radians([-40.5, -35.2, -35.1, -35.0])
-_HEAD_PITCH_UPPER = np.radians([25.5, 20.9, 13.5, 13.5])
-_LEFT_ELBOW_YAW = np.radians([-119.5, -60.0, 0.0, 99.5, 119.5])
-_LEFT_ELBOW_ROLL_LOWER = np.radians([-78.0, -78.0, -89.5, -89.5, -80.0])
+_HEAD_YAW = np.radians([33.33, 61.6, 91.4, 119.5]).tolist()
+_HEAD_PITCH_LOWER = np.radians([-40.5, -35.2, -35.1, -35.0]).tolist()
+_HEAD_PITCH_UPPER = np.radians([25.5, 20.9, 13.5, 13.5]).tolist()
+_LEFT_ELBOW_YAW = np.radians([-119.5, -60.0, 0.0, 99.5, 119.5]).tolist()
+_LEFT_ELBOW_ROLL_LOWER = np.radians([-78.0, -78.0, -89.5, -89.5, -80.0]).tolist()
 _ELBOW_ROLL_STRAIGHT = 0.00872665
 
 
@@ -108,8 +109,8 @@ def head_pitch_limits(head_yaw: float) -> tuple[float, float]:
     """Returns HeadPitch's (lower, upper) limits [rad] at a HeadYaw [rad]."""
     yaw = abs(head_yaw)
     return (
-        float(np.interp(yaw, _HEAD_YAW, _HEAD_PITCH_LOWER)),
-        float(np.interp(yaw, _HEAD_YAW, _HEAD_PITCH_UPPER)),
+        _interpolated(yaw, _HEAD_YAW, _HEAD_PITCH_LOWER),
+        _interpolated(yaw, _HEAD_YAW, _HEAD_PITCH_UPPER),
     )
 
 
@@ -120,10 +121,19 @@ def elbow_roll_limits(elbow_yaw: float, arm: str) -> tuple[float, float]:
     """
     check_arm(arm)
     if arm == "left":
-        lower = float(np.interp(elbow_yaw, _LEFT_ELBOW_YAW, _LEFT_ELBOW_ROLL_LOWER))
+        lower = _interpolated(elbow_yaw, _LEFT_ELBOW_YAW, _LEFT_ELBOW_ROLL_LOWER)
         return lower, -_ELBOW_ROLL_STRAIGHT
-    lower = float(np.interp(-elbow_yaw, _LEFT_ELBOW_YAW, _LEFT_ELBOW_ROLL_LOWER))
+    lower = _interpolated(-elbow_yaw, _LEFT_ELBOW_YAW, _LEFT_ELBOW_ROLL_LOWER)
     return _ELBOW_ROLL_STRAIGHT, -lower
+
+
+def _interpolated(x: float, xs: Sequence[float], ys: Sequence[float]) -> float:
+    """Linear between the rows of a table, constant beyond: for one number faster than NumPy's."""
+    k = bisect(xs, x)
+    if k in (0, len(xs)):
+        return ys[min(k, len(xs) - 1)]
+    share = (x - xs[k - 1]) / (xs[k] - xs[k - 1])
+    return ys[k - 1] + share * (ys[k] - ys[k - 1])
 
 
 def clamp_coupled_limits(positions: Mapping[str, float]) -> dict[str, float]:
