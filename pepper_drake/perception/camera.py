@@ -283,7 +283,7 @@ class HeadCamera:
         """Name of the optical frame in Pepper's model."""
         return f"{self.name}_optical_frame"
 
-    @property
+    @functools.cached_property
     def X_HeadC(self) -> RigidTransform:
         """Pose of the optical frame (z along the view, x right, y down) in the Head frame."""
         return RigidTransform(RollPitchYaw(0, self.tilt, 0), self.p_HeadC) @ RigidTransform(

@@ -85,10 +85,13 @@ def aim_head(camera: HeadCamera, p_TP: npt.ArrayLike) -> Vector:
 
 def clamp_head(head: npt.ArrayLike) -> Vector:
     """Moves head angles (2,) into the limits; those of pitch depend on yaw."""
-    yaw, pitch = np.asarray(head, dtype=float).tolist()
+    return np.array(_clamped(*np.asarray(head, dtype=float).tolist()))
+
+
+def _clamped(yaw: float, pitch: float) -> tuple[float, float]:
     yaw = min(max(yaw, -HEAD_YAW_LIMIT), HEAD_YAW_LIMIT)
     lower, upper = head_pitch_limits(yaw)
-    return np.array([yaw, min(max(pitch, lower), upper)])
+    return yaw, min(max(pitch, lower), upper)
 
 
 def image_offset(camera: HeadCamera, head: npt.ArrayLike, p_TP: npt.ArrayLike) -> float:
@@ -103,9 +106,15 @@ def image_offset(camera: HeadCamera, head: npt.ArrayLike, p_TP: npt.ArrayLike) -
         The larger of the two distances along the image's axes, each as a share of half the image,
         lens distortion aside; infinite behind the camera.
     """
-    # The point turned by -yaw, then by -(pitch + tilt): written out, since this runs at every tick.
-    yaw, pitch = np.asarray(head, dtype=float).tolist()
-    x, y, z = (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist()
+    angles = np.asarray(head, dtype=float).tolist()
+    return _offset(camera, angles, (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist())
+
+
+def _offset(camera: HeadCamera, head: Sequence[float], p_NeckP_T: Sequence[float]) -> float:
+    """What `image_offset` returns, in plain numbers, since it runs many times at every tick."""
+    # The point turned by -yaw, then by -(pitch + tilt).
+    yaw, pitch = head
+    x, y, z = p_NeckP_T
     ahead, aside, up = camera.p_HeadC
     cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
     forward, left = x * cos_yaw + y * sin_yaw, y * cos_yaw - x * sin_yaw
@@ -219,12 +228,15 @@ def share_gaze(
 def _turned_towards(gaze: Gaze, wanted: Vector, p_TP: npt.ArrayLike, well: float) -> Gaze:
     """A gaze turned towards head angles as far as its camera still sees the point well."""
     best, share, step = gaze, 1.0, 1.0
+    yaw, pitch = gaze.head.tolist()
+    turn, nod = (wanted - gaze.head).tolist()
+    p_NeckP_T = (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist()
     for _ in range(_HALVINGS):
-        head = clamp_head(gaze.head + share * (wanted - gaze.head))
-        offset = image_offset(gaze.camera, head, p_TP)
+        head = _clamped(yaw + share * turn, pitch + share * nod)
+        offset = _offset(gaze.camera, head, p_NeckP_T)
         step *= 0.5
         if offset <= well:
-            best = Gaze(gaze.camera, head, offset, True)
+            best = Gaze(gaze.camera, np.array(head), offset, True)
             if share == 1.0:
                 break
             share += step

@@ -104,7 +104,7 @@ class DepthPointCloudSource(LeafSystem):
     the state alone, so whatever a consumer computes from them stays cached until the next image, or
     until the torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
     `approaching` (PointCloud in W) is where things that move will be soon, see
-    `perception.approach`.
+    `perception.approach`; none while the torso moves.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
     the time since then.
 
@@ -193,9 +193,11 @@ class DepthPointCloudSource(LeafSystem):
 
     def _look(self, context: Context, state: State) -> EventStatus:
         before = self._get_memory(context)
-        memory = self._use_image(context, before)
         X_WT = self._X_WT.Eval(context) if self._X_WT.HasValue(context) else before.X_WT
-        if memory is not before or _has_moved(before.X_WT, X_WT):
+        has_moved = _has_moved(before.X_WT, X_WT)
+        drives = has_moved and np.isfinite(before.time)
+        memory = self._use_image(context, before, drives)
+        if memory is not before or has_moved:
             memory = replace(memory, X_WT=RigidTransform(X_WT))
             state.get_mutable_abstract_state(int(self._memory)).set_value(memory)
             return EventStatus.Succeeded()
@@ -207,7 +209,7 @@ class DepthPointCloudSource(LeafSystem):
         near = np.einsum("ij,ij->i", offset, offset) <= self._torso_range**2
         return SurfacePoints(surface.positions[near], surface.normals[near])
 
-    def _use_image(self, context: Context, memory: _Memory) -> _Memory:
+    def _use_image(self, context: Context, memory: _Memory, drives: bool) -> _Memory:
         if not (self._image.HasValue(context) and self._time_stamp.HasValue(context)):
             return memory
         time = float(self._time_stamp.Eval(context)[0])
@@ -228,10 +230,12 @@ class DepthPointCloudSource(LeafSystem):
         voxels = update_obstacles(
             memory.voxels, image, time, X_WC, self._intrinsics, ignored, self._parameters
         )
-        view = DepthView(depth_in_metres(image, self._intrinsics), X_WC, time)
-        watch, voxels = keep_watch(
-            memory.watch, voxels, view, self._intrinsics, ignored, self._parameters
-        )
+        watch = Watch()  # Who drives does not watch: to him all moves.
+        if not drives:
+            view = DepthView(depth_in_metres(image, self._intrinsics), X_WC, time)
+            watch, voxels = keep_watch(
+                memory.watch, voxels, view, self._intrinsics, ignored, self._parameters
+            )
         surface = voxels.surface()
         return replace(
             memory,

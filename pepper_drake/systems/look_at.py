@@ -1,6 +1,7 @@
 """The head follows the goal object, and the camera that sees it best is switched on."""
 
 import functools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -40,6 +41,8 @@ _AT_REST = 0.02
 """Speed of an object from which the eye may be taken, m/s."""
 _ASIDE = 0.3
 """Glances go by turns to the left and to the right of the object by this, rad: it stays in view."""
+_GRID = 0.02
+"""Nearer places are one, where a shared gaze is concerned, m."""
 _SPARE = 0.04
 """How far an object may have moved meanwhile and is still seen, m."""
 _SWING, _SWING_PERIOD = 0.4, 2.4
@@ -189,7 +192,7 @@ class LookAt(LeafSystem):
 
     def _scalar(self, context: Context, port: InputPort, otherwise: float) -> float:
         """The size of what is at an optional port."""
-        return float(np.linalg.norm(port.Eval(context))) if port.HasValue(context) else otherwise
+        return math.hypot(*port.Eval(context).tolist()) if port.HasValue(context) else otherwise
 
     def _aim(self, context: Context, state: Vector, p_TP: Vector) -> Gaze:
         """Turns the eye to the object, or aside when another camera may have the view."""
@@ -205,7 +208,7 @@ class LookAt(LeafSystem):
                 swing = _SWING * np.sin(2 * np.pi * (age - _MISSED) / _SWING_PERIOD)
                 gaze = replace(gaze, head=clamp_head(gaze.head - [0.0, swing]))
             return gaze
-        place = tuple(np.round(p_TP, 3).tolist())
+        place = tuple((_GRID * np.round(p_TP / _GRID)).tolist())
         radius = self._radius + (_SPARE if is_watchful else 0.0)
         gaze = _shared_gaze(self._cameras, self._companion, place, radius, current)
         if is_watchful and age < (_LOOK_AGAIN if was_glancing else _JUST_SEEN):
