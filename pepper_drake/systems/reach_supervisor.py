@@ -25,15 +25,13 @@ from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
 from pepper_drake.planning.control_model import BODY_JOINTS
 from pepper_drake.planning.movement import Movement
-from pepper_drake.planning.reach_planner import ReachPlan, ReachPlanner, ReachVerdict
-from pepper_drake.planning.withdrawal import with_sides, with_undersides
+from pepper_drake.planning.reach_planner import ReachPlanner, ReachVerdict
 from pepper_drake.systems.reach_mode import ReachMode
 from pepper_drake.systems.reach_progress import ReachProgress, ReachTiming
+from pepper_drake.systems.reach_reaction import ReachReaction, Sight
 
 Vector = npt.NDArray[np.float64]
 
-_STILL = 0.1
-"""Joint speed below which the arm waits, rad/s."""
 _NEAR = 0.6
 """What moves farther from the goal than this is not waited for, m."""
 
@@ -96,6 +94,7 @@ class ReachSupervisor(LeafSystem):
     ) -> None:
         super().__init__()
         self._planner, self._timing, self._time_step = planner, timing, time_step
+        self._reaction = ReachReaction(planner, timing)
         self._ports: dict[str, InputPort] = {
             name: self.DeclareAbstractInputPort(name, value)
             for name, value in (
@@ -297,7 +296,7 @@ class ReachSupervisor(LeafSystem):
             return True
         moved = progress.X_WO.translation() - seen["X_WO"].translation()
         same_goal = float(np.linalg.norm(moved)) <= self._timing.goal_moved
-        return same_goal and self._is_free(plan, seen)
+        return same_goal and self._reaction.is_free(plan, seen)
 
     def _hand_distance(self, context: Context, name: str) -> float:
         """Distance of the hand to the point in T at an input port, m."""
@@ -305,65 +304,20 @@ class ReachSupervisor(LeafSystem):
         return float(np.linalg.norm(self._ports[name].Eval(context) - p_TH))
 
     def _look_ahead(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
-        """Holds a new cloud against the rest of the movement.
-
-        When something is in the way, another way is planned; if there is none, or if it moves, the
-        arm withdraws to where there is room, waits, and goes on when the way is free.
-        """
+        """Holds a new cloud against the rest of the movement; see `ReachReaction`."""
         cloud_time = self._scalar(context, "cloud_time")
-        timing, plan, commands = self._timing, progress.plan, self._ports["arm_position_command"]
+        plan, commands = progress.plan, self._ports["arm_position_command"]
         if plan is None or plan.joint_path is None or cloud_time == progress.cloud_time:
             return progress
         progress = replace(progress, cloud_time=cloud_time)
         if not (plan.vetted and commands.HasValue(context)):
             return progress
         seen = self._seen(context)
-        goal = seen["X_WO"].translation()
-        coming = self._coming(context, goal)
-        if len(coming):
-            seen["cloud_W"] = np.concatenate((seen["cloud_W"], coming))
-        cloud = seen["cloud_W"]
-        last = max(progress.since, progress.checked)
-        waited = progress.blocked is not None and time - last >= timing.stepping_aside
-        if waited and not len(coming):
-            # What stands there and does not go is no newcomer any more.
-            progress = replace(progress, known=cKDTree(cloud))
-        if progress.known is not None:
-            seen["cloud_W"] = with_undersides(cloud, progress.known, goal)
         seen["joint_position"] = seen["joint_position"].copy()
         seen["joint_position"][self._planner.arm_in_body] = commands.Eval(context)
+        coming = self._coming(context, seen["X_WO"].translation())
         velocity = self._ports["arm_velocity_command"].Eval(context)
-        reach = plan if progress.blocked is None else progress.blocked
-        is_free = self._is_free(reach, seen)
-        if is_free and progress.blocked is None:
-            return progress
-        # What moves is given time: where it goes is not known well enough to pass it.
-        is_sudden = progress.blocked is None and not len(coming)
-        if is_free or waited or is_sudden:
-            around = dict(seen)
-            if progress.known is not None and not is_free:
-                sides = with_sides(cloud, progress.known, goal)
-                around["cloud_W"] = with_undersides(sides, progress.known, goal)
-            other = self._planner.replan(reach, joint_velocity=velocity, **around)
-            is_at_rest = progress.blocked is not None and np.abs(velocity).max() < _STILL
-            if is_at_rest and other.clearance < timing.clearance_resumed:
-                anew = self._planner.check_reach(**around)
-                if anew.verdict == ReachVerdict.CLEAR and anew.clearance > other.clearance:
-                    other = anew
-            if other.verdict == ReachVerdict.CLEAR:
-                return replace(progress.performing(other, time), blocked=None)
-            progress = replace(progress, checked=time)
-        if progress.blocked is not None and self._is_free(plan, seen):
-            return progress  # Out of the way, and waiting.
-        if progress.known is not None:
-            # What has left its place may come back to it.
-            seen["cloud_W"] = np.concatenate((seen["cloud_W"], progress.known.data))
-        withdrawal = self._planner.withdraw(plan, joint_velocity=velocity, **seen)
-        if progress.blocked is not None and withdrawal.clearance <= (
-            self._planner.clearance_ahead(plan, **seen)
-        ):
-            return progress  # Nowhere is better than where the arm is going.
-        return replace(progress.performing(withdrawal, time), blocked=reach)
+        return self._reaction(progress, Sight(seen, coming, velocity, time))
 
     def _coming(self, context: Context, goal: Vector) -> Vector:
         """Where what moves near the goal will be soon (P, 3), m."""
@@ -372,12 +326,6 @@ class ReachSupervisor(LeafSystem):
             return np.zeros((0, 3))
         points = cloud_points(port.Eval(context))
         return points[np.sum((points - goal) ** 2, axis=1) < _NEAR**2]
-
-    def _is_free(self, plan: ReachPlan, seen: dict[str, Any]) -> bool:
-        """Whether the rest of a plan's way is."""
-        timing = self._timing
-        enough = min(timing.clearance_ahead, plan.clearance - timing.clearance_lost)
-        return bool(self._planner.clearance_ahead(plan, **seen) >= enough)
 
     def _reach(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
         progress = self._look_ahead(context, progress, time)

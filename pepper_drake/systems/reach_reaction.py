@@ -1,0 +1,142 @@
+"""What the arm does on its way about what comes in it: go on, go around, step aside, wait."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from pepper_drake.planning.reach_plan import ReachPlan, ReachVerdict
+from pepper_drake.planning.reach_planner import ReachPlanner
+from pepper_drake.planning.withdrawal import with_sides, with_undersides
+from pepper_drake.systems.reach_progress import ReachProgress, ReachTiming
+
+Vector = npt.NDArray[np.float64]
+
+_STILL = 0.1
+"""Joint speed below which the arm waits, rad/s."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What is known when a new cloud is there.
+
+    Attributes:
+        seen: The planner's arguments; its joints are those commanded.
+        coming: (P, 3) where what moves near the goal will be soon, in W, m.
+        joint_velocity: (5,) the arm's as commanded, rad/s.
+        time: s.
+    """
+
+    seen: dict[str, Any]
+    coming: Vector
+    joint_velocity: Vector
+    time: float
+
+    @property
+    def p_WO(self) -> Vector:
+        """(3,) the goal object, m."""
+        position: Vector = self.seen["X_WO"].translation()
+        return position
+
+    @property
+    def cloud_W(self) -> Vector:
+        """(P, 3) what was seen, and where what moves will be soon, m."""
+        return np.concatenate((self.seen["cloud_W"], self.coming))
+
+    def among(self, cloud_W: Vector) -> dict[str, Any]:
+        """The planner's arguments among other obstacles (P, 3), m."""
+        return {**self.seen, "cloud_W": cloud_W}
+
+
+@dataclass(frozen=True)
+class ReachReaction:
+    """Holds each new cloud against the rest of a movement.
+
+    When something is in the way, another way is planned; if there is none, or if it moves, the arm
+    withdraws to where there is room, waits, and goes on when the way is free.
+
+    Attributes:
+        planner: What finds other ways.
+        timing: How near is too near, and how long is waited.
+    """
+
+    planner: ReachPlanner
+    timing: ReachTiming
+
+    def is_free(self, plan: ReachPlan, seen: dict[str, Any]) -> bool:
+        """Whether the rest of a plan's way is."""
+        timing = self.timing
+        enough = min(timing.clearance_ahead, plan.clearance - timing.clearance_lost)
+        return bool(self.planner.clearance_ahead(plan, **seen) >= enough)
+
+    def __call__(self, progress: ReachProgress, sight: Sight) -> ReachProgress:
+        """Returns the progress after a cloud; the same movement if its way is free."""
+        plan, cloud = progress.plan, sight.cloud_W
+        assert plan is not None
+        has_waited = self._has_waited(progress, sight.time)
+        if has_waited and not len(sight.coming):
+            # What stands there and does not go is no newcomer any more.
+            progress = replace(progress, known=cKDTree(cloud))
+        if progress.known is not None:
+            cloud = with_undersides(cloud, progress.known, sight.p_WO)
+        seen = sight.among(cloud)
+        reach = plan if progress.blocked is None else progress.blocked
+        is_free = self.is_free(reach, seen)
+        if is_free and progress.blocked is None:
+            return progress
+        # What moves is given time: where it goes is not known well enough to pass it.
+        is_sudden = progress.blocked is None and not len(sight.coming)
+        if is_free or has_waited or is_sudden:
+            other = self._other_way(progress, reach, sight, seen, is_free)
+            if other.verdict == ReachVerdict.CLEAR:
+                return replace(progress.performing(other, sight.time), blocked=None)
+            progress = replace(progress, checked=sight.time)
+        return self._out_of_the_way(progress, plan, reach, sight, seen)
+
+    def _has_waited(self, progress: ReachProgress, time: float) -> bool:
+        """Whether the arm stepped aside, or last sought a way around in vain, long ago."""
+        last = max(progress.since, progress.checked)
+        return progress.blocked is not None and time - last >= self.timing.stepping_aside
+
+    def _other_way(
+        self,
+        progress: ReachProgress,
+        reach: ReachPlan,
+        sight: Sight,
+        seen: dict[str, Any],
+        is_free: bool,
+    ) -> ReachPlan:
+        """The best way on from here; not close by the sides of what came, unless it is gone."""
+        if progress.known is not None and not is_free:
+            sides = with_sides(sight.cloud_W, progress.known, sight.p_WO)
+            seen = sight.among(with_undersides(sides, progress.known, sight.p_WO))
+        other = self.planner.replan(reach, joint_velocity=sight.joint_velocity, **seen)
+        is_at_rest = progress.blocked is not None and np.abs(sight.joint_velocity).max() < _STILL
+        if is_at_rest and other.clearance < self.timing.clearance_resumed:
+            anew = self.planner.check_reach(**seen)
+            if anew.verdict == ReachVerdict.CLEAR and anew.clearance > other.clearance:
+                return anew
+        return other
+
+    def _out_of_the_way(
+        self,
+        progress: ReachProgress,
+        plan: ReachPlan,
+        reach: ReachPlan,
+        sight: Sight,
+        seen: dict[str, Any],
+    ) -> ReachProgress:
+        """Steps aside, or stays where the arm is out of the way already."""
+        if progress.blocked is not None and self.is_free(plan, seen):
+            return progress
+        if progress.known is not None:
+            # What has left its place may come back to it.
+            seen = sight.among(np.concatenate((seen["cloud_W"], progress.known.data)))
+        withdrawal = self.planner.withdraw(plan, joint_velocity=sight.joint_velocity, **seen)
+        if progress.blocked is not None and withdrawal.clearance <= (
+            self.planner.clearance_ahead(plan, **seen)
+        ):
+            return progress  # Nowhere is better than where the arm is going.
+        return replace(progress.performing(withdrawal, sight.time), blocked=reach)
