@@ -55,9 +55,9 @@ def check_command(
     inside = (command >= limits.position_lower - tolerance) & (
         command <= limits.position_upper + tolerance
     )
-    slow = np.abs(command - previous) <= limits.velocity * time_step + tolerance
-    if (inside & slow).all():  # Of what is not finite neither is true.
-        return StopReason.NONE
-    if not np.isfinite(command).all():
-        return StopReason.COMMAND_NOT_FINITE
-    return StopReason.COMMAND_TOO_FAST if inside.all() else StopReason.COMMAND_OUTSIDE_LIMITS
+    if not inside.all():  # What is not finite is not inside either.
+        finite = np.isfinite(command).all()
+        return StopReason.COMMAND_OUTSIDE_LIMITS if finite else StopReason.COMMAND_NOT_FINITE
+    if (np.abs(command - previous) > limits.velocity * time_step + tolerance).any():
+        return StopReason.COMMAND_TOO_FAST
+    return StopReason.NONE
