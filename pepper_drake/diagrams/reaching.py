@@ -177,6 +177,7 @@ class Reaching(Diagram):
                 marked.X_OM.translation(),
                 companion=CAMERA_DEPTH,
                 radius=marked.marker_size / np.sqrt(2),
+                side=1.0 if self.scene.arm == "left" else -1.0,
                 max_velocity=2.5,
                 max_acceleration=8.0,
             ),

@@ -333,8 +333,9 @@ class ReachPlanner:
         X_TG = RigidTransform(
             RotationMatrix.ProjectToRotationMatrix(end.hand_rotation[0]), end.hand_position[0]
         )
-        movement = Movement(primitive, self.shown.coupling, situation.X_TO.inverse() @ X_TG)
-        return self._play(situation, movement)
+        X_OG = situation.X_TO.inverse() @ X_TG
+        coupling = self._quiet_coupling(situation, primitive)
+        return self._play(situation, Movement(primitive, coupling, X_OG))
 
     def _rest(self, plan: ReachPlan, arm: ArmState) -> Vector:
         """What is left (N, 5) of a plan's path from where the arm is, at least two postures."""
@@ -417,16 +418,22 @@ class ReachPlanner:
             kinematics, path.joints, path.duration, f"{shown.primitive.name}, adapted"
         )
         X_OG = adapted_pre_grasp(shown.X_OG, situation.X_TO, kinematics, path.joints[-1])
-        assert isinstance(shown.coupling, BarrierCoupling)
+        return Movement(primitive, self._quiet_coupling(situation, primitive), X_OG)
+
+    def _quiet_coupling(
+        self, situation: Situation, primitive: MovementPrimitive
+    ) -> Coupling | None:
+        """The barrier of the movement that was shown, silent along a planned one."""
+        if not isinstance(self.shown.coupling, BarrierCoupling):
+            return self.shown.coupling
         hand = primitive.rollout(time_step=0.02)
-        coupling = quiet_coupling(
-            shown.coupling,
+        return quiet_coupling(
+            self.shown.coupling,
             situation.field,
             hand.positions,
             hand.velocities,
             hand.accelerations,
         )
-        return Movement(primitive, coupling, X_OG)
 
     def _play(self, situation: Situation, movement: Movement, allowance: float = 0.0) -> ReachPlan:
         """Plays a movement through and judges it; a little less clearance may be enough [m]."""

@@ -31,7 +31,7 @@ from pepper_drake.perception.gaze import (
 )
 
 _HEAD, _VELOCITY = slice(0, 2), slice(2, 4)
-_CAMERA, _IN_VIEW, _REACHABLE, _GLANCING, _SIDE = 4, 5, 6, 7, 8
+_CAMERA, _IN_VIEW, _REACHABLE, _GLANCING, _GLANCES = 4, 5, 6, 7, 8
 
 _MISSED = 1.9
 """Age at which the object was missed in images that should have shown it, s."""
@@ -39,8 +39,8 @@ _JUST_SEEN, _LOOK_AGAIN = 0.35, 0.6
 """Ages at which a glance begins and ends, s: images are old by a quarter of a second."""
 _AT_REST = 0.02
 """Speed of an object from which the eye may be taken, m/s."""
-_ASIDE = 0.3
-"""Glances go by turns to the left and to the right of the object by this, rad: it stays in view."""
+_ASIDE = 0.35
+"""Glances go to one side of the object or the other by this, rad: it stays in view."""
 _GRID = 0.02
 """Nearer places are one, where a shared gaze is concerned, m."""
 _SPARE = 0.04
@@ -110,10 +110,10 @@ class LookAt(LeafSystem):
     that moves, by its `velocity` (3; m/s), is brought to the middle all the same; one that was
     missed, by its `age` (1; s since it was last seen), is looked for with all cameras above and
     below where it was. While it is `watchful` (1; not zero) and the object at rest, the head
-    glances at where the companion sees best, by turns a little to the left and to the right,
-    between two looks at the object.
+    glances at where the companion sees best, between two looks at the object: twice to the reaching
+    arm's `side` of it, where the arm hides and fills most, then once to the other.
 
-    State: head angles, velocities, camera, in_view, reachable, glancing, side (9,
+    State: head angles, velocities, camera, in_view, reachable, glancing, number of the glance (9,
     discrete).
     Events: one periodic discrete update; one at initialization.
 
@@ -123,6 +123,7 @@ class LookAt(LeafSystem):
             with the depth camera.
         companion: A camera that should see what is around the object, too: the depth camera.
         radius: Of what has to stay in view of the object then, m: half its marker's diagonal.
+        side: To which two of three glances go, 1 left or -1 right: the reaching arm's.
         time_step: Period of the update, s.
         max_velocity: rad/s. Low, because images taken by a fast head are blurred.
         max_acceleration: rad/s^2.
@@ -135,6 +136,7 @@ class LookAt(LeafSystem):
         cameras: Sequence[HeadCamera] = (CAMERA_TOP, CAMERA_BOTTOM),
         companion: HeadCamera | None = None,
         radius: float = 0.0,
+        side: float = 1.0,
         time_step: float = 0.02,
         max_velocity: float = 1.0,
         max_acceleration: float = 4.0,
@@ -142,7 +144,7 @@ class LookAt(LeafSystem):
         super().__init__()
         self._p_OP = np.asarray(p_OP, dtype=float)
         self._cameras = tuple(cameras)
-        self._companion, self._radius = companion, radius
+        self._companion, self._radius, self._side = companion, radius, side * _ASIDE
         self._time_step = time_step
         self._max_velocity = max_velocity
         self._max_acceleration = max_acceleration
@@ -214,8 +216,8 @@ class LookAt(LeafSystem):
         if is_watchful and age < (_LOOK_AGAIN if was_glancing else _JUST_SEEN):
             state[_GLANCING] = 1.0
             if not was_glancing:
-                state[_SIDE] = -1.0 if state[_SIDE] > 0 else 1.0
-            aside = np.array([_ASIDE * state[_SIDE], 0.0])
+                state[_GLANCES] = (state[_GLANCES] + 1) % 3
+            aside = np.array([-self._side if state[_GLANCES] == 0 else self._side, 0.0])
             gaze = replace(gaze, head=clamp_head(aim_head(self._companion, p_TP) + aside))
         return gaze
 

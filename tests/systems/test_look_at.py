@@ -124,10 +124,10 @@ def test_it_looks_at_the_point_on_the_object(point):
 P_TP = X_WT.inverse() @ NEAR.translation()
 
 
-def sharing(**inputs):
+def sharing(side=1.0, **inputs):
     """A head that serves the depth camera, too, and saw the object when it was old by `age`."""
     still = {"age": [0.3], "velocity": np.zeros(3), "watchful": [1.0]}
-    system = LookAt(companion=CAMERA_DEPTH, radius=0.042)
+    system = LookAt(companion=CAMERA_DEPTH, radius=0.042, side=side)
     return Bench(NEAR, system, **{**still, **inputs})
 
 
@@ -147,8 +147,18 @@ def test_between_two_looks_the_head_glances_where_the_companion_sees_best():
     # The glance is over until the object was seen anew.
     bench.fix("age", [0.5])
     assert bench.run(7.0).output("in_view") == [1]
-    bench.fix("age", [0.3])
-    assert bench.run(9.0).output("head_position_command")[0] < best[0] - 0.2
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_two_of_three_glances_go_to_the_side_of_the_arm(side):
+    bench = sharing(side=side)
+    best = look_at(CAMERA_DEPTH, P_TP).head
+    for number in range(6):
+        bench.fix("age", [0.3])
+        aside = bench.run(4.0 * number + 2.0).output("head_position_command")[0] - best[0]
+        assert aside * side * (-1 if number % 3 == 2 else 1) > 0.2
+        bench.fix("age", [0.8])
+        bench.run(4.0 * number + 4.0)
 
 
 @pytest.mark.parametrize("inputs", [{"watchful": [0.0]}, {"velocity": [0.0, 0.1, 0.0]}])
