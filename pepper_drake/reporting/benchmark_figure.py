@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.methods import method_named
@@ -59,6 +60,10 @@ def draw_benchmark(summaries: Sequence[MethodSummary], results: Sequence[MethodR
             axes.plot(values, np.full(len(values), height), "|", color="tab:blue", alpha=0.4)
         _label(axes, summaries)
         axes.set(xlabel=label, xscale=scale)
+        if scale == "log":  # A short axis has no decade on it, and no room for all that is between.
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(axis="x", alpha=0.3)
     return figure
 
@@ -76,7 +81,7 @@ def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary], whole: str) -
         axes.plot(summary.rates["reached"].interval(), (height, height), "k-", lw=1.5)
     _label(axes, summaries)
     axes.set(xlabel=f"share of {whole} (line: 95 %)", xlim=(0, 1))
-    axes.legend(fontsize=8, loc="lower right")
+    axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
 
 
 def _label(axes: Axes, summaries: Sequence[MethodSummary]) -> None:
