@@ -1,7 +1,7 @@
 """One control step: from phase and goal to the next joint command.
 
 Canonical system, both transformation systems, obstacle coupling with 2,000 points, differential
-inverse kinematics and joint command, as they run in the reaching diagram, every 10 ms.
+inverse kinematics and joint command, as they run in the reaching diagram.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
 from pepper_drake.models.pepper import POSTURES
 from pepper_drake.perception.cloud import SurfacePoints, to_point_cloud
 from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import arm_joints, shared_control_model
+from pepper_drake.planning.control_model import CONTROL_PERIOD, arm_joints, shared_control_model
 from pepper_drake.planning.differential_ik import (
     DifferentialIkParams,
     hand_key,
@@ -31,7 +31,7 @@ from pepper_drake.systems.orientation_transformation_system import (
 from pepper_drake.systems.transformation_system import TransformationSystem
 
 NUM_POINTS = 2000
-TIME_STEP = 0.01
+TIME_STEP = CONTROL_PERIOD
 
 
 def make_table(count):

@@ -180,7 +180,7 @@ def follow(
     """Finds the arm's joints for a motion that was shown.
 
     Args:
-        shown: In T, at the step of the inverse kinematics, 10 ms.
+        shown: In T, at even steps.
         workspace: How it is mapped.
         arm: "left" or "right".
         start: (5,) the arm's joints where it starts [rad].
@@ -218,7 +218,8 @@ def _followed(
     assert wanted.rotations is not None
     count = len(wanted.times)
     nominal = np.tile(start, (count, 1))
-    rehearsal = Rehearsal(model, geometry, DifferentialIkParams(), settle=0.0)
+    ik = DifferentialIkParams(time_step=float(wanted.times[1] - wanted.times[0]))
+    rehearsal = Rehearsal(model, geometry, ik, settle=0.0)
     joints = rehearsal.track(
         ArmState(start, np.zeros(5)),
         HandPath(wanted.positions, wanted.rotations, nominal, count - 1),

@@ -206,7 +206,9 @@ class Reaching(Diagram):
             params=self.config.planner,
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
-        self.hand_goal = builder.AddNamedSystem("hand_goal", HandGoal(self.scene.pre_grasp()))
+        self.hand_goal = builder.AddNamedSystem(
+            "hand_goal", HandGoal(self.scene.pre_grasp(), time_step=self.config.ik.time_step)
+        )
         self._connect(self.object_pose, self.hand_goal, "object_pose")
         self._connect(station.GetOutputPort("torso_pose"), self.hand_goal, "torso_pose")
         self.supervisor = builder.AddNamedSystem(

@@ -11,7 +11,6 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, Syste
 from pydrake.systems.primitives import (
     LogVectorOutput,
     MatrixGain,
-    Multiplexer,
     VectorLogSink,
 )
 
@@ -30,6 +29,7 @@ from pepper_drake.planning.differential_ik import (
 from pepper_drake.systems.arm_command import ArmCommand
 from pepper_drake.systems.canonical_system import CanonicalSystem
 from pepper_drake.systems.hand_pose_bus import HandPoseBus
+from pepper_drake.systems.joint_servo import JointServo
 from pepper_drake.systems.nominal_posture import NominalPosture
 from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
 from pepper_drake.systems.orientation_transformation_system import (
@@ -236,10 +236,9 @@ class Reproduction(Diagram):
         builder.ConnectInput("active", command.GetInputPort("active"))
         self._connect(ik.get_output_port(), command, "desired_velocity")
         self._connect(self._robot.arm_position, command, "measured_position")
-        target = builder.AddNamedSystem("arm_target", Multiplexer([5, 5]))
-        builder.Connect(command.GetOutputPort("position_command"), target.get_input_port(0))
-        builder.Connect(command.GetOutputPort("velocity_command"), target.get_input_port(1))
-        builder.Connect(target.get_output_port(), self._robot.arm_target)
+        servo = builder.AddNamedSystem("joint_servo", JointServo(5, params.time_step))
+        builder.Connect(command.GetOutputPort("position_command"), servo.command_input)
+        builder.Connect(servo.get_output_port(), self._robot.arm_target)
         self._log("joint_command", command.GetOutputPort("position_command"))
         self._log("joint_velocity_command", command.GetOutputPort("velocity_command"))
 

@@ -12,7 +12,6 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, Syste
 from pydrake.systems.primitives import (
     MatrixGain,
     Multiplexer,
-    StateInterpolatorWithDiscreteDerivative,
     TrajectorySource,
 )
 
@@ -31,10 +30,11 @@ from pepper_drake.perception.noise import ColorNoise, DepthNoise
 from pepper_drake.perception.obstacles import ObstacleParameters
 from pepper_drake.perception.solids import RobotSolids
 from pepper_drake.perception.stereo import STEREO_CLOUD
-from pepper_drake.planning.control_model import BODY_JOINTS, ControlModel
+from pepper_drake.planning.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
 from pepper_drake.systems.background_sensor import BackgroundSensor
 from pepper_drake.systems.base_servo import BaseServo
 from pepper_drake.systems.camera_model import CameraModel
+from pepper_drake.systems.joint_servo import JointServo
 from pepper_drake.systems.robot_kinematics import RobotKinematics
 
 RENDERER = "vtk"
@@ -55,7 +55,7 @@ class StationConfig:
 
     time_step: float = 0.005
     """Step of the physics, s."""
-    command_period: float = 0.01
+    command_period: float = CONTROL_PERIOD
     """Period at which joint commands arrive, s."""
     cameras: bool = True
     """Whether the cameras exist; without them a run is several times faster."""
@@ -262,10 +262,7 @@ class PepperStation(Diagram):
         """Turns joint and base commands into the desired state of the plant's servos."""
         plant, config = self.plant, self.config
         joints = builder.AddNamedSystem(
-            "joint_servo",
-            StateInterpolatorWithDiscreteDerivative(
-                len(BODY_JOINTS), config.command_period, suppress_initial_transient=True
-            ),
+            "joint_servo", JointServo(len(BODY_JOINTS), config.command_period)
         )
         builder.ExportInput(joints.get_input_port(), "joint_position_command")
         base = builder.AddNamedSystem("base_servo", BaseServo(time_step=config.command_period))

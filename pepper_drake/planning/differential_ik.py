@@ -1,5 +1,6 @@
 """Differential inverse kinematics of one arm, of Drake's own parts."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from pydrake.planning import DofMask, JointLimits
 
 from pepper_drake.learning import rotations
 from pepper_drake.models.pepper import elbow_roll_limits, hand_frame
-from pepper_drake.planning.control_model import ControlModel, arm_joints
+from pepper_drake.planning.control_model import CONTROL_PERIOD, ControlModel, arm_joints
 
 Vector = npt.NDArray[np.float64]
 
@@ -32,16 +33,16 @@ class DifferentialIkParams:
     hardly moves, |J u| << position_weight^-1/2 = 0.007 m/rad, is left to the posture.
     """
 
-    time_step: float = 0.01
+    time_step: float = CONTROL_PERIOD
     """Period of the controller, s."""
     position_weight: float = 2e4
     orientation_weight: float = 10.0
     posture_gain: float = 5.0
     """Pull to the nominal posture, 1/s."""
-    tracking_gain: float = 0.3
-    """Share of the hand's pose error that is made up for in one tick. The hand's velocity is fed
-    forward besides, so that this costs no lag; near one, the acceleration limits of the joint
-    commands would turn the loop into an oscillator."""
+    tracking_rate: float = 40.0
+    """Rate at which the hand's pose error is made up for, 1/s. The hand's velocity is fed forward
+    besides, so that this costs no lag; much faster, the acceleration limits of the joint commands
+    would turn the loop into an oscillator."""
     speed_fraction: float = 0.5
     """Share of the rated joint velocities that may be used."""
     limit_margin: float = 1e-3
@@ -52,6 +53,11 @@ class DifferentialIkParams:
     """Per axis of the torso frame, m/s."""
     angular_velocity_limit: float = 3.0
     """Per axis of the torso frame, rad/s."""
+
+    @property
+    def tracking_gain(self) -> float:
+        """Share of the hand's pose error that is made up for in one tick, below 1."""
+        return -math.expm1(-self.tracking_rate * self.time_step)
 
 
 def hand_key(arm: str) -> str:

@@ -13,13 +13,15 @@ from pepper_drake.planning.differential_ik import (
     make_differential_ik,
 )
 
+PARAMS = DifferentialIkParams()
+
 
 class Tracker:
     """Follows hand poses with the bare inverse kinematics, one tick at a time."""
 
     def __init__(self, arm):
         self.arm, self.model = arm, shared_control_model()
-        self.system = make_differential_ik(self.model, arm, DifferentialIkParams())
+        self.system = make_differential_ik(self.model, arm, PARAMS)
         self.context = self.system.CreateDefaultContext()
         self.plant_context = self.model.create_context()
         self.index = self.model.position_indices(arm_joints(arm))
@@ -39,7 +41,7 @@ class Tracker:
         self.system.get_input_port_nominal_posture().FixValue(self.context, self.nominal)
         self.system.get_input_port_desired_cartesian_poses().FixValue(self.context, Value(bus))
         velocity = self.system.get_output_port().Eval(self.context)
-        self.q[self.index] += 0.01 * velocity
+        self.q[self.index] += PARAMS.time_step * velocity
         return velocity
 
 
@@ -56,10 +58,9 @@ def test_a_reachable_path_is_followed_without_lag(arm):
     goal = np.array([0.24, 0.2 * side, 0.0])
     rotation = start.rotation().ToQuaternion().wxyz()
     errors, before = [], start.translation()
-    for k in range(350):
-        p = start.translation() + minimum_jerk(k / 300) * (goal - start.translation())
-        gain = DifferentialIkParams().tracking_gain
-        tracker.step(leading_pose(before, p, rotation, rotation, gain))
+    for time in np.arange(0, 3.5, PARAMS.time_step):
+        p = start.translation() + minimum_jerk(time / 3) * (goal - start.translation())
+        tracker.step(leading_pose(before, p, rotation, rotation, PARAMS.tracking_gain))
         before = p
         errors.append(np.linalg.norm(tracker.hand().translation() - p))
     # The nominal posture, kept at the start, bends the path by a fraction of a millimetre.
@@ -72,8 +73,8 @@ def test_beyond_reach_through_a_singular_pose_and_back_stays_inside_half_speed(g
     tracker = Tracker("right")
     start = tracker.hand()
     limits = tracker.model.command_limits(arm_joints("right"), speed_fraction=0.5)
-    for k in range(800):
-        s = minimum_jerk(k / 300) if k < 400 else 1 - minimum_jerk((k - 400) / 300)
+    for time in np.arange(0, 8, PARAMS.time_step):
+        s = minimum_jerk(time / 3) if time < 4 else 1 - minimum_jerk((time - 4) / 3)
         p = start.translation() + s * (np.array(goal) - start.translation())
         velocity = tracker.step(RigidTransform(start.rotation(), p))
         assert np.all(np.isfinite(velocity))

@@ -10,6 +10,7 @@ from pepper_drake.models.pepper import posture_positions
 from pepper_drake.models.scene import default_pre_grasp
 from pepper_drake.planning.control_model import (
     BODY_JOINTS,
+    CONTROL_PERIOD,
     arm_joints,
     body_indices,
     shared_control_model,
@@ -84,7 +85,7 @@ def test_every_command_of_the_plan_is_one_that_the_arm_may_be_given(planner):
     np.testing.assert_array_equal(path[0], STAND[body_indices(arm_joints("right"))])
     assert np.all(path >= limits.position_lower - 1e-9)
     assert np.all(path <= limits.position_upper + 1e-9)
-    assert np.all(np.abs(np.diff(path, axis=0)) <= limits.velocity * 0.01 + 1e-9)
+    assert np.all(np.abs(np.diff(path, axis=0)) <= limits.velocity * CONTROL_PERIOD + 1e-9)
 
 
 def test_the_tolerance_is_finer_than_what_the_whole_reach_may_miss():
@@ -282,11 +283,11 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(planner, at_the_table, tru
     joints = STAND.copy()
     arm = body_indices(arm_joints("right"))
     joints[arm] = path[now]
-    velocity = (path[now] - path[now - 1]) / 0.01
+    velocity = (path[now] - path[now - 1]) / CONTROL_PERIOD
     # A ball of points where the hand would be a little later.
     later = MODEL.create_context()
     ahead = joints.copy()
-    ahead[arm] = path[now + 90]
+    ahead[arm] = path[now + round(0.9 / CONTROL_PERIOD)]
     MODEL.plant.SetPositions(later, MODEL.positions(ahead, at_the_table["base_pose"]))
     center = MODEL.pose(later, "r_hand_effector").translation()
     directions = np.random.default_rng(0).standard_normal((40, 3))
@@ -298,8 +299,8 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(planner, at_the_table, tru
     assert again.verdict == ReachVerdict.CLEAR
     np.testing.assert_array_equal(again.joint_path[0], path[now])
     limits = MODEL.command_limits(arm_joints("right"), speed_fraction=0.5)
-    change = (again.joint_path[1] - again.joint_path[0]) / 0.01 - velocity
-    assert np.all(np.abs(change) <= limits.acceleration * 0.01 + 1e-6)
+    change = (again.joint_path[1] - again.joint_path[0]) / CONTROL_PERIOD - velocity
+    assert np.all(np.abs(change) <= limits.acceleration * CONTROL_PERIOD + 1e-6)
     assert again.position_error < 0.006
     points = in_torso(seen["cloud_W"], at_the_table["base_pose"])
     truth = min(true_clearance("right", q, points) for q in again.joint_path[::6])
