@@ -1,6 +1,7 @@
 """Distance to what a point cloud shows, and the direction away from it."""
 
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ _SPACING = 0.02
 _NEIGHBOURS = 12
 _REMEMBERED = 80
 _ONES = np.ones(3)
+_WITHOUT_TREE = 10
+"""Times that looking at all points for one hand costs less than building a tree."""
 _BLENDING = 0.006
 
 
@@ -39,7 +42,7 @@ class ObstacleField:
         extension: float = EXTENSION,
         down: npt.ArrayLike = (0.0, 0.0, -1.0),
     ) -> None:
-        """Builds the k-d tree.
+        """Keeps the points; the k-d tree is built when it pays.
 
         Args:
             points: (P, 3) [m]; P may be zero.
@@ -58,12 +61,14 @@ class ObstacleField:
         depths = np.linspace(0.0, extension, round(extension / _SPACING) + 1)
         columns = self.points + np.multiply.outer(depths, np.asarray(down, dtype=float))[:, None]
         self._solid = columns.reshape(-1, 3)
-        self._tree = (
-            cKDTree(self._solid, balanced_tree=False, compact_nodes=False)
-            if len(self._solid)
-            else None
-        )
         self._neighbours = min(_NEIGHBOURS, len(self._solid))
+        self._asked = 0
+
+    @cached_property
+    def _tree(self) -> cKDTree | None:
+        if not len(self._solid):
+            return None
+        return cKDTree(self._solid, balanced_tree=False, compact_nodes=False)
 
     @property
     def solid_points(self) -> Array:
@@ -112,14 +117,19 @@ class ObstacleField:
 
         All others are at least as far as the second value [m], infinite where there are none.
         """
-        if self._tree is None:
-            return self._solid, np.inf
         size = len(self._solid)
+        if count < size and ("_tree" in self.__dict__ or self._asked >= _WITHOUT_TREE):
+            assert self._tree is not None
+            distances, indices = self._tree.query(position, k=count)
+            return self._solid[indices], float(np.max(distances))
+        self._asked += 1
+        away = position - self._solid
+        squares = (away * away) @ _ONES
         if count >= size:
-            order = np.argsort(squared_norm(position - self._solid))
-            return self._solid[order], np.inf
-        distances, indices = self._tree.query(position, k=count)
-        return self._solid[indices], float(np.max(distances))
+            return self._solid[np.argsort(squares)], np.inf
+        indices = squares.argpartition(count)[:count]
+        indices = indices[squares[indices].argsort()]
+        return self._solid[indices], math.sqrt(squares[indices[-1]])
 
 
 class FieldFollower:

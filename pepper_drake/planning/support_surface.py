@@ -76,11 +76,13 @@ def _front_line(y: Vector, front: Vector) -> tuple[float, float]:
     """
     best = (0.0, float(front.min()))
     rise = (front - front[:, None]) / np.where(y == y[:, None], 1.0, y - y[:, None])
-    for i, j in zip(*np.nonzero((y[:, None] <= 0.0) & (y > 0.0)), strict=True):
-        # Of all lines through a stripe on either side, the one below which none begins.
-        if np.all(front >= front[i] + rise[i, j] * (y - y[i]) - 1e-9):
-            best = (float(rise[i, j]), float(front[i] - rise[i, j] * y[i]))
-            break
+    # Of all lines through a stripe on either side, the one below which none begins.
+    i, j = np.nonzero((y[:, None] <= 0.0) & (y > 0.0))
+    offsets = front[i] - rise[i, j] * y[i]
+    below = front < offsets[:, None] + rise[i, j][:, None] * y - 1e-9
+    hull = np.flatnonzero(~below.any(axis=1))
+    if len(hull):
+        best = (float(rise[i, j][hull[0]]), float(offsets[hull[0]]))
     slope, offset = best
     on = front <= offset + slope * y + _RAGGED
     if np.count_nonzero(on) < 2:

@@ -79,3 +79,27 @@ def test_the_output_is_the_distance_at_the_last_tick():
     rig.simulator.AdvanceTo(0.001)
     assert port.Eval(context)[0] == pytest.approx(0.1, abs=1e-6)
     assert not rig.monitor.HasAnyDirectFeedthrough()
+
+
+@pytest.mark.parametrize("start", [0.495, 0.45, 0.3, 0.13])
+def test_what_comes_as_fast_as_it_can_is_noticed_before_it_touches(start):
+    rig = Rig()
+    port = rig.monitor.get_output_port()
+    context = rig.monitor.GetMyContextFromRoot(rig.context)
+    for n in range(100):
+        x = start + 1.5 * 0.02 * n
+        if x > 0.8:
+            break
+        rig.place(x)
+        rig.simulator.AdvanceTo(0.02 * n + 0.001)
+    assert port.Eval(context)[0] < 0.3
+
+
+def test_what_is_near_is_looked_at_at_every_step():
+    rig = Rig()
+    port = rig.monitor.get_output_port()
+    context = rig.monitor.GetMyContextFromRoot(rig.context)
+    for n in range(6):
+        rig.place(0.55 + 0.02 * n)
+        rig.simulator.AdvanceTo(0.02 * n + 0.001)
+        assert port.Eval(context)[0] == pytest.approx(0.25 - 0.02 * n, abs=1e-4)
