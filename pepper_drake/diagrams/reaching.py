@@ -62,6 +62,9 @@ from pepper_drake.systems.seen_clearance import SeenClearance
 from pepper_drake.systems.transformation_system import TransformationSystem
 from pepper_drake.systems.triggered_path import TriggeredPath
 
+_IMAGE_POLL = 0.05
+"""Time between looks for new images, s: they come every 0.2 s, and each look copies the state."""
+
 
 @dataclass
 class ReachingConfig:
@@ -129,6 +132,7 @@ class Reaching(Diagram):
                 marked,
                 # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
                 parameters=GoalFilterParameters(hand_on_angle=0.01, hold_seconds=5.0),
+                period=_IMAGE_POLL,
                 latency=0.04,
                 expects_noise=self.config.station.noise,
             ),
@@ -155,6 +159,7 @@ class Reaching(Diagram):
                 marked,
                 intrinsics=station.depth_intrinsics,
                 parameters=station.obstacle_parameters,
+                period=_IMAGE_POLL,
             ),
         )
         for port, name in (

@@ -174,7 +174,7 @@ class PepperStation(Diagram):
         self._set_start(scene)
 
         measured = self._add_measurements(builder)
-        self._add_actuation(builder, measured)
+        self._add_actuation(builder, measured, scene)
         self._add_motions(builder)
         kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model))
         builder.Connect(measured["joint_position"], kinematics.joint_position_input)
@@ -258,14 +258,22 @@ class PepperStation(Diagram):
             ports[name] = selector.get_output_port()
         return ports
 
-    def _add_actuation(self, builder: DiagramBuilder, measured: dict[str, OutputPort]) -> None:
+    def _add_actuation(
+        self, builder: DiagramBuilder, measured: dict[str, OutputPort], scene: Scene
+    ) -> None:
         """Turns joint and base commands into the desired state of the plant's servos."""
         plant, config = self.plant, self.config
         joints = builder.AddNamedSystem(
             "joint_servo", JointServo(len(BODY_JOINTS), config.command_period)
         )
         builder.ExportInput(joints.get_input_port(), "joint_position_command")
-        base = builder.AddNamedSystem("base_servo", BaseServo(time_step=config.command_period))
+        start = scene.robot.positions()
+        base = builder.AddNamedSystem(
+            "base_servo",
+            BaseServo(
+                [start[name] for name in JOINT_GROUPS["base"]], time_step=config.command_period
+            ),
+        )
         builder.ExportInput(base.velocity_input, "base_velocity_command")
         builder.Connect(measured["base_pose"], base.base_pose_input)
 

@@ -3,10 +3,15 @@
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
 
 from pepper_drake.planning.control_model import CommandLimits
 from pepper_drake.planning.joint_command import step_arm_command
+
+Vector = npt.NDArray[np.float64]
+
+_REST = np.zeros(5)
 
 
 class ArmCommand(LeafSystem):
@@ -29,8 +34,8 @@ class ArmCommand(LeafSystem):
 
     Inputs: `active` (1), 0 or 1; `desired_velocity` (5), rad/s; `measured_position` (5), rad.
     Outputs: `position_command` (5), rad; `velocity_command` (5), rad/s.
-    State: command position (5) and velocity (5), at `time_step`. The law is
-    `planning.joint_command.step_arm_command`.
+    State: command position (5) and velocity (5), at `time_step`; at rest it does not change.
+    The law is `planning.joint_command.step_arm_command`.
     """
 
     def __init__(
@@ -48,7 +53,7 @@ class ArmCommand(LeafSystem):
         self.measured_position_input: InputPort = self.DeclareVectorInputPort(
             "measured_position", 5
         )
-        self._position = self.DeclareDiscreteState(np.array(start_position, dtype=float))
+        self._position = self.DeclareDiscreteState(self._step(np.array(start_position), _REST)[0])
         self._velocity = self.DeclareDiscreteState(5)
         self.DeclareStateOutputPort("position_command", self._position)
         self.DeclareStateOutputPort("velocity_command", self._velocity)
@@ -56,18 +61,31 @@ class ArmCommand(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
-        discrete_state.set_value(self._position, self.measured_position_input.Eval(context))
-        discrete_state.set_value(self._velocity, np.zeros(5))
+        position, _ = self._step(self.measured_position_input.Eval(context), _REST)
+        discrete_state.set_value(self._position, position)
+        discrete_state.set_value(self._velocity, _REST)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         active = self.active_input.Eval(context)[0] > 0.5
-        position, velocity = step_arm_command(
+        velocity = context.get_discrete_state(self._velocity).value()
+        if not (active or velocity.any()):
+            return
+        position, velocity = self._step(
             context.get_discrete_state(self._position).value(),
-            context.get_discrete_state(self._velocity).value(),
-            self.desired_velocity_input.Eval(context) if active else np.zeros(5),
+            velocity,
+            self.desired_velocity_input.Eval(context) if active else _REST,
+        )
+        discrete_state.set_value(self._position, position)
+        discrete_state.set_value(self._velocity, velocity)
+
+    def _step(
+        self, position: Vector, velocity: Vector, desired_velocity: Vector = _REST
+    ) -> tuple[Vector, Vector]:
+        return step_arm_command(
+            position,
+            velocity,
+            desired_velocity,
             arm=self._arm,
             limits=self._limits,
             time_step=self._time_step,
         )
-        discrete_state.set_value(self._position, position)
-        discrete_state.set_value(self._velocity, velocity)

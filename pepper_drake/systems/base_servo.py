@@ -1,6 +1,7 @@
 """The base's own velocity controller: odometry that follows a velocity command."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
@@ -21,28 +22,31 @@ class BaseServo(LeafSystem):
     Inputs: `base_velocity_command` (3), m/s, m/s, rad/s in B; `base_pose` (3), where the base
     is when the first command arrives, x, y, yaw in W.
     Output: `desired_state` (6), x, y, yaw and their rates in W.
-    State: x, y, yaw, rates, and whether the first place is known (7), at `time_step`.
+    State: x, y, yaw, rates, and whether the first place is known (7), at `time_step`. Until it is,
+    in a context that was never initialized, the base stands at `start_pose` (x, y, yaw).
 
     Commands beyond the base's rated speeds are cut to them, and one that is not finite stops it.
     """
 
     def __init__(
-        self, *, time_step: float = 0.01, speed: float = 0.55, turning_speed: float = 2.0
+        self,
+        start_pose: Sequence[float] = (0.0, 0.0, 0.0),
+        *,
+        time_step: float = 0.01,
+        speed: float = 0.55,
+        turning_speed: float = 2.0,
     ) -> None:
         super().__init__()
         self._time_step = time_step
         self._limit = np.array([speed, speed, turning_speed])
         self.velocity_input: InputPort = self.DeclareVectorInputPort("base_velocity_command", 3)
         self.base_pose_input: InputPort = self.DeclareVectorInputPort("base_pose", 3)
-        self._state = self.DeclareDiscreteState(7)
+        self._state = self.DeclareDiscreteState([*start_pose, 0.0, 0.0, 0.0, 0.0])
         self.DeclareVectorOutputPort(
             "desired_state",
             6,
             self._calc_desired_state,
-            prerequisites_of_calc={
-                self.discrete_state_ticket(self._state),
-                self.base_pose_input.ticket(),
-            },
+            prerequisites_of_calc={self.discrete_state_ticket(self._state)},
         )
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
@@ -69,8 +73,4 @@ class BaseServo(LeafSystem):
         )
 
     def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
-        state = context.get_discrete_state(self._state).value()
-        if state[6]:
-            output.SetFromVector(state[:6])
-        else:
-            output.SetFromVector(np.append(self.base_pose_input.Eval(context), np.zeros(3)))
+        output.SetFromVector(context.get_discrete_state(self._state).value()[:6])

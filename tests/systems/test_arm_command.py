@@ -54,3 +54,11 @@ def test_a_context_that_was_never_initialised_starts_from_the_start_position():
     system, _, _ = make_rig(active=True)
     fresh = system.CreateDefaultContext()
     np.testing.assert_array_equal(position(system, fresh), START - 0.2)
+
+
+def test_a_measured_start_outside_the_limits_is_held_inside_them():
+    system, simulator, context = make_rig(active=False)
+    system.measured_position_input.FixValue(context, [1.0, -0.5, 0.5, 0.8, 2.0])
+    simulator.AdvanceTo(0.1)
+    limits = shared_control_model().command_limits(arm_joints("right"))
+    assert position(system, context)[4] == limits.position_upper[4] < 2.0
