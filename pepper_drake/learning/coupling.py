@@ -30,7 +30,6 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.arithmetic import arithmetic
-from pepper_drake.learning.obstacle_field import ObstacleField
 
 Array = npt.NDArray[np.float64]
 
@@ -52,8 +51,8 @@ class Push(NamedTuple):
 class Field(Protocol):
     """Where obstacles are: an `ObstacleField` or a `FieldFollower`."""
 
-    def distance(self, positions: npt.ArrayLike) -> Array:
-        """Returns distances (...) [m] at positions (..., 3)."""
+    def distance(self, positions: npt.ArrayLike, within: float = np.inf) -> Array:
+        """Returns distances (...) [m] at positions (..., 3), infinite from `within` [m] on."""
         ...
 
     def distance_and_normal(self, position: Array, /) -> tuple[Any, Array]:
@@ -69,7 +68,7 @@ class Field(Protocol):
 class Coupling(Protocol):
     """A coupling term."""
 
-    def clearance(self, field: ObstacleField, goal: Array) -> float:
+    def clearance(self, field: Field, goal: Array) -> float:
         """Returns the distance [m] that is kept at the goal (3,)."""
         ...
 
@@ -111,7 +110,7 @@ class ReportCoupling:
     gamma: float = 20.0
     beta: float = 20.0 / np.pi
 
-    def clearance(self, field: ObstacleField, goal: Array) -> float:
+    def clearance(self, field: Field, goal: Array) -> float:
         """Returns 0: the report keeps no distance."""
         return 0.0
 
@@ -180,7 +179,7 @@ class BarrierCoupling:
     reach: float = 0.3
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
-    def clearance(self, field: ObstacleField, goal: Array) -> float:
+    def clearance(self, field: Field, goal: Array) -> float:
         """Returns rho_g = min(rho0, d(g) - goal_margin) [m]."""
         enough = self._rho0 + self.goal_margin
         return min(enough, float(field.distance(goal, within=enough))) - self.goal_margin

@@ -20,7 +20,9 @@ _NEIGHBOURS = 12
 _REMEMBERED = 80
 _ONES = np.ones(3)
 _WITHOUT_TREE = 10
-"""Times that looking at all points for one hand costs less than building a tree."""
+"""Times that all points can be looked at in the time that it takes to build a tree."""
+_VICINITY = 0.2
+"""Points this far around a hand are looked at first, without a tree, m."""
 _BLENDING = 0.006
 
 
@@ -57,17 +59,16 @@ class ObstacleField:
             cloud = np.zeros((0, 3))
         if cloud.ndim != 2 or cloud.shape[1] != 3:
             raise InputError(f"obstacles: shape {cloud.shape}; give points of shape (P, 3)")
-        self.points = cloud[np.isfinite(cloud).all(axis=1)]
+        self.points = cloud[np.isfinite(cloud @ _ONES)]
         depths = np.linspace(0.0, extension, round(extension / _SPACING) + 1)
         columns = self.points + np.multiply.outer(depths, np.asarray(down, dtype=float))[:, None]
         self._solid = columns.reshape(-1, 3)
         self._neighbours = min(_NEIGHBOURS, len(self._solid))
-        self._asked = 0
+        self._looked_at = 0
+        self._center, self._vicinity = np.full(3, np.inf), self._solid[:0]
 
     @cached_property
-    def _tree(self) -> cKDTree | None:
-        if not len(self._solid):
-            return None
+    def _tree(self) -> cKDTree:
         return cKDTree(self._solid, balanced_tree=False, compact_nodes=False)
 
     @property
@@ -83,8 +84,11 @@ class ObstacleField:
             within: Beyond this distance [m] it is infinite as well, which is much faster to say.
         """
         positions = np.asarray(positions, dtype=float)
-        if self._tree is None:
+        if not len(self._solid):
             return np.full(positions.shape[:-1], np.inf)
+        if positions.ndim == 1 and not self._has_tree():
+            nearest = squared_norm(positions - self.nearest(positions, 1)[0][0])
+            return np.asarray(math.sqrt(nearest) if nearest < within**2 else np.inf)
         return np.asarray(self._tree.query(positions, distance_upper_bound=within)[0])
 
     def distance_and_normal(self, positions: npt.ArrayLike) -> tuple[Any, Array]:
@@ -93,7 +97,7 @@ class ObstacleField:
         For an empty cloud distances are infinite and normals zero.
         """
         positions = np.asarray(positions, dtype=float)
-        if self._tree is None:
+        if not len(self._solid):
             return np.full(positions.shape[:-1], np.inf), np.zeros(positions.shape)
         if positions.ndim == 1:
             away = positions - self.nearest(positions, _NEIGHBOURS)[0]
@@ -104,9 +108,13 @@ class ObstacleField:
 
     def points_within(self, positions: Array, radius: float) -> list[Array]:
         """Returns for each position (N, 3) the points (K, 3) of the solid within a radius [m]."""
-        if self._tree is None:
+        if not len(self._solid):
             return [self._solid] * len(positions)
         return [self._solid[i] for i in self._tree.query_ball_point(positions, radius)]
+
+    def _has_tree(self) -> bool:
+        """Whether there is a tree, or should be by now."""
+        return "_tree" in self.__dict__ or self._looked_at > _WITHOUT_TREE * len(self._solid)
 
     def follow(self) -> "FieldFollower":
         """Returns a view of the field that is faster for one hand that moves in small steps."""
@@ -118,18 +126,30 @@ class ObstacleField:
         All others are at least as far as the second value [m], infinite where there are none.
         """
         size = len(self._solid)
-        if count < size and ("_tree" in self.__dict__ or self._asked >= _WITHOUT_TREE):
-            assert self._tree is not None
+        if count < size and self._has_tree():
             distances, indices = self._tree.query(position, k=count)
             return self._solid[indices], float(np.max(distances))
-        self._asked += 1
-        away = position - self._solid
-        squares = (away * away) @ _ONES
         if count >= size:
-            return self._solid[np.argsort(squares)], np.inf
-        indices = squares.argpartition(count)[:count]
-        indices = indices[squares[indices].argsort()]
-        return self._solid[indices], math.sqrt(squares[indices[-1]])
+            return self._solid[np.argsort(squared_norm(position - self._solid))], np.inf
+        moved = position - self._center
+        safe = _VICINITY - math.sqrt(moved.dot(moved))
+        if safe > 0.0 and len(self._vicinity) > count:
+            points, farthest, _ = self._nearest_of(self._vicinity, position, count)
+            if farthest < safe:
+                return points, farthest
+        points, farthest, squares = self._nearest_of(self._solid, position, count)
+        self._center = position.copy()
+        self._vicinity = self._solid[squares < _VICINITY**2]
+        return points, farthest
+
+    def _nearest_of(self, points: Array, position: Array, count: int) -> tuple[Array, float, Array]:
+        """The nearest of more points (N, 3), the farthest of them, all squared distances (N,)."""
+        self._looked_at += len(points)
+        away = position - points
+        squares = (away * away) @ _ONES
+        chosen = squares.argpartition(count)[:count]
+        chosen = chosen[squares[chosen].argsort()]
+        return points[chosen], math.sqrt(squares[chosen[-1]]), squares
 
 
 class FieldFollower:
@@ -151,9 +171,13 @@ class FieldFollower:
         """(P, 3) the cloud [m]."""
         return self._field.points
 
-    def distance(self, positions: npt.ArrayLike) -> Array:
+    def distance(self, positions: npt.ArrayLike, within: float = np.inf) -> Array:
         """Returns the field's distance (...) [m] at positions (..., 3)."""
-        return self._field.distance(positions)
+        positions = np.asarray(positions, dtype=float)
+        if positions.ndim > 1:
+            return self._field.distance(positions, within)
+        distance = self.distance_and_normal(positions)[0]
+        return np.asarray(distance if distance < within else np.inf)
 
     def distance_and_normal(self, position: Array) -> tuple[float, Array]:
         """Returns distance [m] and unit normal (3,) at a position (3,)."""

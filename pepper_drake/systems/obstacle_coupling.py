@@ -115,9 +115,13 @@ class ObstacleCoupling(LeafSystem):
 
     def _calc_clearance(self, context: Any, value: Any) -> None:
         law = self._law(context)
-        if law is not None:
-            goal = self.goal_position_port.Eval(context)
-            value.get_mutable_value()["clearance"] = law.clearance(self._field.eval(context), goal)
+        if law is None:
+            return
+        goal, field = self.goal_position_port.Eval(context), self._field.eval(context)
+        known = value.get_mutable_value()
+        if known.get("field") is not field:
+            known["field"], known["follower"] = field, field.follow()
+        known["clearance"] = law.clearance(known["follower"], goal)
 
     def _law(self, context: Any) -> Coupling | None:
         if self.law_port.HasValue(context):
