@@ -118,6 +118,8 @@ def near_solids(
     for k in close:
         offset = points - centers[k].astype(p_W.dtype)
         candidates = np.flatnonzero(np.einsum("ij,ij->i", offset, offset) <= reaches[k] ** 2)
+        if not len(candidates):
+            continue
         p_S = offset[candidates] @ X_WS[k].rotation().matrix().astype(p_W.dtype)
         near[indices[candidates[solids[k].signed_distance(p_S) <= margin]]] = True
     return near
