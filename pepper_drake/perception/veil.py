@@ -38,10 +38,6 @@ _MARGIN = 0.03
 """What passes a known thing by less may be hidden by it, m."""
 _AROUND_KNOWN = 0.05
 """The same for what was seen itself: of that one side is known only, m."""
-_CLOSE, _FARTHER_ON = 0.12, 0.15
-"""What is seen so little beyond the near limit goes on nearer, for so long at most, m."""
-_LEAST_BESIDE = 12
-"""Fewer places tell nothing of what is beside them."""
 _LEAST_RAYS = 4
 """Fewer are noise."""
 
@@ -77,39 +73,6 @@ def backdrop(
     p_W = (rays[measured] * z[measured][:, None]) @ X_WC.rotation().matrix().T
     points = np.concatenate((p_W + X_WC.translation(), before[kept]))
     return np.asarray(points[np.unique(voxel_keys(points, _GRAIN), return_index=True)[1]])
-
-
-def beside(
-    places: Points,
-    depth: npt.NDArray[np.float32],
-    intrinsics: CameraIntrinsics,
-    X_WC: RigidTransform,
-) -> npt.NDArray[np.float64]:
-    """What a hole hides beside places that are almost too near: more of the same, it may be.
-
-    Args:
-        places: (P, 3) of which more may be nearer, in W, m.
-        depth: Depth image (height, width), m, 0 where nothing was measured.
-        intrinsics: The camera.
-        X_WC: Its pose when the image was taken.
-
-    Returns:
-        (Q, 3) points in W, m, behind what may be there; for `veiled`.
-    """
-    p_C = _in_camera(places, X_WC)
-    close = p_C[(p_C[:, 2] > 0.0) & (p_C[:, 2] < intrinsics.near + _CLOSE)]
-    close = close[intrinsics.sees(close)]
-    if len(places) < _LEAST_BESIDE or not len(close):
-        return np.zeros((0, 3))
-    rays = pixel_rays(intrinsics, _PITCH)
-    columns, rows = _pixels(close, intrinsics) // _PITCH
-    height, width = rays.shape[0], rays.shape[1]
-    marked = np.zeros((height, width), np.uint8)
-    marked[np.minimum(rows, height - 1), np.minimum(columns, width - 1)] = 1
-    half = round(_FARTHER_ON * intrinsics.focal_x / (_PITCH * intrinsics.near))
-    marked = cv2.dilate(marked, np.ones((2 * half + 1, 2 * half + 1), np.uint8))
-    p_C = rays[marked > 0] * (intrinsics.near + _BEYOND + _MARGIN)
-    return np.asarray(p_C @ X_WC.rotation().matrix().T + X_WC.translation())
 
 
 def veiled(

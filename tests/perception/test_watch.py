@@ -6,7 +6,7 @@ from pepper_drake.perception.camera import CAMERA_DEPTH
 from pepper_drake.perception.cloud import depth_in_metres
 from pepper_drake.perception.obstacles import ObstacleParameters, update_obstacles
 from pepper_drake.perception.voxel_map import VoxelMap
-from pepper_drake.perception.watch import Watch, keep_watch, pass_by
+from pepper_drake.perception.watch import Watch, keep_watch
 
 CAMERA = CAMERA_DEPTH.intrinsics
 PARAMETERS = ObstacleParameters()
@@ -28,7 +28,7 @@ def shown(*frames):
     watch, voxels = Watch(), VoxelMap.empty()
     for depth, time, X_WD in frames:
         voxels = update_obstacles(voxels, depth, time, X_WD, CAMERA, [], PARAMETERS)
-        view = DepthView(depth_in_metres(depth, CAMERA), X_WD, time, CAMERA)
+        view = DepthView(depth_in_metres(depth, CAMERA), X_WD, time)
         watch, voxels = keep_watch(watch, voxels, view, CAMERA, [], PARAMETERS)
     return watch, voxels
 
@@ -63,32 +63,3 @@ def test_what_comes_too_near_to_be_measured_moves():
     assert len(watch.things) == 1
     assert len(watch.expected) > 0
     assert watch.expected[:, 2].max() < CAMERA.near + 0.04
-
-
-def test_what_came_while_the_camera_looked_elsewhere_is_known_to_have_come():
-    watch, voxels = shown((image(), 0.0, X_WC), (image(), 0.2, AWAY), (image(800), 0.4, X_WC))
-    assert len(watch.things) == 1
-    visible = voxels.positions[np.isin(voxels.keys, watch.visitors)]
-    assert np.any(np.abs(visible[:, 2] - 0.8) < 0.02)
-
-
-def test_a_hole_beside_what_came_is_more_of_it_for_a_while():
-    half = image(450)
-    half[:, 160:][half[:, 160:] == 450] = 0
-    frames = (image(), 0.0, X_WC), (image(), 0.2, X_WC), (half, 0.4, X_WC)
-    watch, _ = shown(*frames)
-    hidden, times = watch.hidden
-    assert len(hidden) > 0
-    assert np.all(hidden[:, 2] < CAMERA.near + 0.04)
-    np.testing.assert_array_equal(times, 0.4)
-    # It is remembered while the camera looks elsewhere, but not where it is seen to have gone.
-    assert len(shown(*frames, (image(), 0.6, AWAY))[0].hidden[0]) > 0
-    assert len(shown(*frames, (image(), 0.6, X_WC))[0].hidden[0]) == 0
-    assert len(shown(*frames, (image(), 3.0, AWAY))[0].hidden[0]) == 0
-
-
-def test_on_the_way_only_what_is_behind_all_is_learned():
-    watch, _ = shown((image(), 0.0, X_WC), (image(800), 0.2, X_WC))
-    passing = pass_by(watch, watch.views[-1], PARAMETERS)
-    assert passing.things == passing.views == ()
-    assert len(passing.behind) > 0
