@@ -1,8 +1,8 @@
 """Renders camera images on a thread of its own, while the simulation goes on."""
 
 import weakref
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -105,12 +105,19 @@ class BackgroundRenderer:
         self._executor = executor
         self._on_thread: list[_RenderingDiagram] = []
         self._started = executor.submit(_start, self._on_thread, scene, cameras)
+        self._prepared: list[Future[object]] = []
         # Its OpenGL context has to go on the thread to which it belongs.
         weakref.finalize(self, _stop, executor, self._on_thread).atexit = False
 
+    def prepare(self, work: Callable[[], object]) -> None:
+        """Has something done on the thread before it counts as ready."""
+        self._prepared.append(self._executor.submit(work))
+
     def wait_until_ready(self) -> None:
-        """Waits until the scene is built and the shaders are compiled."""
+        """Waits until the scene is built, the shaders are compiled, and all is prepared."""
         self._started.result()
+        for work in self._prepared:
+            work.result()
 
     def render(self, camera: str, positions: npt.NDArray[np.float64]) -> PendingImage:
         """Starts rendering.

@@ -359,6 +359,7 @@ class PepperStation(Diagram):
                 ),
             )
             builder.Connect(sensor.get_output_port(), camera_model.get_image_input_port())
+            renderer.prepare(camera_model.prepare)
             self._export_camera(builder, kinematics, name, camera_model, f"{kind}_image")
         if config.stereo:
             head = plant.GetBodyFrameIdOrThrow(plant.GetBodyByName("Head").index())

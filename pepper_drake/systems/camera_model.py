@@ -179,6 +179,12 @@ class CameraModel(LeafSystem):
         """The rendered image."""
         return self._image
 
+    def prepare(self) -> None:
+        """Computes what all images have in common, the sensor's noise, before the first."""
+        channels = 4 if isinstance(self._noise, ColorNoise) else 1
+        shape = (self.intrinsics.height, self.intrinsics.width, channels)
+        self._degrade(np.zeros(shape, np.uint8 if channels == 4 else np.float32), number=0)
+
     def get_image_output_port(self) -> OutputPort:
         """The captured image."""
         return self._image_out

@@ -57,6 +57,15 @@ def test_the_simulation_goes_on_while_it_renders():
     assert turns > 10  # Python ran on while the image was made.
 
 
+def test_it_is_ready_when_all_that_was_to_be_prepared_is():
+    renderer = BackgroundRenderer(load_scene("free"), CAMERAS)
+    threads = []
+    renderer.prepare(lambda: (time.sleep(0.05), threads.append(threading.current_thread().name)))
+    renderer.wait_until_ready()
+    assert len(threads) == 1
+    assert threads[0].startswith("renderer")
+
+
 def test_what_prevents_rendering_is_told_to_who_waits():
     renderer = BackgroundRenderer(load_scene("free"), {"odd": (CAMERA_DEPTH, "depth")})
     with pytest.raises(KeyError, match="top"):
