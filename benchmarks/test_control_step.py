@@ -106,7 +106,7 @@ def make_controller():
     return Simulator(builder.Build())
 
 
-@pytest.mark.benchmark(group="control step, 10 ms, among 2,000 points")
+@pytest.mark.benchmark(group="control step among 2,000 points")
 def test_control_step(benchmark):
     simulator = make_controller()
     simulator.AdvanceTo(0.05)
