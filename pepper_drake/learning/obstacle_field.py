@@ -172,7 +172,7 @@ class FieldFollower:
         return self._field.points
 
     def distance(self, positions: npt.ArrayLike, within: float = np.inf) -> Array:
-        """Returns the field's distance (...) [m] at positions (..., 3)."""
+        """Returns what `ObstacleField.distance` gives."""
         positions = np.asarray(positions, dtype=float)
         if positions.ndim > 1:
             return self._field.distance(positions, within)
