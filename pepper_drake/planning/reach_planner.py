@@ -326,7 +326,7 @@ class ReachPlanner:
             arm.velocity,
             situation.surroundings.clearances,
             self.params.withdrawal_clearance,
-            (self._limits.velocity, self._limits.acceleration),
+            self._limits,
         )
         primitive = primitive_of_joint_path(kinematics, joints, duration, "withdrawal")
         end = kinematics.poses(joints[-1:])

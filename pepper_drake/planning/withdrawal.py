@@ -6,14 +6,20 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from pepper_drake.planning.control_model import CommandLimits
 from pepper_drake.planning.joint_paths import minimum_jerk
 
 Vector = npt.NDArray[np.float64]
 
-_SAMPLES = 61
+_SAMPLE_TIME = 0.02
+"""Between the postures of a withdrawal, s."""
 _DURATIONS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
 """Of a withdrawal, s: the first in which the joints keep their limits is taken."""
-_STEP = 5
+_BRAKING = 0.75
+"""Share of the acceleration that braking may take; the rest is for the way back."""
+_STRONGEST_BRAKING = 3.94
+"""The greatest deceleration of `_braked` from 1 rad/s within 1 s, rad/s²."""
+_STEP = 3
 """Of the path that the arm came, every so manieth posture is looked at."""
 
 _NEAR = 0.6
@@ -80,7 +86,7 @@ def withdrawal_path(
     velocity: Vector,
     clearances: Callable[[Vector], Vector],
     room: float,
-    limits: tuple[Vector, Vector],
+    limits: CommandLimits,
 ) -> tuple[Vector, float]:
     """A path of the joints back to where there is room.
 
@@ -93,29 +99,44 @@ def withdrawal_path(
         velocity: (5,) rad/s.
         clearances: Least distances (M,) [m] to what is seen, for postures (M, 5).
         room: m.
-        limits: (5,) velocity [rad/s] and (5,) acceleration [rad/s²] to keep.
+        limits: Of the joints.
 
     Returns:
-        Joints (61, 5) at even times, rad, and the duration, s.
+        Joints (N, 5) at even times, rad, and the duration, s.
     """
     back = came[::-1]
     around = clearances(back[::_STEP])
     enough = np.flatnonzero(around >= room)
     end = int(_STEP * (enough[0] if len(enough) else np.argmax(around)))
-    s = np.linspace(0.0, 1.0, _SAMPLES)
-    place = minimum_jerk(s) * end
     nodes = np.arange(end + 1)
-    way = np.stack([np.interp(place, nodes, back[: end + 1, k]) for k in range(5)], axis=1)
-    way = way + (1.0 - minimum_jerk(s))[:, None] * (position - back[0])
-    # The quintic polynomial of slope one at the start, and all else zero.
-    braking = (s - 6 * s**3 + 8 * s**4 - 3 * s**5)[:, None] * velocity
-    fastest, strongest = limits
+    strongest = limits.acceleration
+    # However long the way back is: who brakes for as long goes far in the wrong direction.
+    stopping = float(np.max(_STRONGEST_BRAKING * np.abs(velocity) / (_BRAKING * strongest)))
     for duration in _DURATIONS:
-        path = way + duration * braking
-        step = duration / (_SAMPLES - 1)
+        times = np.linspace(0.0, duration, round(duration / _SAMPLE_TIME) + 1)
+        share = minimum_jerk(times / duration)
+        way = np.stack(
+            [np.interp(share * end, nodes, back[: end + 1, k]) for k in range(5)], axis=1
+        )
+        path = way + (1.0 - share)[:, None] * (position - back[0])
+        path += np.multiply.outer(_braked(times, stopping), velocity)
+        step = times[1]
         rates = np.diff(path, axis=0) / step
-        if np.all(np.abs(rates) <= fastest) and np.all(
-            np.abs(np.diff(rates, axis=0)) <= strongest * step
+        if (
+            duration >= stopping
+            and np.all(np.abs(rates) <= limits.velocity)
+            and np.all(np.abs(np.diff(rates, axis=0)) <= strongest * step)
         ):
             break
-    return path, duration
+    return np.clip(path, limits.position_lower, limits.position_upper), duration
+
+
+def _braked(times: Vector, duration: float) -> Vector:
+    """Where 1 rad/s leads to (N,) [rad] when it is braked and made up for within a duration [s].
+
+    The quintic polynomial of slope one at the start, and all else zero.
+    """
+    if duration == 0.0:
+        return np.zeros_like(times)
+    s = np.minimum(times / duration, 1.0)
+    return np.asarray(duration * (s - 6 * s**3 + 8 * s**4 - 3 * s**5))

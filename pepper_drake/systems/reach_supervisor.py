@@ -82,10 +82,9 @@ class ReachSupervisor(LeafSystem):
     rad/s, without which a movement is not planned anew on the way; `arrived` (1); `tau` (1; s);
     `stop_reason` (1; the safety monitor's `StopReason`).
     Outputs: `active` (1), the number of the movement while one runs, else 0; `primitive`,
-    `coupling_law` and `X_OG`, abstract, of that movement, known a tick before it begins (see
-    `planning.movement`); `base_goal` (3), NaN for "stay";
-    `resting_head` (2), head yaw and pitch while the goal is searched for, rad; `mode` (1), a
-    `ReachMode`; `progress`, the whole `ReachProgress`.
+    `coupling_law` and `X_OG`, abstract, of that movement (see `planning.movement`); `base_goal`
+    (3), NaN for "stay"; `resting_head` (2), head yaw and pitch while the goal is searched for, rad;
+    `mode` (1), a `ReachMode`; `progress`, the whole `ReachProgress`.
     State: `ReachProgress` (abstract), at `time_step`.
     """
 
@@ -259,10 +258,7 @@ class ReachSupervisor(LeafSystem):
         return progress
 
     def _settle(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
-        """Plans while the robot settles, and confirms the plan with the last look before it starts.
-
-        A plan is made a tick before its movement begins, so that the hand's goal takes it up.
-        """
+        """Plans while the robot settles, and confirms the plan with the last look."""
         timing, settled = self._timing, time - progress.since
         is_over = settled >= timing.settling - 0.5 * self._time_step
         is_first = settled >= 0.5 * timing.settling and not progress.checked >= progress.since

@@ -9,6 +9,7 @@ from pepper_drake.diagrams.reach_run import ReachRun, RunOptions, measure_cloud
 from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive, prepare_scene
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import load_scene
 from pepper_drake.planning.control_model import shared_control_model
 from pepper_drake.planning.differential_ik import hand_key
@@ -79,6 +80,45 @@ def test_a_whole_reach_with_the_left_arm_in_which_no_cached_value_is_ever_stale(
     assert report.final_position_error <= 0.010
     assert checked[ReachMode.LOOKING] >= 1
     assert checked[ReachMode.REACHING] >= 2
+
+
+@pytest.mark.render
+def test_an_arm_withdraws_as_it_was_played_and_reaches_when_the_way_is_free(monkeypatch):
+    scene = random_scene(355, moving=True)  # A person's arm comes to the goal, and goes.
+    config = ReachingConfig(station=StationConfig(seed=355, obstacle_motion_ports=True))
+    coupling = make_coupling(scene.coupling)
+    reaching = Reaching(scene, make_primitive(None, scene.arm), coupling, config)
+    run = ReachRun(reaching, RunOptions(progress=False))
+    withdrawals = []
+    withdraw = reaching.planner.withdraw
+
+    def withdraw_and_note(plan, **seen):
+        withdrawals.append((root_time(), withdraw(plan, **seen)))
+        return withdrawals[-1][1]
+
+    def root_time():
+        return run.simulator.get_context().get_time()
+
+    monkeypatch.setattr(reaching.planner, "withdraw", withdraw_and_note)
+    off = []
+
+    def check(root):
+        if len(withdrawals) != 1:
+            return
+        begin, plan = withdrawals[0]
+        ticks = round((root.get_time() - begin) / config.ik.time_step)
+        if ticks < len(plan.joint_path):
+            context = reaching.arm_command.GetMyContextFromRoot(root)
+            command = reaching.arm_command.GetOutputPort("position_command").Eval(context)
+            # A command is one tick older or younger, at up to 2 rad/s.
+            near = plan.joint_path[max(ticks - 1, 0) : ticks + 2]
+            off.append(np.abs(near - command).max(axis=1).min())
+
+    run.simulator.set_monitor(check)
+    report = run.run().report
+    assert (report.outcome, report.contacts) == ("reached", 0)
+    assert len(off) >= 20
+    assert max(off) < 0.05
 
 
 @pytest.mark.render

@@ -1,7 +1,10 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from pepper_drake.planning.control_model import CommandLimits
 from pepper_drake.planning.withdrawal import (
     NEWCOMER_DEPTH,
     NEWCOMER_SIDE,
@@ -10,7 +13,7 @@ from pepper_drake.planning.withdrawal import (
     withdrawal_path,
 )
 
-LIMITS = (np.full(5, 4.0), np.full(5, 10.0))
+LIMITS = CommandLimits(np.full(5, -2.0), np.full(5, 2.0), np.full(5, 4.0), np.full(5, 10.0))
 CAME = np.linspace(0.0, 1.0, 101)[:, None] * np.array([1.0, -0.5, 0.3, 0.2, 0.0])
 
 
@@ -34,9 +37,28 @@ def test_it_starts_where_the_arm_is_with_its_velocity_and_brakes():
     np.testing.assert_allclose(path[0], position)
     np.testing.assert_allclose((path[1] - path[0]) / step, velocity, atol=0.1)
     rates = np.diff(path, axis=0) / step
-    assert np.all(np.abs(rates) <= LIMITS[0])
-    assert np.all(np.abs(np.diff(rates, axis=0)) <= LIMITS[1] * step)
+    assert np.all(np.abs(rates) <= LIMITS.velocity)
+    assert np.all(np.abs(np.diff(rates, axis=0)) <= LIMITS.acceleration * step)
     assert path[:, 0].max() < position[0] + 0.1
+
+
+@pytest.mark.parametrize("turns", [1.0, 4.0, 10.0])
+def test_however_long_the_way_back_it_brakes_as_soon_as_it_can(turns):
+    came = CAME * [1.0, turns, 1.0, 1.0, 1.0]
+    limits = dataclasses.replace(LIMITS, position_lower=np.full(5, -20.0))
+    velocity = np.array([1.5, 0.0, 0.0, 0.0, 0.0])
+    path, duration = withdrawal_path(came, came[-1], velocity, room_before(-1.0), 0.05, limits)
+    if turns == 10.0:
+        assert duration >= 2.0
+    # Who brakes at a constant 7.5 rad/s² goes 0.15 rad too far.
+    assert path[:, 0].max() - came[-1, 0] < 2.0 * 1.5**2 / (2 * 7.5)
+
+
+def test_it_keeps_the_limits_of_the_joints():
+    limits = dataclasses.replace(LIMITS, position_upper=np.array([1.05, 2.0, 2.0, 2.0, 2.0]))
+    velocity = np.array([2.0, 0.0, 0.0, 0.0, 0.0])
+    path, _ = withdrawal_path(CAME, CAME[-1], velocity, room_before(0.5), 0.05, limits)
+    assert path[:, 0].max() == 1.05
 
 
 def test_without_room_anywhere_it_goes_where_there_is_most():

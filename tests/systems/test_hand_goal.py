@@ -53,11 +53,29 @@ def test_it_is_held_over_a_tick_and_follows_at_the_next(name):
     np.testing.assert_array_equal(outputs(system, context)[0], before[0])
     simulator.AdvanceTo(0.015)
     assert np.linalg.norm(outputs(system, context)[0] - before[0]) > 0.01
-    assert not system.HasAnyDirectFeedthrough()
 
 
-def test_before_initialization_it_is_a_pose():
+def test_another_pre_grasp_pose_counts_at_once():
+    system, _, context = start()
+    X_OG_2 = pose([0.3, 0.2, -0.1], [-0.1, 0.0, 0.2])
+    system.X_OG_input.FixValue(context, X_OG_2)
+    expected = X_WT.inverse() @ X_WO @ X_OG_2
+    position, orientation = outputs(system, context)
+    np.testing.assert_allclose(position, expected.translation(), atol=1e-12)
+    np.testing.assert_allclose(orientation, expected.rotation().ToQuaternion().wxyz(), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["goal_position", "goal_orientation"])
+def test_nothing_but_the_pre_grasp_pose_is_fed_through(name):
+    system = HandGoal(X_OG)
+    goal = system.GetOutputPort(name).get_index()
+    ports = [system.get_input_port(k) for k in range(system.num_input_ports())]
+    fed = [p for p in ports if system.HasDirectFeedthrough(p.get_index(), goal)]
+    assert fed == [system.X_OG_input]
+
+
+def test_before_initialization_the_object_is_at_the_torso():
     system = HandGoal(X_OG)
     position, orientation = outputs(system, system.CreateDefaultContext())
-    np.testing.assert_array_equal(position, np.zeros(3))
-    np.testing.assert_array_equal(orientation, [1, 0, 0, 0])
+    np.testing.assert_allclose(position, X_OG.translation(), atol=1e-15)
+    np.testing.assert_allclose(orientation, X_OG.rotation().ToQuaternion().wxyz(), atol=1e-15)
