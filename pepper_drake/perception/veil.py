@@ -98,8 +98,9 @@ def veiled(
         image without any measurement.
     """
     nothing = np.zeros((0, 3))
-    if len(behind) == 0 or not depth.any():
+    if not depth.any():
         return nothing
+    behind = np.concatenate((behind, _floor(intrinsics, X_WC)))
     R_WC, p_WC = X_WC.rotation().matrix(), X_WC.translation()
     p_C = _in_camera(behind, X_WC)
     ahead = p_C[(p_C[:, 2] > intrinsics.near + _BEYOND) & intrinsics.sees(p_C)]
@@ -123,6 +124,18 @@ def veiled(
     if open_rays.sum() < _LEAST_RAYS:
         return nothing
     return np.asarray(rays_W[open_rays][:, depths >= _LIKELY].reshape(-1, 3))
+
+
+def _floor(intrinsics: CameraIntrinsics, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
+    """Where the image's rays meet the floor (N, 3), z = 0 in W, if nothing is in between, m."""
+    rays_C = pixel_rays(intrinsics, _PITCH).reshape(-1, 3).astype(float)
+    rays_W = rays_C @ X_WC.rotation().matrix().T
+    p_WC = X_WC.translation()
+    downward = rays_W[:, 2] * _FARTHEST < -p_WC[2]
+    if p_WC[2] <= 0.0 or not downward.any():
+        return np.zeros((0, 3))
+    rays_W = rays_W[downward]
+    return np.asarray(p_WC - (p_WC[2] / rays_W[:, 2])[:, None] * rays_W)
 
 
 def _in_camera(p_W: Points, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
