@@ -190,6 +190,7 @@ class Reaching(Diagram):
         for name in ("age", "velocity"):
             self._connect(self.goal_estimator.GetOutputPort(name), self.look_at, name)
         self._connect(self.object_pose, self.look_at, "object_pose")
+        self._connect(self.cloud_source.GetOutputPort("cloud"), self.look_at, "cloud")
         self._connect(self.goal_estimator.GetOutputPort("valid"), self.look_at, "valid")
         self._connect(station.GetOutputPort("torso_pose"), self.look_at, "X_WT")
         for camera in ("top", "bottom"):

@@ -7,6 +7,7 @@ its way. Near the robot a depth camera is blind: what is lost from sight there i
 there for a while.
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,9 +19,25 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pepper_drake.perception.camera import CameraIntrinsics
-from pepper_drake.perception.voxel_map import VoxelMapParameters, looks_through, voxel_keys
+from pepper_drake.perception.voxel_map import (
+    VoxelMapParameters,
+    clear_depth,
+    lies_before,
+    voxel_keys,
+)
 
 Points = npt.NDArray[np.floating]
+
+_WIDE = 9
+"""Edge of the square of pixels that have to look through a place surely."""
+_LIKE = 0.15
+"""Views turned or moved against one another by less than this show the same, rad and m."""
+_REGISTRATIONS = 4
+"""Steps in which a surface is registered with what it was."""
+_ALIKE = 0.02
+"""Surfaces that are the same lie at most so far apart, then, by half of their points, m."""
+_SLUGGISHNESS = 0.02
+"""Weight of resting against one point's moving: where its shape does not tell, it does not."""
 
 
 @dataclass(frozen=True)
@@ -76,18 +93,61 @@ class DepthView:
         depth: (height, width), m, 0 where nothing was measured.
         X_WC: The camera's pose.
         time: s.
+        intrinsics: The camera.
     """
 
     depth: npt.NDArray[np.float32]
     X_WC: RigidTransform
     time: float
+    intrinsics: CameraIntrinsics
+
+    @functools.cached_property
+    def _clear(self) -> npt.NDArray[np.float32]:
+        return clear_depth(self.depth, self.intrinsics)
+
+    @functools.cached_property
+    def _wide_clear(self) -> npt.NDArray[np.float32]:
+        return clear_depth(self.depth, self.intrinsics, _WIDE)
+
+    def looks_through(
+        self, p_W: Points, memory: VoxelMapParameters, *, surely: bool = False
+    ) -> npt.NDArray[np.bool_]:
+        """Which places (N, 3) it looks through; surely, if also all around them."""
+        clear = self._wide_clear if surely else self._clear
+        return lies_before(p_W, clear, self.intrinsics, self.X_WC, memory)
+
+    def is_like(self, other: "DepthView") -> bool:
+        """Whether both show almost the same."""
+        off = self.X_WC.InvertAndCompose(other.X_WC)
+        turned = abs(off.rotation().ToAngleAxis().angle())
+        return turned < _LIKE and float(np.linalg.norm(off.translation())) < _LIKE
+
+
+@dataclass(frozen=True, eq=False)
+class Front:
+    """What an image shows where the ones before it looked through, and what they showed.
+
+    Attributes:
+        points: (P, 3) where something came, in W, m.
+        normals: (P, 3) of its surface, of unit length; zero where unknown.
+        left: (L, 3) where something was in the image before and is not any more, m.
+        since: When that image was taken, s.
+    """
+
+    points: Points
+    normals: Points
+    left: Points
+    since: float
+
+    def part(self, chosen: npt.NDArray[np.int64]) -> "Front":
+        """Some of what came."""
+        return Front(self.points[chosen], self.normals[chosen], self.left, self.since)
 
 
 def follow(
     things: Sequence[Approaching],
-    come: Points,
+    come: Front,
     now: DepthView,
-    intrinsics: CameraIntrinsics,
     memory: VoxelMapParameters,
     parameters: ApproachParameters,
 ) -> tuple[Approaching, ...]:
@@ -95,30 +155,33 @@ def follow(
 
     Args:
         things: What was known before.
-        come: (P, 3) what the image shows where the one before it looked through, in W, m.
+        come: What the image shows where the one before it looked through.
         now: The image.
-        intrinsics: The camera.
         memory: Margins at which an image counts as looking through a place.
         parameters: How things are followed.
 
     Returns:
         What is known now.
     """
-    fronts = _clusters(_thinned(come, 0.5 * parameters.spacing), parameters)
+    thin = _thinned(come.points, 0.5 * parameters.spacing)
     left = list(things)
     known = []
-    for front in fronts:
-        velocity = np.zeros(3)
+    for chosen in _clusters(come.points[thin], parameters):
+        part = come.part(thin[chosen])
+        front = part.points
+        velocity = front_velocity(part, now.time, parameters)
         k = _same(front, left, now.time, parameters)
         if k is not None:
             thing = left.pop(k)
-            step = front.mean(axis=0) - thing.points.mean(axis=0)
-            velocity = step.astype(float) / (now.time - thing.seen)
+            if velocity is None:
+                step = front.mean(axis=0) - thing.points.mean(axis=0)
+                velocity = step.astype(float) / (now.time - thing.seen)
             if thing.velocity.any():
-                velocity = 0.5 * (velocity + thing.velocity)
-        known.append(Approaching(front, velocity, now.time))
+                share = len(front) / (len(front) + len(thing.points))
+                velocity = share * velocity + (1.0 - share) * thing.velocity
+        known.append(Approaching(front, np.zeros(3) if velocity is None else velocity, now.time))
     for thing in left:
-        empty = looks_through(thing.points, now.depth, intrinsics, now.X_WC, memory)
+        empty = now.looks_through(thing.points, memory)
         lost = now.time - thing.seen
         if lost <= parameters.memory and empty.mean() < parameters.contradicted:
             known.append(thing)
@@ -129,7 +192,6 @@ def expected(
     things: Sequence[Approaching],
     veil: Points,
     now: DepthView,
-    intrinsics: CameraIntrinsics,
     memory: VoxelMapParameters,
     parameters: ApproachParameters,
 ) -> npt.NDArray[np.float64]:
@@ -142,7 +204,6 @@ def expected(
         things: That move.
         veil: (P, 3) where something too near to be measured may be now, m.
         now: The last image.
-        intrinsics: The camera.
         memory: Margins at which an image counts as looking through a place.
         parameters: How far motion is thought on.
     """
@@ -152,11 +213,53 @@ def expected(
         end = min(lost, parameters.horizon) + parameters.horizon
         length = float(np.linalg.norm(thing.velocity)) * end
         steps = np.linspace(0.0, end, int(np.ceil(length / parameters.spacing)) + 1)
-        way = _thinned(np.concatenate([thing.moved(step) for step in steps]), parameters.spacing)
+        way = np.concatenate([thing.moved(step) for step in steps])
+        way = way[_thinned(way, parameters.spacing)]
         if lost > 0.0:
-            way = way[~looks_through(way, now.depth, intrinsics, now.X_WC, memory)]
+            way = way[~now.looks_through(way, memory)]
         ways.append(way)
-    return _thinned(np.concatenate(ways), parameters.spacing).astype(float)
+    soon = np.concatenate(ways)
+    return soon[_thinned(soon, parameters.spacing)].astype(float)
+
+
+def front_velocity(
+    front: Front, time: float, parameters: ApproachParameters
+) -> npt.NDArray[np.float64] | None:
+    """How fast a surface moved from where it was to where it came, by its shape.
+
+    The step between is that of least distance from the points that came to planes at the nearest
+    points that were left (point-to-plane registration, Chen and Medioni 1992,
+    doi:10.1016/0262-8856(92)90066-C, without rotation): what slides along itself, as an arm does
+    that is stretched out, shows its motion at its end alone.
+
+    Args:
+        front: What came; of one thing.
+        time: Of the image, s.
+        parameters: The largest speed.
+
+    Returns:
+        (3,) m/s; None if what it was before was not seen, or is not alike.
+    """
+    middle, duration = front.points.mean(axis=0), time - front.since
+    farthest = float(np.linalg.norm(front.points - middle, axis=1).max())
+    reach = farthest + parameters.fastest * duration
+    left = front.left[np.sum((front.left - middle) ** 2, axis=1) < reach**2]
+    known = front.normals.any(axis=1)
+    if len(left) < parameters.least_points or known.sum() < parameters.least_points:
+        return None
+    tree = cKDTree(left)
+    points, normals = front.points[known].astype(float), front.normals[known].astype(float)
+    matrix = normals.T @ normals + _SLUGGISHNESS * len(normals) * np.eye(3)
+    step = np.zeros(3)
+    for _ in range(_REGISTRATIONS):
+        nearest = tree.query(points - step)[1]
+        off = np.einsum("ij,ij->i", normals, points - left[nearest])
+        step = np.linalg.solve(matrix, normals.T @ off)
+    if np.median(tree.query(points - step)[0]) > _ALIKE:
+        return None
+    velocity = step / duration
+    speed = float(np.linalg.norm(velocity))
+    return np.asarray(velocity * min(1.0, parameters.fastest / max(speed, 1e-9)))
 
 
 def _same(
@@ -174,17 +277,17 @@ def _same(
     return best
 
 
-def _thinned(points: Points, spacing: float) -> Points:
-    """One point of each voxel of that size."""
-    return points[np.unique(voxel_keys(points, spacing), return_index=True)[1]]
+def _thinned(points: Points, spacing: float) -> npt.NDArray[np.int64]:
+    """The index of one point of each voxel of that size."""
+    return np.asarray(np.unique(voxel_keys(points, spacing), return_index=True)[1])
 
 
-def _clusters(points: Points, parameters: ApproachParameters) -> list[Points]:
-    """The things that points belong to, without those of too few."""
+def _clusters(points: Points, parameters: ApproachParameters) -> list[npt.NDArray[np.int64]]:
+    """The indices of the points of each thing, without those of too few."""
     if len(points) < parameters.least_points:
         return []
     one, other = cKDTree(points).query_pairs(parameters.gap, output_type="ndarray").T
     near = coo_array((np.ones(len(one), np.int8), (one, other)), (len(points), len(points)))
     labels = connected_components(near, directed=False)[1]
     sizes = np.bincount(labels)
-    return [points[labels == k] for k in np.flatnonzero(sizes >= parameters.least_points)]
+    return [np.flatnonzero(labels == k) for k in np.flatnonzero(sizes >= parameters.least_points)]

@@ -110,8 +110,13 @@ def image_offset(camera: HeadCamera, head: npt.ArrayLike, p_TP: npt.ArrayLike) -
     return _offset(camera, angles, (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist())
 
 
-def _offset(camera: HeadCamera, head: Sequence[float], p_NeckP_T: Sequence[float]) -> float:
-    """What `image_offset` returns, in plain numbers, since it runs many times at every tick."""
+def _offset(
+    camera: HeadCamera, head: Sequence[float], p_NeckP_T: Sequence[float], radius: float = 0.0
+) -> float:
+    """What `image_offset` returns, in plain numbers, since it runs many times at every tick.
+
+    With a radius [m] it is that of the farthest corner of a square about the point.
+    """
     # The point turned by -yaw, then by -(pitch + tilt).
     yaw, pitch = head
     x, y, z = p_NeckP_T
@@ -130,8 +135,8 @@ def _offset(camera: HeadCamera, head: Sequence[float], p_NeckP_T: Sequence[float
     rise = forward * sin_tilt + rise * cos_tilt
     intrinsics = camera.intrinsics
     return max(
-        abs(left - aside) / depth * intrinsics.focal_x / (intrinsics.width / 2),
-        abs(rise) / depth * intrinsics.focal_y / (intrinsics.height / 2),
+        (abs(left - aside) + radius) / depth * intrinsics.focal_x / (intrinsics.width / 2),
+        (abs(rise) + radius) / depth * intrinsics.focal_y / (intrinsics.height / 2),
     )
 
 
@@ -186,6 +191,7 @@ def share_gaze(
     p_TP: npt.ArrayLike,
     *,
     radius: float = 0.0,
+    aside: float = 0.0,
     current: HeadCamera | None = None,
     patience: float = 0.15,
 ) -> Gaze:
@@ -200,43 +206,48 @@ def share_gaze(
         other: It should see what is around the thing as well as can be.
         p_TP: The thing's middle in the torso frame (3,), m.
         radius: Of the thing, m.
+        aside: By which the other camera should look past the thing, to the left if positive, rad.
         current: The camera in use; it is kept until another one's view is better by `patience`.
         patience: See `current`.
 
     Returns:
         That of the camera chosen; of `choose_camera` if no camera gets all of it into its image.
     """
-    wanted = clamp_head(aim_head(other, p_TP))
+    middle = aim_head(other, p_TP)
+    p_NeckP_T = (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist()
     best, least = None, math.inf
     for camera in cameras:
         own = look_at(camera, p_TP)
-        distance = np.linalg.norm(p_TP - camera_pose(camera, own.head).translation())
-        intrinsics = camera.intrinsics
-        half_size = radius / distance * intrinsics.focal_y / (intrinsics.height / 2)
-        well = _EDGE - float(half_size)
-        if own.offset > well:
+        if _offset(camera, own.head.tolist(), p_NeckP_T, radius) > _EDGE:
             continue
-        gaze = _turned_towards(own, wanted, p_TP, well)
+        gaze = _turned_towards(own, clamp_head(middle), p_TP, radius)
         loss = image_offset(other, gaze.head, p_TP)
         if current is not None and camera.name == current.name:
             loss -= patience
         if loss < least:
             best, least = gaze, loss
-    return choose_camera(cameras, p_TP, current=current) if best is None else best
+    if best is None:
+        return choose_camera(cameras, p_TP, current=current)
+    if aside == 0.0:
+        return best
+    # To the side first: how far down it looks matters less.
+    own = look_at(best.camera, p_TP)
+    yaw, pitch = clamp_head(middle + [aside, 0.0])
+    turned = _turned_towards(own, np.array([yaw, own.head[1]]), p_TP, radius)
+    return _turned_towards(turned, np.array([turned.head[0], pitch]), p_TP, radius)
 
 
-def _turned_towards(gaze: Gaze, wanted: Vector, p_TP: npt.ArrayLike, well: float) -> Gaze:
-    """A gaze turned towards head angles as far as its camera still sees the point well."""
+def _turned_towards(gaze: Gaze, wanted: Vector, p_TP: npt.ArrayLike, radius: float) -> Gaze:
+    """A gaze turned towards head angles as far as its camera still sees all of a thing."""
     best, share, step = gaze, 1.0, 1.0
     yaw, pitch = gaze.head.tolist()
     turn, nod = (wanted - gaze.head).tolist()
     p_NeckP_T = (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist()
     for _ in range(_HALVINGS):
         head = _clamped(yaw + share * turn, pitch + share * nod)
-        offset = _offset(gaze.camera, head, p_NeckP_T)
         step *= 0.5
-        if offset <= well:
-            best = Gaze(gaze.camera, np.array(head), offset, True)
+        if _offset(gaze.camera, head, p_NeckP_T, radius) <= _EDGE:
+            best = Gaze(gaze.camera, np.array(head), _offset(gaze.camera, head, p_NeckP_T), True)
             if share == 1.0:
                 break
             share += step

@@ -86,7 +86,7 @@ def veiled(
     """Finds where something may be that is too near to be measured.
 
     Args:
-        behind: (B, 3) what would be seen if nothing hid it, in W, m.
+        behind: (B, 3) what would be seen if nothing hid it, in W, m; the floor, z = 0, at latest.
         known: (P, 3) points on known obstacles, in W, m.
         depth: Depth image (height, width), m, 0 where nothing was measured.
         intrinsics: The camera.

@@ -204,22 +204,46 @@ def looks_through(
     Returns:
         (N,).
     """
+    return lies_before(p_W, clear_depth(depth, intrinsics), intrinsics, X_WC, parameters)
+
+
+def clear_depth(
+    depth: npt.NDArray[np.float32], intrinsics: CameraIntrinsics, width: int = 3
+) -> npt.NDArray[np.float32]:
+    """The least depth that was measured around each pixel, m; 0 where too little was measured.
+
+    Args:
+        depth: Depth image (height, width), m, 0 where nothing was measured.
+        intrinsics: The camera.
+        width: Of the square around a pixel, an odd number.
+    """
+    if depth.size == 0:
+        return depth
+    measured = depth > 0
+    count = cv2.boxFilter(measured.astype(np.uint8), -1, (3, 3), normalize=False)
+    distant = np.where(measured, depth, np.float32(2 * intrinsics.far))
+    nearest = cv2.erode(distant, np.ones((width, width), np.uint8))
+    return np.where(count >= _LEAST_PIXELS, nearest, np.float32(0.0))
+
+
+def lies_before(
+    p_W: npt.NDArray[np.floating],
+    clear: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    parameters: VoxelMapParameters,
+) -> npt.NDArray[np.bool_]:
+    """Tells which places (N, 3) an image looks through, by its `clear_depth`."""
     through = np.zeros(len(p_W), dtype=bool)
-    if len(p_W) == 0 or depth.size == 0:
+    if len(p_W) == 0 or clear.size == 0:
         return through
     R_WC = X_WC.rotation().matrix().astype(p_W.dtype)
     p_C = (p_W - X_WC.translation().astype(p_W.dtype)) @ R_WC
     z = p_C[:, 2]
     inside = np.flatnonzero((z > 0.05) & intrinsics.sees(p_C))
     columns, rows = np.rint(intrinsics.project(p_C[inside])).astype(np.int64).T
-    measured = depth > 0
-    count = cv2.boxFilter(measured.astype(np.uint8), -1, (3, 3), normalize=False)
-    distant = np.where(measured, depth, np.float32(2 * intrinsics.far))
-    nearest = cv2.erode(distant, np.ones((3, 3), np.uint8))
     margin = parameters.carve_margin + 3 * parameters.depth_noise * np.square(z[inside])
-    through[inside] = (count[rows, columns] >= _LEAST_PIXELS) & (
-        nearest[rows, columns] - margin > z[inside]
-    )
+    through[inside] = clear[rows, columns] - margin > z[inside]
     return through
 
 

@@ -6,11 +6,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.perception.approach import Approaching, DepthView, expected, follow
+from pepper_drake.perception.approach import Approaching, DepthView, Front, expected, follow
 from pepper_drake.perception.camera import CameraIntrinsics
 from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters
 from pepper_drake.perception.veil import backdrop, veiled
-from pepper_drake.perception.voxel_map import VoxelMap, looks_through
+from pepper_drake.perception.voxel_map import VoxelMap, VoxelMapParameters
+
+_MOST_VIEWS = 7
+"""So many images are held against a new one at most, besides the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,14 +21,20 @@ class Watch:
     """What is known of things that move. Never changed once made.
 
     Attributes:
-        view: The last image; None before the first.
+        views: Images of late in which something else was to be seen each, the last image last.
+        keys: Of the map's voxels, after the last image.
+        seen: The map's voxels that the last image showed: their keys and places (S, 3), in W, m.
         behind: (B, 3) what would be seen if nothing hid it, in W, m.
         things: What moves.
         visitors: Keys of the map's voxels that came where nothing had been.
         expected: (Q, 3) where what moves may be soon, in W, m.
     """
 
-    view: DepthView | None = None
+    views: tuple[DepthView, ...] = ()
+    keys: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    seen: tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]] = field(
+        default_factory=lambda: (np.zeros(0, np.int64), np.zeros((0, 3), np.float32))
+    )
     behind: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     things: tuple[Approaching, ...] = ()
     visitors: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -56,23 +65,75 @@ def keep_watch(
     """
     memory, approach = parameters.memory, parameters.approach
     is_seen = voxels.hit_times == view.time
-    things, visitors = watch.things, watch.visitors
-    come = np.zeros((0, 3), np.float32)
-    if watch.view is not None:
-        places, before = voxels.positions[is_seen], watch.view
-        is_new = looks_through(places, before.depth, intrinsics, before.X_WC, memory)
-        visitors = np.union1d(visitors, voxels.keys[is_seen][is_new])
-        come = places[is_new]
+    keys, places = seen = voxels.keys[is_seen], voxels.positions[is_seen]
+    # What was there before did not come.
+    fresh = np.flatnonzero(~np.isin(keys, watch.keys, assume_unique=True))
+    new = fresh[_was_empty(watch.views, places[fresh], memory)]
+    visitors = np.union1d(watch.visitors, keys[new])
     is_visitor = np.isin(voxels.keys, visitors)
-    voxels = voxels.select(~(is_visitor & (view.time - voxels.hit_times > approach.visit)))
     behind, veil = watch.behind, watch.behind[:0]
     if parameters.holes_are_near:
         behind = backdrop(behind, view.depth, intrinsics, view.X_WC)
-        veil = veiled(behind, voxels.positions, view.depth, intrinsics, view.X_WC, ignored)
-    if watch.view is not None:
-        before = watch.view
-        new = veil[looks_through(veil, before.depth, intrinsics, before.X_WC, memory)]
-        come = np.concatenate((come, new))
-        things = follow(things, come, view, intrinsics, memory, approach)
-    soon = expected(things, veil, view, intrinsics, memory, approach)
-    return Watch(view, behind, things, np.intersect1d(visitors, voxels.keys), soon), voxels
+        # What came does not explain a hole beside it: that may be more of it.
+        known = voxels.positions[~is_visitor]
+        veil = veiled(behind, known, view.depth, intrinsics, view.X_WC, ignored)
+    things = watch.things
+    if watch.views:
+        last = watch.views[-1]
+        near = veil[last.looks_through(veil, memory)]
+        normals = voxels.normals[is_seen][new]
+        lengths = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+        come = Front(
+            np.concatenate((places[new], near)),
+            np.concatenate((normals / lengths, np.zeros_like(near))),
+            watch.seen[1][~np.isin(watch.seen[0], keys, assume_unique=True)],
+            last.time,
+        )
+        things = follow(things, come, view, memory, approach)
+    voxels = voxels.select(~(is_visitor & (view.time - voxels.hit_times > approach.visit)))
+    views = [
+        one
+        for one in watch.views[-_MOST_VIEWS:]
+        if view.time - one.time < approach.visit and not view.is_like(one)
+    ]
+    return Watch(
+        (*views, view),
+        voxels.keys,
+        seen,
+        behind,
+        things,
+        np.intersect1d(visitors, voxels.keys),
+        expected(things, veil, view, memory, approach),
+    ), voxels
+
+
+def pass_by(
+    watch: Watch,
+    view: DepthView,
+    parameters: ObstacleParameters,
+) -> Watch:
+    """What is known after an image that was taken on the way: to who drives all moves.
+
+    Args:
+        watch: What was known before.
+        view: The image.
+        parameters: How obstacles are seen and remembered.
+
+    Returns:
+        A watch that begins anew, but for what will be seen if nothing hides it.
+    """
+    if not parameters.holes_are_near:
+        return Watch()
+    return Watch(behind=backdrop(watch.behind, view.depth, view.intrinsics, view.X_WC))
+
+
+def _was_empty(
+    views: Sequence[DepthView], places: npt.NDArray[np.float32], memory: VoxelMapParameters
+) -> npt.NDArray[np.bool_]:
+    """Which places (N, 3) were looked through: in the last image, or surely in one before."""
+    empty = np.zeros(len(places), dtype=bool)
+    for view in reversed(views):
+        left = np.flatnonzero(~empty)
+        surely = view is not views[-1]
+        empty[left] = view.looks_through(places[left], memory, surely=surely)
+    return empty

@@ -22,6 +22,9 @@ _STRONGEST_BRAKING = 3.94
 _STEP = 3
 """Of the path that the arm came, every so manieth posture is looked at."""
 
+_LOST = 0.01
+"""On its way the arm may lose so much of its clearance, m."""
+
 _NEAR = 0.6
 """What is farther from the goal than this is out of the arm's way, m."""
 
@@ -33,6 +36,8 @@ from above sees the upper side alone."""
 
 NEWCOMER_SIDE = 0.025
 """How far it is taken to reach to all sides by who plans around it, m."""
+MOVING_SIDE = 0.05
+"""The same by who sees that something moves, m: what is nearest to the camera it cannot measure."""
 
 
 def with_undersides(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
@@ -52,7 +57,9 @@ def with_undersides(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
     return np.concatenate((cloud, below.reshape(-1, 3)))
 
 
-def with_sides(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
+def with_sides(
+    cloud: Vector, known: cKDTree, around: Vector, side: float = NEWCOMER_SIDE
+) -> Vector:
     """A cloud with what is new in it extended to all sides.
 
     Of what came only the side towards the camera was seen, and it may move on: who plans around it
@@ -62,12 +69,13 @@ def with_sides(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
         cloud: (P, 3) what is seen now, m, z up.
         known: Of what was seen when the movement was planned, (K, 3), m.
         around: (3,) m: only what is near this is held against it.
+        side: By how much, m.
 
     Returns:
         (Q, 3), the cloud first.
     """
     new = _newcomers(cloud, known, around)
-    steps = NEWCOMER_SIDE * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    steps = side * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
     return np.concatenate((cloud, (new + steps[:, None]).reshape(-1, 3)))
 
 
@@ -106,6 +114,10 @@ def withdrawal_path(
     """
     back = came[::-1]
     around = clearances(back[::_STEP])
+    # Who is near something goes away from it, but not through it.
+    nearer = np.minimum.accumulate(around) < min(around[0], room) - _LOST
+    if nearer.any():
+        around = around[: np.argmax(nearer)]
     enough = np.flatnonzero(around >= room)
     end = int(_STEP * (enough[0] if len(enough) else np.argmax(around)))
     nodes = np.arange(end + 1)

@@ -24,7 +24,7 @@ from pepper_drake.perception.goal import MarkedObject
 from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters, update_obstacles
 from pepper_drake.perception.solids import RobotSolids
 from pepper_drake.perception.voxel_map import VoxelMap
-from pepper_drake.perception.watch import Watch, keep_watch
+from pepper_drake.perception.watch import Watch, keep_watch, pass_by
 
 _LAG = 0.3
 """For how long a moving object's pose may be old, s: half of it between images, half in filters."""
@@ -230,9 +230,10 @@ class DepthPointCloudSource(LeafSystem):
         voxels = update_obstacles(
             memory.voxels, image, time, X_WC, self._intrinsics, ignored, self._parameters
         )
-        watch = Watch()  # Who drives does not watch: to him all moves.
-        if not drives:
-            view = DepthView(depth_in_metres(image, self._intrinsics), X_WC, time)
+        view = DepthView(depth_in_metres(image, self._intrinsics), X_WC, time, self._intrinsics)
+        if drives:
+            watch = pass_by(memory.watch, view, self._parameters)
+        else:
             watch, voxels = keep_watch(
                 memory.watch, voxels, view, self._intrinsics, ignored, self._parameters
             )

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
+from pydrake.perception import PointCloud
 from pydrake.systems.framework import (
     BasicVector,
     Context,
@@ -20,6 +21,7 @@ from pydrake.systems.framework import (
 )
 
 from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_TOP, HeadCamera
+from pepper_drake.perception.cloud_points import cloud_points
 from pepper_drake.perception.gaze import (
     Gaze,
     aim_head,
@@ -29,21 +31,31 @@ from pepper_drake.perception.gaze import (
     share_gaze,
     step_head,
 )
+from pepper_drake.perception.outlook import SURROUNDINGS, best_gaze, importance, shown, surroundings
 
-_HEAD, _VELOCITY = slice(0, 2), slice(2, 4)
-_CAMERA, _IN_VIEW, _REACHABLE, _GLANCING, _GLANCES = 4, 5, 6, 7, 8
+_HEAD, _VELOCITY, _TARGET = slice(0, 2), slice(2, 4), slice(9, 11)
+_CAMERA, _IN_VIEW, _REACHABLE, _ARRIVED, _GLANCING = 4, 5, 6, 7, 8
+_SEEN = slice(11, 11 + len(SURROUNDINGS))
 
 _MISSED = 1.9
 """Age at which the object was missed in images that should have shown it, s."""
-_JUST_SEEN, _LOOK_AGAIN = 0.35, 0.6
-"""Ages at which a glance begins and ends, s: images are old by a quarter of a second."""
+_UNSURE = 1.6
+"""Age at which it is brought to the middle of the image, s."""
+_JUST_SEEN = 0.35
+"""Up to this age the object may leave the image, s: images are old by a quarter of a second."""
 _AT_REST = 0.02
 """Speed of an object from which the eye may be taken, m/s."""
-_ASIDE = 0.35
-"""Glances go to one side of the object or the other by this, rad: it stays in view."""
+_ASIDE = (-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
+"""By which glances go past the object, rad."""
+_DWELL = 0.2
+"""For how long a glance stays, s: a period of the cameras."""
+_NEAR, _SLOW = 0.05, 0.6
+"""A head that dwells is so near to its target, rad, and so slow, rad/s."""
+_LEVEL, _AROUND = 0.03, 0.8
+"""What is higher than the object's foot by the first and nearer than the second may move, m."""
 _GRID = 0.02
 """Nearer places are one, where a shared gaze is concerned, m."""
-_SPARE = 0.04
+_SPARE = 0.012
 """How far an object may have moved meanwhile and is still seen, m."""
 _SWING, _SWING_PERIOD = 0.4, 2.4
 """A missed object is looked for this much above and below where it was, rad, in that time, s."""
@@ -56,16 +68,17 @@ def _is_enabled(index: int, state: Vector) -> Vector:
     return np.isin(state[[_CAMERA]], (index, -1)).astype(float)
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=128)
 def _shared_gaze(
     cameras: tuple[HeadCamera, ...],
     companion: HeadCamera,
     p_TP: tuple[float, float, float],
     radius: float,
+    aside: float,
     current: HeadCamera | None,
 ) -> Gaze:
     """`share_gaze`, computed once for each place: an object at rest costs nothing."""
-    return share_gaze(cameras, companion, p_TP, radius=radius, current=current)
+    return share_gaze(cameras, companion, p_TP, radius=radius, aside=aside, current=current)
 
 
 class LookAt(LeafSystem):
@@ -83,6 +96,7 @@ class LookAt(LeafSystem):
         - age (optional)
         - velocity (optional)
         - watchful (optional)
+        - cloud (optional)
         output_ports:
         - head_position_command
         - head_velocity_command
@@ -110,11 +124,12 @@ class LookAt(LeafSystem):
     that moves, by its `velocity` (3; m/s), is brought to the middle all the same; one that was
     missed, by its `age` (1; s since it was last seen), is looked for with all cameras above and
     below where it was. While it is `watchful` (1; not zero) and the object at rest, the head
-    glances at where the companion sees best, between two looks at the object: twice to the reaching
-    arm's `side` of it, where the arm hides and fills most, then once to the other.
+    glances between two looks at the object at what the companion did not see for longest, near the
+    object and on the reaching arm's `side` of it above all, and where something stands or hangs in
+    the `cloud` (PointCloud in W): it may move. See `perception.outlook`.
 
-    State: head angles, velocities, camera, in_view, reachable, glancing, number of the glance (9,
-    discrete).
+    State: head angles, velocities, camera, in_view, reachable, when the head arrived, glancing, its
+    target, when each of the places around the object was seen (11 + N, discrete).
     Events: one periodic discrete update; one at initialization.
 
     Args:
@@ -123,7 +138,7 @@ class LookAt(LeafSystem):
             with the depth camera.
         companion: A camera that should see what is around the object, too: the depth camera.
         radius: Of what has to stay in view of the object then, m: half its marker's diagonal.
-        side: To which two of three glances go, 1 left or -1 right: the reaching arm's.
+        side: Of the reaching arm, 1 left or -1 right.
         time_step: Period of the update, s.
         max_velocity: rad/s. Low, because images taken by a fast head are blurred.
         max_acceleration: rad/s^2.
@@ -144,7 +159,7 @@ class LookAt(LeafSystem):
         super().__init__()
         self._p_OP = np.asarray(p_OP, dtype=float)
         self._cameras = tuple(cameras)
-        self._companion, self._radius, self._side = companion, radius, side * _ASIDE
+        self._companion, self._radius, self._side = companion, radius, side
         self._time_step = time_step
         self._max_velocity = max_velocity
         self._max_acceleration = max_acceleration
@@ -156,9 +171,14 @@ class LookAt(LeafSystem):
         self._resting_head = self.DeclareVectorInputPort("resting_head", 2)
         self._age = self.DeclareVectorInputPort("age", 1)
         self._velocity = self.DeclareVectorInputPort("velocity", 3)
+        self._cloud = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
         self._watchful = self.DeclareVectorInputPort("watchful", 1)
 
-        self._state = self.DeclareDiscreteState(np.array([0, 0, 0, 0, -1, 0, 0, 0, 0], dtype=float))
+        self._state = self.DeclareDiscreteState(
+            np.concatenate(
+                ([0, 0, 0, 0, -1, 0, 0, np.inf, 0, np.nan, np.nan], np.zeros(len(SURROUNDINGS)))
+            )
+        )
         self._declare_output("head_position_command", 2, lambda state: state[_HEAD])
         self._declare_output("head_velocity_command", 2, lambda state: state[_VELOCITY])
         self._declare_output("in_view", 1, lambda state: state[[_IN_VIEW]])
@@ -203,23 +223,63 @@ class LookAt(LeafSystem):
         age = self._scalar(context, self._age, 0.0)
         is_watchful = self._scalar(context, self._watchful, 0.0) > 0.5
         is_moving = self._scalar(context, self._velocity, 0.0) > _AT_REST
-        was_glancing, state[_GLANCING] = state[_GLANCING] > 0, 0.0
-        if self._companion is None or is_moving or age > _MISSED:
+        if self._companion is None or is_moving or age > (_UNSURE if is_watchful else _MISSED):
+            state[_TARGET] = np.nan
             gaze = choose_camera(self._cameras, p_TP, current=current)
             if self._companion is not None and age > _MISSED:
                 swing = _SWING * np.sin(2 * np.pi * (age - _MISSED) / _SWING_PERIOD)
                 gaze = replace(gaze, head=clamp_head(gaze.head - [0.0, swing]))
             return gaze
         place = tuple((_GRID * np.round(p_TP / _GRID)).tolist())
-        radius = self._radius + (_SPARE if is_watchful else 0.0)
-        gaze = _shared_gaze(self._cameras, self._companion, place, radius, current)
-        if is_watchful and age < (_LOOK_AGAIN if was_glancing else _JUST_SEEN):
-            state[_GLANCING] = 1.0
-            if not was_glancing:
-                state[_GLANCES] = (state[_GLANCES] + 1) % 3
-            aside = np.array([-self._side if state[_GLANCES] == 0 else self._side, 0.0])
-            gaze = replace(gaze, head=clamp_head(aim_head(self._companion, p_TP) + aside))
-        return gaze
+        shared = functools.partial(_shared_gaze, self._cameras, self._companion, place)
+        gaze = shared(self._radius + (_SPARE if is_watchful else 0.0), 0.0, current)
+        if not is_watchful or np.isnan(state[_TARGET]).any():
+            state[_TARGET], state[_GLANCING] = gaze.head, 0.0
+        time, seen = context.get_time(), state[_SEEN]
+        has_dwelt = self._has_dwelt(context, state)
+        if has_dwelt:
+            places = surroundings(p_TP, self._side)
+            seen[shown(self._companion, state[_HEAD], places)] = time
+        if is_watchful and age < _JUST_SEEN and (has_dwelt or state[_GLANCING] == 0.0):
+            middle = aim_head(self._companion, p_TP)
+            heads = [clamp_head(middle + [aside, 0.0]) for aside in _ASIDE]
+            ways = np.abs(np.array(heads) - state[_HEAD]).max(axis=1)
+            durations = _DWELL + 2.0 * np.sqrt(ways / self._max_acceleration)
+            places = surroundings(p_TP, self._side)
+            weights = importance(places, self._things(context))
+            best = best_gaze(self._companion, heads, durations, places, weights, time - seen)
+            state[_TARGET], state[_GLANCING] = heads[best], 1.0
+        elif is_watchful and has_dwelt and state[_GLANCING] > 0.0:
+            # Back by the shortest way.
+            radius = self._radius + _SPARE
+            heads = [shared(radius, aside, gaze.camera).head for aside in _ASIDE]
+            ways = np.abs(np.array(heads) - state[_HEAD]).max(axis=1)
+            state[_TARGET], state[_GLANCING] = heads[int(np.argmin(ways))], 0.0
+        return replace(gaze, head=state[_TARGET].copy())
+
+    def _things(self, context: Context) -> Vector:
+        """What stands or hangs over where the object stands (P, 3), in the torso frame, m."""
+        if not self._cloud.HasValue(context):
+            return np.zeros((0, 3))
+        points = cloud_points(self._cloud.Eval(context))
+        p_WO = self._object_pose.Eval(context).translation()
+        off = points - p_WO
+        above = (off[:, 2] > _LEVEL) & (np.sum(off**2, axis=1) < _AROUND**2)
+        return np.asarray(self._X_WT.Eval(context).inverse() @ points[above].T).T
+
+    def _has_dwelt(self, context: Context, state: Vector) -> bool:
+        """Whether the head has been at its target for long enough to take an image there."""
+        time = context.get_time()
+        off = np.abs(state[_TARGET] - state[_HEAD]).max()
+        if off > _NEAR or np.abs(state[_VELOCITY]).max() > _SLOW:
+            state[_ARRIVED] = np.inf
+            return False
+        if not np.isfinite(state[_ARRIVED]):
+            state[_ARRIVED] = time
+        if time - state[_ARRIVED] < _DWELL - 1e-9:
+            return False
+        state[_ARRIVED] = time
+        return True
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         state = discrete.get_mutable_vector(self._state).get_mutable_value()
@@ -239,7 +299,8 @@ class LookAt(LeafSystem):
         else:
             resting = self._resting_head
             target = clamp_head(resting.Eval(context)) if resting.HasValue(context) else head
-            state[_CAMERA], state[_GLANCING] = -1, 0
+            state[_CAMERA] = -1
+            state[_TARGET] = np.nan
         state[_HEAD], state[_VELOCITY] = step_head(
             head,
             state[_VELOCITY],

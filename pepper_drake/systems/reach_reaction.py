@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.planning.reach_plan import ReachPlan, ReachVerdict
 from pepper_drake.planning.reach_planner import ReachPlanner
-from pepper_drake.planning.withdrawal import with_sides, with_undersides
+from pepper_drake.planning.withdrawal import MOVING_SIDE, with_sides, with_undersides
 from pepper_drake.systems.reach_progress import ReachProgress, ReachTiming
 
 Vector = npt.NDArray[np.float64]
@@ -80,6 +80,8 @@ class ReachReaction:
             # What stands there and does not go is no newcomer any more.
             progress = replace(progress, known=cKDTree(cloud))
         if progress.known is not None:
+            if len(sight.coming):
+                cloud = with_sides(cloud, progress.known, sight.p_WO, MOVING_SIDE)
             cloud = with_undersides(cloud, progress.known, sight.p_WO)
         seen = sight.among(cloud)
         reach = plan if progress.blocked is None else progress.blocked
@@ -90,10 +92,15 @@ class ReachReaction:
         is_sudden = progress.blocked is None and not len(sight.coming)
         if is_free or has_waited or is_sudden:
             other = self._other_way(progress, reach, sight, seen, is_free)
-            if other.verdict == ReachVerdict.CLEAR:
+            if other.verdict == ReachVerdict.CLEAR and self._is_enough(progress, reach, other):
                 return replace(progress.performing(other, sight.time), blocked=None)
             progress = replace(progress, checked=sight.time)
         return self._out_of_the_way(progress, plan, reach, sight, seen)
+
+    def _is_enough(self, progress: ReachProgress, reach: ReachPlan, other: ReachPlan) -> bool:
+        """Whether a way is wide enough for an arm that could as well go on waiting."""
+        enough = min(self.timing.clearance_ahead, reach.clearance - self.timing.clearance_lost)
+        return progress.blocked is None or other.clearance >= enough
 
     def _has_waited(self, progress: ReachProgress, time: float) -> bool:
         """Whether the arm stepped aside, or last sought a way around in vain, long ago."""

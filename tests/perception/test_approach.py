@@ -6,11 +6,13 @@ from pepper_drake.perception.approach import (
     Approaching,
     ApproachParameters,
     DepthView,
+    Front,
     expected,
     follow,
+    front_velocity,
 )
 from pepper_drake.perception.camera import CAMERA_DEPTH
-from pepper_drake.perception.voxel_map import VoxelMapParameters, looks_through
+from pepper_drake.perception.voxel_map import VoxelMapParameters
 
 CAMERA = CAMERA_DEPTH.intrinsics
 MEMORY = VoxelMapParameters()
@@ -18,6 +20,11 @@ PARAMETERS = ApproachParameters()
 X_WC = RigidTransform()  # Looks along +z, x to the right.
 PERIOD = 0.2
 NOTHING = np.zeros((0, 3))
+
+
+def front(points, left=NOTHING, since=0.0, normals=None):
+    """What came, of a shape that tells nothing unless normals are given."""
+    return Front(points, np.zeros_like(points) if normals is None else normals, left, since)
 
 
 def plate(middle, half=0.05, z=1.0):
@@ -33,7 +40,7 @@ def plate(middle, half=0.05, z=1.0):
 
 def come(points, before):
     """Those of some points that are where an image looked through."""
-    return points[looks_through(points, before.depth, CAMERA, before.X_WC, MEMORY)]
+    return front(points[before.looks_through(points, MEMORY)], since=before.time)
 
 
 def watch(middles, things=()):
@@ -41,15 +48,15 @@ def watch(middles, things=()):
     before = None
     for number, middle in enumerate(middles):
         points, depth = plate(middle)
-        now = DepthView(depth, X_WC, PERIOD * number)
+        now = DepthView(depth, X_WC, PERIOD * number, CAMERA)
         if before is not None:
-            things = follow(things, come(points, before), now, CAMERA, MEMORY, PARAMETERS)
+            things = follow(things, come(points, before), now, MEMORY, PARAMETERS)
         before = now
     return things, now
 
 
 def soon(things, now, veil=NOTHING):
-    return expected(things, veil, now, CAMERA, MEMORY, PARAMETERS)
+    return expected(things, veil, now, MEMORY, PARAMETERS)
 
 
 def test_what_stands_still_is_not_followed():
@@ -83,10 +90,10 @@ def test_two_things_have_velocities_of_their_own():
             some, image = plate(middle)
             points.append(some)
             depth = np.minimum(depth, image)
-        now = DepthView(depth, X_WC, PERIOD * number)
+        now = DepthView(depth, X_WC, PERIOD * number, CAMERA)
         if before is not None:
             new = come(np.concatenate(points), before)
-            things = follow(things, new, now, CAMERA, MEMORY, PARAMETERS)
+            things = follow(things, new, now, MEMORY, PARAMETERS)
         before = now
     velocities = sorted(thing.velocity[0] for thing in things)
     np.testing.assert_allclose(velocities, [-0.3, 0.2], atol=0.02)
@@ -94,15 +101,15 @@ def test_two_things_have_velocities_of_their_own():
 
 def test_noise_of_a_few_points_is_nothing():
     few = np.array([[0.1, 0.0, 1.0], [0.11, 0.0, 1.0], [0.3, 0.1, 1.0]])
-    now = DepthView(plate(0.0)[1], X_WC, PERIOD)
-    assert follow((), few, now, CAMERA, MEMORY, PARAMETERS) == ()
+    now = DepthView(plate(0.0)[1], X_WC, PERIOD, CAMERA)
+    assert follow((), front(few), now, MEMORY, PARAMETERS) == ()
 
 
 def lost(depth, later):
     """A thing last seen in the middle at 0.25 m/s, and an image some time later."""
     thing = Approaching(plate(0.0)[0], np.array([0.25, 0.0, 0.0]), 0.0)
-    now = DepthView(depth, X_WC, later)
-    return follow((thing,), NOTHING, now, CAMERA, MEMORY, PARAMETERS), now
+    now = DepthView(depth, X_WC, later, CAMERA)
+    return follow((thing,), front(NOTHING), now, MEMORY, PARAMETERS), now
 
 
 def test_what_is_lost_where_nothing_is_measured_is_supposed_to_be_there_for_a_while():
@@ -129,3 +136,40 @@ def test_what_hides_behind_a_hole_is_expected_there():
     veil = np.array([[0.1, 0.2, 0.3]])
     _, now = watch([0.0, 0.0])
     np.testing.assert_array_equal(soon((), now, veil), veil)
+
+
+def ball(middle, radius=0.06):
+    """Points on the side of a ball that a camera sees from behind the origin, and their normals."""
+    grid = np.linspace(-1.0, 1.0, 25)
+    x, y = (part.ravel() for part in np.meshgrid(grid, grid))
+    inside = x**2 + y**2 < 0.9
+    x, y = x[inside], y[inside]
+    normals = np.stack([x, y, -np.sqrt(1.0 - x**2 - y**2)], axis=1)
+    return middle + radius * normals, normals
+
+
+@pytest.mark.parametrize("step", [[0.05, 0.0, 0.0], [0.0, -0.04, 0.0], [0.03, 0.03, -0.03]])
+def test_how_fast_something_moves_is_seen_in_one_step_by_its_shape(step):
+    before, _ = ball(np.array([0.1, 0.0, 0.8]))
+    points, normals = ball(np.array([0.1, 0.0, 0.8]) + step)
+    came = np.flatnonzero((points - [0.1, 0.0, 0.8]) @ step > 0.06 * np.linalg.norm(step))
+    some = front(points[came], before, 0.0, normals[came])
+    velocity = front_velocity(some, PERIOD, PARAMETERS)
+    np.testing.assert_allclose(velocity, np.array(step) / PERIOD, atol=0.06)
+
+
+def test_what_slides_along_itself_shows_its_motion_at_its_end():
+    angle, along = np.meshgrid(np.linspace(0, 2 * np.pi, 30), np.linspace(-0.3, 0.0, 31))
+    sides = np.stack([along.ravel(), 0.04 * np.sin(angle.ravel()), 0.04 * np.cos(angle.ravel())], 1)
+    end, normals = ball(np.zeros(3), 0.04)
+    end, normals = (-end[:, [2, 1, 0]], -normals[:, [2, 1, 0]])
+    some = front(end + [0.04, 0.0, 0.0], np.concatenate((sides, end)), 0.0, normals)
+    velocity = front_velocity(some, PERIOD, PARAMETERS)
+    np.testing.assert_allclose(velocity, [0.2, 0.0, 0.0], atol=0.03)
+
+
+def test_the_speed_of_what_came_from_nowhere_is_not_known():
+    points, normals = ball(np.zeros(3))
+    assert front_velocity(front(points, NOTHING, 0.0, normals), PERIOD, PARAMETERS) is None
+    far = points + [0.0, 0.0, 0.5]
+    assert front_velocity(front(points, far, 0.0, normals), PERIOD, PARAMETERS) is None

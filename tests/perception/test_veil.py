@@ -75,6 +75,19 @@ def test_a_hole_where_nothing_was_known_means_nothing():
     assert len(veiled(elsewhere, NOTHING, holed(), CAMERA, X_WC, [])) == 0
 
 
+def test_before_the_floor_a_hole_means_something_wherever_nobody_looked_before():
+    # A metre above the floor, looking down at it by 60 degrees.
+    R_WD = RollPitchYaw(np.radians(-150), 0, 0).ToRotationMatrix()
+    X_WD = RigidTransform(R_WD, [0.0, 0.0, 1.0])
+    points = veiled(NOTHING, NOTHING, holed(), CAMERA, X_WD, [])
+    assert np.linalg.norm(points - X_WD @ np.array([0.05, 0.02, 0.3]), axis=1).min() < 0.02
+    # Above the horizon, and for a camera that is not above a floor, nothing is known to be behind.
+    X_WU = RigidTransform(RollPitchYaw(np.radians(-30), 0, 0), [0.0, 0.0, 1.0])
+    assert len(veiled(NOTHING, NOTHING, holed(), CAMERA, X_WU, [])) == 0
+    below = RigidTransform(R_WD, [0.0, 0.0, -1.0])
+    assert len(veiled(NOTHING, NOTHING, holed(), CAMERA, below, [])) == 0
+
+
 def test_the_robot_and_known_obstacles_explain_a_hole():
     ball = Solid(Sphere(0.04), RigidTransform())
     robot = NoObstacle([ball], [RigidTransform([0.05, 0.02, 0.3])], 0.02)

@@ -6,7 +6,7 @@ from pepper_drake.perception.camera import CAMERA_DEPTH
 from pepper_drake.perception.cloud import depth_in_metres
 from pepper_drake.perception.obstacles import ObstacleParameters, update_obstacles
 from pepper_drake.perception.voxel_map import VoxelMap
-from pepper_drake.perception.watch import Watch, keep_watch
+from pepper_drake.perception.watch import Watch, keep_watch, pass_by
 
 CAMERA = CAMERA_DEPTH.intrinsics
 PARAMETERS = ObstacleParameters()
@@ -28,7 +28,7 @@ def shown(*frames):
     watch, voxels = Watch(), VoxelMap.empty()
     for depth, time, X_WD in frames:
         voxels = update_obstacles(voxels, depth, time, X_WD, CAMERA, [], PARAMETERS)
-        view = DepthView(depth_in_metres(depth, CAMERA), X_WD, time)
+        view = DepthView(depth_in_metres(depth, CAMERA), X_WD, time, CAMERA)
         watch, voxels = keep_watch(watch, voxels, view, CAMERA, [], PARAMETERS)
     return watch, voxels
 
@@ -63,3 +63,17 @@ def test_what_comes_too_near_to_be_measured_moves():
     assert len(watch.things) == 1
     assert len(watch.expected) > 0
     assert watch.expected[:, 2].max() < CAMERA.near + 0.04
+
+
+def test_what_came_while_the_camera_looked_elsewhere_is_known_to_have_come():
+    watch, voxels = shown((image(), 0.0, X_WC), (image(), 0.2, AWAY), (image(800), 0.4, X_WC))
+    assert len(watch.things) == 1
+    visible = voxels.positions[np.isin(voxels.keys, watch.visitors)]
+    assert np.any(np.abs(visible[:, 2] - 0.8) < 0.02)
+
+
+def test_on_the_way_only_what_is_behind_all_is_learned():
+    watch, _ = shown((image(), 0.0, X_WC), (image(800), 0.2, X_WC))
+    passing = pass_by(watch, watch.views[-1], PARAMETERS)
+    assert passing.things == passing.views == ()
+    assert len(passing.behind) > 0

@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.planning.control_model import CommandLimits
 from pepper_drake.planning.withdrawal import (
+    MOVING_SIDE,
     NEWCOMER_DEPTH,
     NEWCOMER_SIDE,
     with_sides,
@@ -66,6 +67,17 @@ def test_without_room_anywhere_it_goes_where_there_is_most():
     np.testing.assert_allclose(path[-1], CAME[0], atol=0.06)
 
 
+def test_it_does_not_go_through_what_came_behind_the_arm():
+    def room(joints):
+        return np.where(np.abs(joints[:, 0] - 0.5) < 0.1, -0.02, 0.02 + 0.1 * (1.0 - joints[:, 0]))
+
+    path, _ = withdrawal_path(CAME, CAME[-1], np.zeros(5), room, 0.06, LIMITS)
+    assert path[:, 0].min() > 0.6
+    # From within it goes out all the same.
+    path, _ = withdrawal_path(CAME[:51], CAME[50], np.zeros(5), room, 0.06, LIMITS)
+    assert path[-1, 0] < 0.6
+
+
 def test_only_what_is_new_and_near_reaches_down():
     known = np.random.default_rng(0).uniform(-0.5, 0.5, (200, 3))
     new, far = np.array([[0.2, 0.0, 1.0]]), np.array([[2.0, 0.0, 1.0]])
@@ -77,13 +89,14 @@ def test_only_what_is_new_and_near_reaches_down():
     assert below[:, 2].min() == pytest.approx(1.0 - NEWCOMER_DEPTH)
 
 
-def test_who_plans_around_what_is_new_keeps_off_its_sides():
+@pytest.mark.parametrize("side", [NEWCOMER_SIDE, MOVING_SIDE])
+def test_who_plans_around_what_is_new_keeps_off_its_sides(side):
     known = np.array([[0.0, 0.0, 0.8]])
     seen = np.array([[0.01, 0.0, 0.8], [0.2, 0.1, 0.9]])
-    cloud = with_sides(seen, cKDTree(known), known[0])
+    cloud = with_sides(seen, cKDTree(known), known[0], side)
     np.testing.assert_array_equal(cloud[:2], seen)
     off = cloud[2:] - seen[1]
-    np.testing.assert_allclose(np.linalg.norm(off, axis=1), NEWCOMER_SIDE)
+    np.testing.assert_allclose(np.linalg.norm(off, axis=1), side)
     np.testing.assert_allclose(off.sum(axis=0), 0.0, atol=1e-12)
     assert len(off) == 4
     assert np.ptp(off[:, 2]) < 1e-12

@@ -5,7 +5,8 @@ from pydrake.systems.analysis import Simulator
 
 from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_DEPTH, CAMERA_TOP
-from pepper_drake.perception.gaze import camera_pose, choose_camera, image_offset, look_at
+from pepper_drake.perception.cloud_points import make_cloud
+from pepper_drake.perception.gaze import camera_pose, choose_camera, look_at
 from pepper_drake.systems.look_at import LookAt
 
 X_WT = RigidTransform([0.3, 0.1, 0.82])
@@ -131,34 +132,56 @@ def sharing(side=1.0, **inputs):
     return Bench(NEAR, system, **{**still, **inputs})
 
 
-def test_between_two_looks_the_head_glances_where_the_companion_sees_best():
-    bench = sharing().run(3.0)
-    best = look_at(CAMERA_DEPTH, P_TP).head
-    first = bench.output("head_position_command")
-    assert first[0] > best[0] + 0.2
-    # As low as it goes there.
-    assert first[1] == pytest.approx(head_pitch_limits(first[0])[1], abs=1e-4)
-    assert image_offset(CAMERA_DEPTH, first, P_TP) < 1.3
+def glances(bench, duration):
+    """Yaws past the object at which the head dwells while the object was just seen."""
+    middle = look_at(CAMERA_DEPTH, P_TP).head[0]
+    start = bench.context.get_time()
+    yaws = []
+    for k in range(round(duration / 0.1)):
+        head = bench.run(start + 0.1 * (k + 1)).output("head_position_command")
+        if np.abs(bench.output("head_velocity_command")).max() < 0.1:
+            # As low as it goes there.
+            assert head[1] == pytest.approx(head_pitch_limits(head[0])[1], abs=0.05)
+            yaws.append(head[0] - middle)
+    return np.array(yaws)
+
+
+def test_the_head_glances_to_all_sides_of_an_object_that_was_just_seen():
+    yaws = glances(sharing(), 8.0)
+    assert yaws.min() < -0.4
+    assert yaws.max() > 0.4
+    assert np.abs(yaws).min() < 0.3
+
+
+def test_after_a_glance_the_object_is_looked_at_until_it_was_seen_anew():
+    bench = sharing().run(2.0)
     bench.fix("age", [0.5])
-    np.testing.assert_allclose(bench.run(4.0).output("head_position_command"), first, atol=1e-4)
-    bench.fix("age", [0.8])
-    bench.run(6.0)
-    assert bench.output("in_view") == [1]
-    # The glance is over until the object was seen anew.
-    bench.fix("age", [0.5])
-    assert bench.run(7.0).output("in_view") == [1]
+    assert bench.run(4.0).output("in_view") == [1]
+    looked = bench.output("head_position_command")
+    np.testing.assert_allclose(bench.run(6.0).output("head_position_command"), looked, atol=1e-3)
+    bench.fix("age", [0.3])
+    assert np.abs(bench.run(6.5).output("head_position_command") - looked).max() > 0.1
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_two_of_three_glances_go_to_the_side_of_the_arm(side):
-    bench = sharing(side=side)
-    best = look_at(CAMERA_DEPTH, P_TP).head
-    for number in range(6):
-        bench.fix("age", [0.3])
-        aside = bench.run(4.0 * number + 2.0).output("head_position_command")[0] - best[0]
-        assert aside * side * (-1 if number % 3 == 2 else 1) > 0.2
-        bench.fix("age", [0.8])
-        bench.run(4.0 * number + 4.0)
+def test_most_glances_go_to_the_side_of_the_arm(side):
+    yaws = glances(sharing(side=side), 12.0)
+    assert np.mean(yaws * side > 0.0) > 0.5
+
+
+@pytest.mark.parametrize("left", [0.4, -0.4])
+def test_the_first_glance_goes_to_where_something_hangs_that_may_move(left):
+    steps = [[0.1, left + 0.02 * k, 0.02 * j] for k in range(3) for j in (3, 4)]
+    hanging = make_cloud(NEAR.translation() + steps)
+    bench = sharing(side=np.sign(left), cloud=hanging, watchful=[0.0]).run(2.0)
+    bench.fix("watchful", [1.0])
+    assert glances(bench, 2.5)[0] * np.sign(left) > 0.1
+
+
+def test_an_object_that_was_not_seen_for_longer_than_a_glance_is_brought_to_the_middle():
+    bench = sharing(age=[1.7]).run(3.0)
+    middle = choose_camera((CAMERA_TOP, CAMERA_BOTTOM), P_TP).head
+    np.testing.assert_allclose(bench.output("head_position_command"), middle, atol=1e-3)
 
 
 @pytest.mark.parametrize("inputs", [{"watchful": [0.0]}, {"velocity": [0.0, 0.1, 0.0]}])

@@ -114,6 +114,22 @@ def test_an_arm_that_waited_looks_for_a_better_way_than_a_narrow_one():
     assert rig.progress.blocked is None
 
 
+def test_an_arm_that_waited_goes_on_waiting_rather_than_by_a_very_narrow_way():
+    rig = blocked()
+    rig.planner.ahead = 0.0
+    rig.planner.detour = plan(ReachVerdict.NO_CLEAR_PATH, "no way")
+    rig.set(cloud_time=[0.4], arm_velocity_command=np.zeros(5))
+    rig.advance(0.1)
+    waiting = rig.progress.blocked
+    assert waiting is not None
+    rig.planner.ahead = 0.02
+    narrow = replace(Blocked.detour, clearance=0.007)
+    rig.planner.reach, rig.planner.detour = narrow, narrow
+    rig.set(cloud_time=[0.6])
+    rig.advance(0.1)
+    assert rig.progress.blocked is waiting
+
+
 def cloud_at(point):
     cloud = PointCloud(1)
     cloud.mutable_xyzs()[:] = np.reshape(point, (3, 1))
