@@ -51,6 +51,9 @@ class ApproachParameters:
         fastest: Nothing is thought to be faster, m/s.
         horizon: How far its motion is thought on from the image, s: the age at which the image is
             acted upon, the period, and the time in which an arm brakes.
+        slowest: What seems to be slower than this stands, as far as can be told, m/s.
+        likely: What moves is thought to become at least as fast as this, m/s.
+        onward: For how long what was lost from sight is supposed to have gone on, s.
         memory: How long what was lost from sight is supposed to be there, s.
         visit: How long what came is supposed to be where it is not seen any more, s.
         contradicted: With this share of where it was seen to be empty, a thing has gone.
@@ -61,6 +64,9 @@ class ApproachParameters:
     least_points: int = 5
     fastest: float = 0.5
     horizon: float = 0.7
+    slowest: float = 0.04
+    likely: float = 0.25
+    onward: float = 1.5
     memory: float = 6.0
     visit: float = 8.0
     contradicted: float = 0.7
@@ -210,9 +216,11 @@ def expected(
     ways: list[Points] = [veil]
     for thing in things:
         lost = now.time - thing.seen
-        end = min(lost, parameters.horizon) + parameters.horizon
-        length = float(np.linalg.norm(thing.velocity)) * end
-        steps = np.linspace(0.0, end, int(np.ceil(length / parameters.spacing)) + 1)
+        speed = float(np.linalg.norm(thing.velocity))
+        # What was seen to begin may go on faster.
+        haste = max(parameters.likely / speed, 1.0) if speed > parameters.slowest else 1.0
+        end = haste * (min(lost, parameters.onward) + parameters.horizon)
+        steps = np.linspace(0.0, end, int(np.ceil(speed * end / parameters.spacing)) + 1)
         way = np.concatenate([thing.moved(step) for step in steps])
         way = way[_thinned(way, parameters.spacing)]
         if lost > 0.0:

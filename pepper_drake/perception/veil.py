@@ -38,6 +38,8 @@ _MARGIN = 0.03
 """What passes a known thing by less may be hidden by it, m."""
 _AROUND_KNOWN = 0.05
 """The same for what was seen itself: of that one side is known only, m."""
+_FLAT = 0.02
+"""What is no higher above the table is the table: of that there is no other side, m."""
 _LEAST_RAYS = 4
 """Fewer are noise."""
 
@@ -82,6 +84,7 @@ def veiled(
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
     ignored: Sequence[NoObstacle],
+    table: float = -np.inf,
 ) -> npt.NDArray[np.float64]:
     """Finds where something may be that is too near to be measured.
 
@@ -92,6 +95,7 @@ def veiled(
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
         ignored: The robot and the goal object, where they were.
+        table: Height of what things stand on, in W, m.
 
     Returns:
         (Q, 3) points in W, m, on the rays through such holes, up to the near limit; none for an
@@ -116,10 +120,12 @@ def veiled(
     points = rays_W.reshape(-1, 3)
     near = np.asarray(known[np.sum((known - p_WC) ** 2, axis=1) < (2 * intrinsics.near) ** 2])
     explained = np.zeros(len(points), dtype=bool)
-    if len(near):
-        explained |= np.isfinite(cKDTree(near).query(points, distance_upper_bound=_AROUND_KNOWN)[0])
+    is_table = near[:, 2] < table + _FLAT
+    for some, margin in ((near[~is_table], _AROUND_KNOWN), (near[is_table], _FLAT)):
+        if len(some):
+            explained |= np.isfinite(cKDTree(some).query(points, distance_upper_bound=margin)[0])
     for each in ignored:
-        explained |= near_solids(points, each.solids, each.poses, max(each.margin, _MARGIN))
+        explained |= near_solids(points, each.solids, each.poses, each.margin)
     open_rays = ~explained.reshape(len(ahead), -1).any(axis=1)
     if open_rays.sum() < _LEAST_RAYS:
         return nothing

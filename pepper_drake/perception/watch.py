@@ -12,7 +12,9 @@ from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters
 from pepper_drake.perception.veil import backdrop, veiled
 from pepper_drake.perception.voxel_map import VoxelMap, VoxelMapParameters
 
-_MOST_VIEWS = 7
+_APART = 0.5
+"""In less time what moves slowly does not come far enough to be told from noise, s."""
+_MOST_VIEWS = 9
 """So many images are held against a new one at most, besides the last."""
 
 
@@ -48,6 +50,7 @@ def keep_watch(
     intrinsics: CameraIntrinsics,
     ignored: Sequence[NoObstacle],
     parameters: ObstacleParameters,
+    table: float = -np.inf,
 ) -> tuple[Watch, VoxelMap]:
     """Takes one depth image into what is known of things that move.
 
@@ -58,6 +61,7 @@ def keep_watch(
         intrinsics: The camera.
         ignored: What is no obstacle, where it was at that time.
         parameters: How obstacles are seen and remembered.
+        table: Height of what things stand on, in W, m.
 
     Returns:
         What is known now, and the map without what came, was not seen for long, and has most likely
@@ -76,7 +80,7 @@ def keep_watch(
         behind = backdrop(behind, view.depth, intrinsics, view.X_WC)
         # What came does not explain a hole beside it: that may be more of it.
         known = voxels.positions[~is_visitor]
-        veil = veiled(behind, known, view.depth, intrinsics, view.X_WC, ignored)
+        veil = veiled(behind, known, view.depth, intrinsics, view.X_WC, ignored, table)
     things = watch.things
     if watch.views:
         last = watch.views[-1]
@@ -91,11 +95,7 @@ def keep_watch(
         )
         things = follow(things, come, view, memory, approach)
     voxels = voxels.select(~(is_visitor & (view.time - voxels.hit_times > approach.visit)))
-    views = [
-        one
-        for one in watch.views[-_MOST_VIEWS:]
-        if view.time - one.time < approach.visit and not view.is_like(one)
-    ]
+    views = _kept(watch.views, view, approach.visit)
     return Watch(
         (*views, view),
         voxels.keys,
@@ -125,6 +125,20 @@ def pass_by(
     if not parameters.holes_are_near:
         return Watch()
     return Watch(behind=backdrop(watch.behind, view.depth, view.intrinsics, view.X_WC))
+
+
+def _kept(views: Sequence[DepthView], view: DepthView, visit: float) -> list[DepthView]:
+    """The views that a new one is added to.
+
+    None is too old, and of those that show the same there is one from before what moves slowly came
+    in, and those after it.
+    """
+    alike = [one for one in views if view.is_like(one) and view.time - one.time >= _APART]
+    return [
+        one
+        for one in views[-_MOST_VIEWS:]
+        if view.time - one.time < visit and not any(one is other for other in alike[:-1])
+    ]
 
 
 def _was_empty(

@@ -34,7 +34,7 @@ NEWCOMER_DEPTH = 0.10
 """How far what is new is taken to reach down, m: of what hangs in the air, such as an arm, a camera
 from above sees the upper side alone."""
 
-NEWCOMER_SIDE = 0.025
+NEWCOMER_SIDE = 0.04
 """How far it is taken to reach to all sides by who plans around it, m."""
 MOVING_SIDE = 0.05
 """The same by who sees that something moves, m: what is nearest to the camera it cannot measure."""

@@ -234,8 +234,10 @@ class DepthPointCloudSource(LeafSystem):
         if drives:
             watch = pass_by(memory.watch, view, self._parameters)
         else:
+            # The goal object stands on the table.
+            table = -np.inf if X_WO is None else float(X_WO.translation()[2])
             watch, voxels = keep_watch(
-                memory.watch, voxels, view, self._intrinsics, ignored, self._parameters
+                memory.watch, voxels, view, self._intrinsics, ignored, self._parameters, table
             )
         surface = voxels.surface()
         return replace(

@@ -116,9 +116,26 @@ def test_what_is_lost_where_nothing_is_measured_is_supposed_to_be_there_for_a_wh
     blind = np.zeros((CAMERA.height, CAMERA.width), np.float32)
     things, now = lost(blind, 1.0)
     assert len(things) == 1
-    farthest = 0.05 + 0.25 * 2 * PARAMETERS.horizon
+    farthest = 0.05 + 0.25 * (1.0 + PARAMETERS.horizon)
     assert soon(things, now)[:, 0].max() == pytest.approx(farthest, abs=0.03)
     assert lost(blind, PARAMETERS.memory + 0.1)[0] == ()
+
+
+def test_what_was_lost_long_ago_did_not_go_on_for_ever():
+    things, now = lost(np.zeros((CAMERA.height, CAMERA.width), np.float32), 5.0)
+    farthest = 0.05 + 0.25 * (PARAMETERS.onward + PARAMETERS.horizon)
+    assert soon(things, now)[:, 0].max() == pytest.approx(farthest, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("speed", "expected"),
+    [(0.0, 0.0), (PARAMETERS.slowest / 2, PARAMETERS.slowest / 2), (0.1, PARAMETERS.likely)],
+)
+def test_what_has_begun_to_move_may_go_on_faster_but_not_what_stands(speed, expected):
+    thing = Approaching(plate(0.0)[0], np.array([speed, 0.0, 0.0]), 0.0)
+    ahead = soon((thing,), DepthView(plate(0.0)[1], X_WC, 0.0, CAMERA))
+    farthest = 0.05 + expected * PARAMETERS.horizon
+    assert ahead[:, 0].max() == pytest.approx(farthest, abs=0.03)
 
 
 def test_what_is_seen_to_have_gone_is_not_waited_for():

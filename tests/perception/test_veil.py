@@ -97,6 +97,15 @@ def test_the_robot_and_known_obstacles_explain_a_hole():
     assert len(veiled(BEHIND, known, holed(), CAMERA, X_WC, [])) == 0
 
 
+def test_the_table_behind_a_hole_explains_it_only_where_the_hole_reaches_it():
+    x, y = np.meshgrid(np.linspace(-0.3, 0.3, 40), np.linspace(-0.3, 0.3, 40))
+    surface = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.47)], axis=1)
+    # Of other things the other side is not known, and may reach as far.
+    assert len(veiled(BEHIND, surface, holed(), CAMERA, X_WC, [])) == 0
+    assert len(veiled(BEHIND, surface, holed(), CAMERA, X_WC, [], table=0.47)) > 0
+    assert len(veiled(BEHIND, surface - [0, 0, 0.05], holed(), CAMERA, X_WC, [], table=0.42)) == 0
+
+
 def test_an_image_of_another_size_changes_nothing():
     none = np.zeros((0, 0), np.float32)
     assert len(veiled(BEHIND, NOTHING, none, CAMERA, X_WC, [])) == 0

@@ -14,12 +14,12 @@ X_WC = RigidTransform()  # Looks along +z.
 AWAY = RigidTransform([0.0, 0.0, 2.0])
 
 
-def image(millimetres=None):
-    """A wall 1.4 m away with, if a distance is given, a ball before it."""
+def image(millimetres=None, column=160):
+    """A wall 1.4 m away with, if a distance is given, a disc before it."""
     depth = np.full((CAMERA.height, CAMERA.width), 1400, np.uint16)
     if millimetres is not None:
         y, x = np.indices(depth.shape)
-        depth[(x - 160) ** 2 + (y - 120) ** 2 < 25**2] = millimetres
+        depth[(x - column) ** 2 + (y - 120) ** 2 < 25**2] = millimetres
     return depth
 
 
@@ -70,6 +70,15 @@ def test_what_came_while_the_camera_looked_elsewhere_is_known_to_have_come():
     assert len(watch.things) == 1
     visible = voxels.positions[np.isin(voxels.keys, watch.visitors)]
     assert np.any(np.abs(visible[:, 2] - 0.8) < 0.02)
+
+
+def test_what_moves_too_slowly_for_two_images_is_told_from_older_ones():
+    # 3 pixels are 9 mm, less than a voxel.
+    frames = [(image(800, 160 + 3 * k), 0.2 * k, X_WC) for k in range(7)]
+    watch, _ = shown(*frames)
+    assert len(watch.things) == 1
+    assert watch.things[0].velocity[0] > 0.02
+    assert len(watch.views) <= 4, "of views that show the same few are kept"
 
 
 def test_on_the_way_only_what_is_behind_all_is_learned():
