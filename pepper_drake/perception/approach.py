@@ -28,6 +28,7 @@ from pepper_drake.perception.voxel_map import (
 
 Points = npt.NDArray[np.floating]
 
+_NOWHERE: Points = np.zeros((0, 3), np.float32)
 _WIDE = 9
 """Edge of the square of pixels that have to look through a place surely."""
 _LIKE = 0.15
@@ -48,6 +49,7 @@ class ApproachParameters:
         spacing: Of the points that are kept of it, m.
         gap: Points of one thing have neighbours nearer than this, m.
         least_points: Fewer are noise.
+        least_rest: Fewer points tell nothing of where what they belong to came from.
         fastest: Nothing is thought to be faster, m/s.
         horizon: How far its motion is thought on from the image, s: the age at which the image is
             acted upon, the period, and the time in which an arm brakes.
@@ -62,6 +64,7 @@ class ApproachParameters:
     spacing: float = 0.025
     gap: float = 0.05
     least_points: int = 5
+    least_rest: int = 15
     fastest: float = 0.5
     horizon: float = 0.7
     slowest: float = 0.04
@@ -156,6 +159,7 @@ def follow(
     now: DepthView,
     memory: VoxelMapParameters,
     parameters: ApproachParameters,
+    seen: Points = _NOWHERE,
 ) -> tuple[Approaching, ...]:
     """Takes one image into what is known of things that move.
 
@@ -165,10 +169,12 @@ def follow(
         now: The image.
         memory: Margins at which an image counts as looking through a place.
         parameters: How things are followed.
+        seen: (S, 3) all that the image shows of things, in W, m.
 
     Returns:
         What is known now.
     """
+    bodies = [seen[chosen] for chosen in _clusters(seen, parameters)] if len(come.points) else []
     thin = _thinned(come.points, 0.5 * parameters.spacing)
     left = list(things)
     known = []
@@ -185,7 +191,9 @@ def follow(
             if thing.velocity.any():
                 share = len(front) / (len(front) + len(thing.points))
                 velocity = share * velocity + (1.0 - share) * thing.velocity
-        known.append(Approaching(front, np.zeros(3) if velocity is None else velocity, now.time))
+        if velocity is None:
+            velocity = _onward(front, bodies, parameters)
+        known.append(Approaching(front, velocity, now.time))
     for thing in left:
         empty = now.looks_through(thing.points, memory)
         lost = now.time - thing.seen
@@ -268,6 +276,23 @@ def front_velocity(
     velocity = step / duration
     speed = float(np.linalg.norm(velocity))
     return np.asarray(velocity * min(1.0, parameters.fastest / max(speed, 1e-9)))
+
+
+def _onward(
+    front: Points, bodies: Sequence[Points], parameters: ApproachParameters
+) -> npt.NDArray[np.float64]:
+    """How a front may move (3,) [m/s] that was seen once: on from the rest of what it belongs to.
+
+    Zero if there is no rest.
+    """
+    tree = cKDTree(front)
+    for body in bodies:
+        far = np.asarray(tree.query(body)[0])
+        rest = body[far > parameters.gap]
+        if far.min() <= parameters.gap and len(rest) >= parameters.least_rest:
+            ahead = (front.mean(axis=0) - rest.mean(axis=0)).astype(float)
+            return np.asarray(parameters.likely * ahead / np.linalg.norm(ahead))
+    return np.zeros(3)
 
 
 def _same(

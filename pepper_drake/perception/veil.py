@@ -38,7 +38,7 @@ _MARGIN = 0.03
 """What passes a known thing by less may be hidden by it, m."""
 _AROUND_KNOWN = 0.05
 """The same for what was seen itself: of that one side is known only, m."""
-_FLAT = 0.02
+ON_TABLE = 0.02
 """What is no higher above the table is the table: of that there is no other side, m."""
 _LEAST_RAYS = 4
 """Fewer are noise."""
@@ -120,8 +120,8 @@ def veiled(
     points = rays_W.reshape(-1, 3)
     near = np.asarray(known[np.sum((known - p_WC) ** 2, axis=1) < (2 * intrinsics.near) ** 2])
     explained = np.zeros(len(points), dtype=bool)
-    is_table = near[:, 2] < table + _FLAT
-    for some, margin in ((near[~is_table], _AROUND_KNOWN), (near[is_table], _FLAT)):
+    is_table = near[:, 2] < table + ON_TABLE
+    for some, margin in ((near[~is_table], _AROUND_KNOWN), (near[is_table], ON_TABLE)):
         if len(some):
             explained |= np.isfinite(cKDTree(some).query(points, distance_upper_bound=margin)[0])
     for each in ignored:

@@ -9,11 +9,13 @@ import numpy.typing as npt
 from pepper_drake.perception.approach import Approaching, DepthView, Front, expected, follow
 from pepper_drake.perception.camera import CameraIntrinsics
 from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters
-from pepper_drake.perception.veil import backdrop, veiled
+from pepper_drake.perception.veil import ON_TABLE, backdrop, veiled
 from pepper_drake.perception.voxel_map import VoxelMap, VoxelMapParameters
 
 _APART = 0.5
 """In less time what moves slowly does not come far enough to be told from noise, s."""
+_HIDDEN = 2.0
+"""How long what was found by what it hides is supposed to be there, s."""
 _MOST_VIEWS = 9
 """So many images are held against a new one at most, besides the last."""
 
@@ -29,6 +31,8 @@ class Watch:
         behind: (B, 3) what would be seen if nothing hid it, in W, m.
         things: What moves.
         visitors: Keys of the map's voxels that came where nothing had been.
+        hidden: (H, 3) where something too near to be measured was lately, in W, m, and when (H,),
+            s.
         expected: (Q, 3) where what moves may be soon, in W, m.
     """
 
@@ -40,6 +44,9 @@ class Watch:
     behind: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     things: tuple[Approaching, ...] = ()
     visitors: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    hidden: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] = field(
+        default_factory=lambda: (np.zeros((0, 3)), np.zeros(0))
+    )
     expected: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
 
 
@@ -93,8 +100,13 @@ def keep_watch(
             watch.seen[1][~np.isin(watch.seen[0], keys, assume_unique=True)],
             last.time,
         )
-        things = follow(things, come, view, memory, approach)
+        above = places[places[:, 2] > table + ON_TABLE]
+        things = follow(things, come, view, memory, approach, above)
     voxels = voxels.select(~(is_visitor & (view.time - voxels.hit_times > approach.visit)))
+    hidden, times = watch.hidden
+    still = (view.time - times < _HIDDEN) & ~view.looks_through(hidden, memory)
+    hidden = np.concatenate((hidden[still], veil))
+    times = np.concatenate((times[still], np.full(len(veil), view.time)))
     views = _kept(watch.views, view, approach.visit)
     return Watch(
         (*views, view),
@@ -103,7 +115,8 @@ def keep_watch(
         behind,
         things,
         np.intersect1d(visitors, voxels.keys),
-        expected(things, veil, view, memory, approach),
+        (hidden, times),
+        expected(things, hidden, view, memory, approach),
     ), voxels
 
 

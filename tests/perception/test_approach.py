@@ -80,6 +80,19 @@ def test_it_is_expected_as_far_ahead_as_it_may_come():
     assert np.diff(np.sort(ahead)).max() < 2 * PARAMETERS.spacing
 
 
+def test_what_is_seen_once_goes_on_from_the_rest_of_what_it_belongs_to():
+    tip = plate(0.1)[0]
+    arm = np.concatenate([plate(middle)[0] for middle in (-0.2, -0.1, 0.0, 0.1)])
+    elsewhere = plate(0.6)[0]
+    now = DepthView(plate(0.1)[1], X_WC, PERIOD, CAMERA)
+    seen = np.concatenate((elsewhere, arm))
+    (thing,) = follow((), front(tip), now, MEMORY, PARAMETERS, seen)
+    np.testing.assert_allclose(thing.velocity, [PARAMETERS.likely, 0.0, 0.0], atol=0.005)
+    for alone in (np.concatenate((elsewhere, tip)), NOTHING):
+        (thing,) = follow((), front(tip), now, MEMORY, PARAMETERS, alone)
+        np.testing.assert_array_equal(thing.velocity, np.zeros(3))
+
+
 def test_two_things_have_velocities_of_their_own():
     before = None
     things = ()

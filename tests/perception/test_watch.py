@@ -72,6 +72,15 @@ def test_what_came_while_the_camera_looked_elsewhere_is_known_to_have_come():
     assert np.any(np.abs(visible[:, 2] - 0.8) < 0.02)
 
 
+def test_what_a_hole_told_of_is_remembered_for_a_while():
+    frames = (image(), 0.0, X_WC), (image(0), 0.2, X_WC)
+    assert len(shown(*frames)[0].hidden[0]) > 0
+    assert len(shown(*frames, (image(), 1.2, AWAY))[0].hidden[0]) > 0
+    assert len(shown(*frames, (image(), 2.3, AWAY))[0].hidden[0]) == 0
+    # Not where it is seen to have gone.
+    assert len(shown(*frames, (image(), 1.2, X_WC))[0].hidden[0]) == 0
+
+
 def test_what_moves_too_slowly_for_two_images_is_told_from_older_ones():
     # 3 pixels are 9 mm, less than a voxel.
     frames = [(image(800, 160 + 3 * k), 0.2 * k, X_WC) for k in range(7)]
