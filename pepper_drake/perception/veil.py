@@ -1,8 +1,8 @@
 """What is too near for the depth camera, from what it hides.
 
 A depth camera measures nothing of what is nearer than its near limit: it leaves a hole in the
-image. Where a hole hides what is known to be there, and neither the robot nor anything else that is
-known stands in the way, something is between.
+image. Where a hole hides what is known to be there, be it the floor alone, and neither the robot
+nor anything else that is known stands in the way, something is between.
 """
 
 from collections.abc import Sequence
@@ -35,9 +35,9 @@ _STEP = 0.02
 _NEAREST, _LIKELY = 0.15, 0.25
 """Nothing is nearer to the camera than the first, and most likely not than the second, m."""
 _MARGIN = 0.03
-"""What passes a known thing by less may be hidden by it, m."""
+"""So far beyond the near limit a ray is followed, m."""
 _AROUND_KNOWN = 0.05
-"""The same for what was seen itself: of that one side is known only, m."""
+"""What passes by a known thing by less may be hidden by it: of that one side is known only, m."""
 ON_TABLE = 0.02
 """What is no higher above the table is the table: of that there is no other side, m."""
 _LEAST_RAYS = 4

@@ -103,8 +103,9 @@ class DepthPointCloudSource(LeafSystem):
     `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on
     the state alone, so whatever a consumer computes from them stays cached until the next image, or
     until the torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
-    `approaching` (PointCloud in W) is where things that move will be soon, see
-    `perception.approach`; none while the torso moves.
+    `approaching` (PointCloud in W, whose z = 0 is the floor) is where things that move will be
+    soon, and where something may be that is too near to be measured, see `perception.watch`; none
+    while the torso moves.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
     the time since then.
 
