@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 from pydrake.geometry import Meshcat
+from scipy.interpolate import CubicSpline
 
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
@@ -20,6 +21,7 @@ from pepper_drake.learning.coupling import Coupling
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.arm_geometry import ArmGeometry
 from pepper_drake.planning.control_model import (
+    CONTROL_PERIOD,
     arm_joints,
     body_indices,
     shared_control_model,
@@ -109,7 +111,8 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
         rested = int(np.argmax(log.mode == ReachMode.HOLDING))
         step = float(log.time_s[1] - log.time_s[0])
         measured.duration = float(log.time_s[rested] - log.time_s[first])
-        hand = commanded_hand(log.joint_command_rad[first:], arm)
+        held = round(CONTROL_PERIOD / step)
+        hand = without_steps(commanded_hand(log.joint_command_rad[first:], arm), held)
         measured.path_length = path_length(hand)
         measured.jerk = rms_jerk(hand, step)
         measured.likeness = likeness(primitive, hand, float(log.tau_s[-1]), step)
@@ -143,6 +146,21 @@ def first_motion(log: ReachLog, moving: npt.NDArray[np.bool_], arm: str, plannin
     if not away.any():
         return float("nan")
     return planning + float(log.time_s[first + int(np.argmax(away))] - log.time_s[first])
+
+
+def without_steps(positions: Array, held: int) -> Array:
+    """The smooth path (M, 3) through positions (N, 3) that were logged faster than they were given.
+
+    Each is held for so many samples; what a path is like, its steps do not tell. It starts when
+    the positions begin to change, and has as many samples a second as they.
+    """
+    changes = np.flatnonzero(np.any(np.diff(positions, axis=0) != 0.0, axis=1))
+    given = positions[changes[0] if len(changes) else 0 :: held]
+    if len(given) < 4:
+        return given
+    knots = np.arange(len(given))
+    fine = np.linspace(0.0, knots[-1], held * knots[-1] + 1)
+    return np.asarray(CubicSpline(knots, given)(fine))
 
 
 def commanded_hand(joint_commands: Array, arm: str) -> Array:

@@ -3,8 +3,14 @@ import pytest
 
 from pepper_drake.benchmarking import diagram_reach
 from pepper_drake.benchmarking.case import Case
-from pepper_drake.benchmarking.diagram_reach import commanded_hand, first_motion, outcome_of
+from pepper_drake.benchmarking.diagram_reach import (
+    commanded_hand,
+    first_motion,
+    outcome_of,
+    without_steps,
+)
 from pepper_drake.benchmarking.methods import method_named
+from pepper_drake.benchmarking.metrics import rms_jerk
 from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.planning.arm_geometry import ArmGeometry
 from pepper_drake.planning.control_model import arm_joints, body_indices, shared_control_model
@@ -60,3 +66,22 @@ def test_the_commanded_hand_is_where_the_arms_joints_put_it():
     geometry = ArmGeometry(shared_control_model(), "left")
     for row, joints in zip(hand, ([0.0] * 5, [0.3, 0.4, -0.5, -0.6, 0.7]), strict=True):
         np.testing.assert_allclose(row, geometry.hand_pose(np.array(joints)).translation())
+
+
+def test_a_path_is_measured_without_the_steps_in_which_it_was_commanded():
+    times = np.arange(0.0, 2.0, 0.02)
+    path = np.stack([np.sin(times), np.cos(times), 0.1 * times**3], axis=1)
+    held = np.repeat(path, 2, axis=0)
+    fine = np.arange(0.0, 2.0 - 0.02 + 1e-9, 0.01)
+    smooth = without_steps(np.concatenate((held[:1].repeat(7, axis=0), held)), 2)
+    expected = np.stack([np.sin(fine), np.cos(fine), 0.1 * fine**3], axis=1)
+    np.testing.assert_allclose(smooth, expected, atol=1e-6)
+    # Of sin and cos the third derivative has length 1, of 0.1 t³ it is 0.6.
+    assert rms_jerk(smooth, 0.01) == pytest.approx(np.hypot(1.0, 0.6), rel=0.02)
+    assert rms_jerk(held, 0.01) > 100.0
+
+
+@pytest.mark.parametrize("count", [1, 6])
+def test_a_hand_that_rests_has_no_steps(count):
+    resting = np.ones((count, 3))
+    np.testing.assert_array_equal(without_steps(resting, 2)[0], np.ones(3))
