@@ -283,13 +283,10 @@ def carve(
     inside = np.all((uv >= 0) & (uv < [intrinsics.width, intrinsics.height]), axis=1)
     ahead, uv = ahead[inside], uv[inside]
     rows, columns = uv[:, 1], uv[:, 0]
-    measured = depth > 0
-    count = cv2.boxFilter(measured.astype(np.uint8), -1, (3, 3), normalize=False)[rows, columns]
-    distant = np.where(measured, depth, np.float32(2 * intrinsics.far))
-    nearest = cv2.erode(distant, np.ones((3, 3), np.uint8))[rows, columns]
+    clear = clear_depth(depth, intrinsics)[rows, columns]
     margin = parameters.carve_margin + 3 * parameters.depth_noise * np.square(z[ahead])
     scores = voxels.scores.copy()
-    scores[ahead[(count >= _LEAST_PIXELS) & (nearest - margin > z[ahead])]] -= parameters.miss
+    scores[ahead[clear - margin > z[ahead]]] -= parameters.miss
     unfilled = np.abs(depth[rows, columns] - z[ahead]) <= margin
     if spared is not None:
         unfilled &= ~spared[ahead]

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.perception.approach import Approaching, DepthView, Front, expected, follow
-from pepper_drake.perception.camera import CameraIntrinsics
 from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters
 from pepper_drake.perception.veil import ON_TABLE, backdrop, veiled
 from pepper_drake.perception.voxel_map import VoxelMap, VoxelMapParameters
@@ -54,7 +53,6 @@ def keep_watch(
     watch: Watch,
     voxels: VoxelMap,
     view: DepthView,
-    intrinsics: CameraIntrinsics,
     ignored: Sequence[NoObstacle],
     parameters: ObstacleParameters,
     table: float = -np.inf,
@@ -65,7 +63,6 @@ def keep_watch(
         watch: What was known before.
         voxels: The map of obstacles, with the image taken in.
         view: The image.
-        intrinsics: The camera.
         ignored: What is no obstacle, where it was at that time.
         parameters: How obstacles are seen and remembered.
         table: Height of what things stand on, in W, m.
@@ -84,10 +81,10 @@ def keep_watch(
     is_visitor = np.isin(voxels.keys, visitors)
     behind, veil = watch.behind, watch.behind[:0]
     if parameters.holes_are_near:
-        behind = backdrop(behind, view.depth, intrinsics, view.X_WC)
+        behind = backdrop(behind, view.depth, view.intrinsics, view.X_WC)
         # What came does not explain a hole beside it: that may be more of it.
         known = voxels.positions[~is_visitor]
-        veil = veiled(behind, known, view.depth, intrinsics, view.X_WC, ignored, table)
+        veil = veiled(behind, known, view.depth, view.intrinsics, view.X_WC, ignored, table)
     things = watch.things
     if watch.views:
         last = watch.views[-1]

@@ -237,9 +237,7 @@ class DepthPointCloudSource(LeafSystem):
         else:
             # The goal object stands on the table.
             table = -np.inf if X_WO is None else float(X_WO.translation()[2])
-            watch, voxels = keep_watch(
-                memory.watch, voxels, view, self._intrinsics, ignored, self._parameters, table
-            )
+            watch, voxels = keep_watch(memory.watch, voxels, view, ignored, self._parameters, table)
         surface = voxels.surface()
         return replace(
             memory,

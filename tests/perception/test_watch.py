@@ -29,7 +29,7 @@ def shown(*frames):
     for depth, time, X_WD in frames:
         voxels = update_obstacles(voxels, depth, time, X_WD, CAMERA, [], PARAMETERS)
         view = DepthView(depth_in_metres(depth, CAMERA), X_WD, time, CAMERA)
-        watch, voxels = keep_watch(watch, voxels, view, CAMERA, [], PARAMETERS)
+        watch, voxels = keep_watch(watch, voxels, view, [], PARAMETERS)
     return watch, voxels
 
 

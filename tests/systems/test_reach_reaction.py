@@ -99,12 +99,18 @@ def test_what_stands_in_the_way_for_long_is_known_and_planned_around():
         assert len(seen["cloud_W"]) == 1
 
 
-def test_an_arm_that_waited_looks_for_a_better_way_than_a_narrow_one():
+def waiting():
+    """An arm at rest that stepped aside, and for which there is no way on."""
     rig = blocked()
     rig.planner.ahead = 0.0
     rig.planner.detour = plan(ReachVerdict.NO_CLEAR_PATH, "no way")
     rig.set(cloud_time=[0.4], arm_velocity_command=np.zeros(5))
     rig.advance(0.1)
+    return rig
+
+
+def test_an_arm_that_waited_looks_for_a_better_way_than_a_narrow_one():
+    rig = waiting()
     wide = replace(Blocked.detour, clearance=0.03)
     rig.planner.ahead, rig.planner.reach = 0.02, wide
     rig.planner.detour = replace(Blocked.detour, clearance=0.007)
@@ -115,19 +121,15 @@ def test_an_arm_that_waited_looks_for_a_better_way_than_a_narrow_one():
 
 
 def test_an_arm_that_waited_goes_on_waiting_rather_than_by_a_very_narrow_way():
-    rig = blocked()
-    rig.planner.ahead = 0.0
-    rig.planner.detour = plan(ReachVerdict.NO_CLEAR_PATH, "no way")
-    rig.set(cloud_time=[0.4], arm_velocity_command=np.zeros(5))
-    rig.advance(0.1)
-    waiting = rig.progress.blocked
-    assert waiting is not None
+    rig = waiting()
+    reach = rig.progress.blocked
+    assert reach is not None
     rig.planner.ahead = 0.02
     narrow = replace(Blocked.detour, clearance=0.007)
     rig.planner.reach, rig.planner.detour = narrow, narrow
     rig.set(cloud_time=[0.6])
     rig.advance(0.1)
-    assert rig.progress.blocked is waiting
+    assert rig.progress.blocked is reach
 
 
 def cloud_at(point):
