@@ -20,8 +20,8 @@ import numpy as np
 from tqdm import tqdm
 
 from pepper_drake.benchmarking.case import Case
-from pepper_drake.diagrams.reach_run import ReachRun, RunOptions
-from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 
@@ -68,7 +68,7 @@ def run(case: Case) -> GoldenRun:
     reaching = Reaching(
         scene, make_primitive(None, scene.arm), make_coupling(scene.coupling), config
     )
-    result = ReachRun(reaching, RunOptions(progress=False)).run()
+    result = ReachSimulation(reaching, RunOptions(progress=False)).run()
     report = result.report
     commands = np.ascontiguousarray(result.log.joint_command_rad)
     return GoldenRun(

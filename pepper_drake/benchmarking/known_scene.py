@@ -14,7 +14,8 @@ from pydrake.planning import (
     SceneGraphCollisionChecker,
 )
 
-from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.diagrams.factory import make_primitive
+from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.objects import add_scene
 from pepper_drake.models.pepper import (
     BODY_JOINTS,
@@ -24,18 +25,17 @@ from pepper_drake.models.pepper import (
     hand_frame,
 )
 from pepper_drake.models.scene import Scene
-from pepper_drake.planning.arm_spheres import arm_link_names
-from pepper_drake.planning.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.reach_plan import ReachPlannerParams
-from pepper_drake.planning.standing_places import StandingPlaces
-from pepper_drake.systems.clearance_monitor import ClearanceMonitor
+from pepper_drake.planning.collision.sphere_model import arm_link_names
+from pepper_drake.planning.reach.base_placement import BasePlacement
+from pepper_drake.planning.reach.reach_plan import ReachPlannerParams
+from pepper_drake.systems.robot.true_clearance import TrueClearance
 
 Array = npt.NDArray[np.float64]
 
 _ELBOW_YAW, _ELBOW_ROLL = 2, 3
 
 
-class KnownScene:
+class GroundTruthScene:
     """Pepper in the true scene: collisions, distances, goals, and places to stand.
 
     All but the base and the arm that reaches stay as they start. Obstacles with a path stand where
@@ -85,7 +85,7 @@ class KnownScene:
         self.lower = np.array([joint.position_lower_limit() for joint in joints])
         self.upper = np.array([joint.position_upper_limit() for joint in joints])
         self.X_WG = scene.goal.pose() @ scene.pre_grasp()
-        self._monitor = ClearanceMonitor(
+        self._monitor = TrueClearance(
             robot=self._geometries(self.plant.GetBodyIndices(self._pepper)),
             obstacles=self._geometries(
                 self.plant.GetBodyByName(name).index() for name in self._models.obstacles
@@ -141,11 +141,11 @@ class KnownScene:
             if robots and not checker.IsCollisionFilteredBetween(one, other):
                 checker.SetCollisionFilteredBetween(one, other, True)
 
-    def places_to_stand(self) -> Iterator[Array]:
+    def candidate_base_poses(self) -> Iterator[Array]:
         """The base poses (3,) that our own planner would try here, if it knew everything."""
         scene, params = self.scene, ReachPlannerParams()
         shown_goal = make_primitive(None, scene.arm).goal
-        places = StandingPlaces(
+        places = BasePlacement(
             shared_control_model(), scene.arm, scene.pre_grasp(), shown_goal, params
         )
 

@@ -7,9 +7,9 @@ from pydrake.planning import KinematicTrajectoryOptimization
 from pydrake.solvers import SnoptSolver, SolverOptions
 from pydrake.trajectories import BsplineTrajectory
 
-from pepper_drake.benchmarking.known_scene import KnownScene
-from pepper_drake.planning.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.differential_ik import DifferentialIkParams
+from pepper_drake.benchmarking.known_scene import GroundTruthScene
+from pepper_drake.models.control_model import arm_joints, shared_control_model
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 
 Array = npt.NDArray[np.float64]
 
@@ -26,7 +26,7 @@ _SECONDS = 5.0
 
 
 def optimized_motion(
-    known: KnownScene, base_pose: Array, goal: Array, *, time_step: float = 0.01
+    known: GroundTruthScene, base_pose: Array, goal: Array, *, time_step: float = 0.01
 ) -> Array:
     """Joints (N, 5) every time step from the arm's start to a posture, from rest to rest [rad].
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from pepper_drake.systems.gamepad_velocity import (
+from pepper_drake.systems.guiding.gamepad_velocity import (
     GamepadParams,
     GamepadState,
     gamepad_velocity,

@@ -11,15 +11,15 @@ import numpy.typing as npt
 from pepper_drake.diagrams.live_teaching import PUBLISH_PERIOD
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.recording import (
+from pepper_drake.learning.demonstrations.recording import (
     RecordingWriter,
     recorded_demonstration,
     without_rest,
 )
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.live.way_back import WayBack
-from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
-from pepper_drake.systems.arm_mode import ArmMode
+from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason
+from pepper_drake.systems.robot.arm_mode_switch import ArmMode
 
 Vector = npt.NDArray[np.float64]
 
