@@ -35,7 +35,7 @@ from pepper_drake.reporting.perception_figures import (
 )
 
 _DISTANCES = (0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2)
-"""From where the marker is looked at, m."""
+"""From where the marker is looked at [m]."""
 
 
 def make_parser() -> ArgumentParser:

@@ -37,7 +37,7 @@ from pepper_drake.results.reach_log import ReachLog
 Array = npt.NDArray[np.float64]
 
 _STARTED = 1e-6
-"""A joint command that differs by this from the one at rest is motion, rad."""
+"""A joint command that differs by this from the one at rest is motion [rad]."""
 
 
 @dataclass(frozen=True)

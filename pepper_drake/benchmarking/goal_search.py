@@ -12,7 +12,7 @@ from pepper_drake.models.pepper import hand_frame
 Array = npt.NDArray[np.float64]
 
 _TOLERANCE = 0.0005
-"""Of the hand's position along each axis, m."""
+"""Of the hand's position along each axis [m]."""
 
 
 def goal_postures(
@@ -70,5 +70,5 @@ def _solve(
 
 
 def _angle(X_WA: RigidTransform, X_WB: RigidTransform) -> float:
-    """The angle between two directions, rad."""
+    """The angle between two directions [rad]."""
     return float(X_WA.rotation().InvertAndCompose(X_WB.rotation()).ToAngleAxis().angle())

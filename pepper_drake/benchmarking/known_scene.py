@@ -47,7 +47,7 @@ class GroundTruthScene:
         checker: Drake's collision checker over it, with `padding` between robot and scene.
         arm_checker: The same, but the body, which stands, is not looked at.
         arm_index: (5,) where the arm's joints are among the plant's positions.
-        lower: (5,) limits of the arm's joints, rad.
+        lower: (5,) limits of the arm's joints [rad].
         upper: (5,) rad.
         X_WG: Where the hand is to be.
     """
@@ -110,7 +110,7 @@ class GroundTruthScene:
 
     @property
     def start(self) -> Array:
-        """(5,) the arm's joints at the start, rad."""
+        """(5,) the arm's joints at the start [rad]."""
         return self._start[self.arm_index]
 
     def positions(self, joints: Array, base_pose: Array) -> Array:
@@ -123,7 +123,7 @@ class GroundTruthScene:
         """Whether nothing is nearer to the arm than the padding, and the elbow within its limits.
 
         Args:
-            joints: (5,) the arm's, rad.
+            joints: (5,) the arm's [rad].
             base_pose: (3,) x, y, yaw in W.
         """
         low, high = elbow_roll_limits(float(joints[_ELBOW_YAW]), self.scene.arm)
@@ -189,9 +189,9 @@ class GroundTruthScene:
         """The least true distance between Pepper and an obstacle along a path.
 
         Args:
-            path: (N, 5) the arm's joints from when it may start, rad.
+            path: (N, 5) the arm's joints from when it may start [rad].
             base_pose: (3,) x, y, yaw in W.
-            time_step: Of the path, s.
+            time_step: Of the path [s].
 
         Returns:
             The distance [m], at most 0.1, and the names of the two shapes.

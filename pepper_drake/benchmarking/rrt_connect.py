@@ -34,11 +34,11 @@ def rrt_connect(
     Args:
         known: The scene.
         base_pose: (3,) x, y, yaw in W.
-        goals: Postures (5,), rad.
+        goals: Postures (5,) [rad].
         seconds: Longest time to search.
 
     Returns:
-        Corners (K, 5) of the path after OMPL's simplification and smoothing, rad; None if it finds
+        Corners (K, 5) of the path after OMPL's simplification and smoothing [rad]; None if it finds
         none.
     """
     from ompl import base, geometric

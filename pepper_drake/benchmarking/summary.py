@@ -87,7 +87,7 @@ class MethodSummary:
         rates: By outcome, of the scenes that count; see `Scenes`.
         touched_elsewhere: Of the others, which no method solved.
         medians: By field of `MethodResult`, over the runs that reached; NaN if none did.
-        first_motion_90: 90th percentile of the time to first motion, s, likewise.
+        first_motion_90: 90th percentile of the time to first motion [s], likewise.
     """
 
     method: str

@@ -19,7 +19,7 @@ _CHECKED = 25
 _DURATIONS = (0.5, 6.0)
 _BEYOND_PADDING = 0.001
 _INFLUENCE = 0.03
-"""How much nearer than this, beyond the padding, things must be to matter to the solver, m."""
+"""How much nearer than this, beyond the padding, things must be to matter to the solver [m]."""
 _MAJOR_ITERATIONS = 100
 _SECONDS = 5.0
 """Longest time for one solution; the solver's usual one is below a second."""
@@ -36,7 +36,7 @@ def optimized_motion(
     Args:
         known: The scene.
         base_pose: (3,) x, y, yaw in W.
-        goal: Posture (5,), rad.
+        goal: Posture (5,) [rad].
         time_step: s.
 
     Returns:

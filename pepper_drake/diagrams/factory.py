@@ -14,11 +14,11 @@ SHIPPED_DEMONSTRATION = MODELS_DIR / "demonstrations" / "reach"
 """A right arm's reach, guided by hand with nothing in the way."""
 
 HAND_RADIUS = 0.09
-"""Radius about the hand's control frame that holds the half-open hand but for its fingertips, m."""
+"""Radius about the hand's control frame that holds the half-open hand but for its fingertips [m]."""
 
 
 SHORTEST_PATH = 0.01
-"""A demonstration with a shorter way than this is none, m."""
+"""A demonstration with a shorter way than this is none [m]."""
 
 
 def make_coupling(name: str) -> Coupling | None:

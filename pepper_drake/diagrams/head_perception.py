@@ -17,11 +17,11 @@ from pepper_drake.systems.sensing.gaze_controller import GazeController
 from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
 SEARCH_GAZE = (0.45, 0.3)
-"""Head yaw (to the arm's side) and pitch with which what is within reach is looked for, rad."""
+"""Head yaw (to the arm's side) and pitch with which what is within reach is looked for [rad]."""
 
 NEAR_GAZE = 0.07
 """Of a goal within reach Pepper looks at a point so far beside it, to the side where the arm comes
-from, m."""
+from [m]."""
 
 
 @dataclass(frozen=True, eq=False)

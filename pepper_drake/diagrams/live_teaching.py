@@ -51,7 +51,7 @@ from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 Vector = npt.NDArray[np.float64]
 
 PUBLISH_PERIOD = 1 / 32
-"""Between two frames, s."""
+"""Between two frames [s]."""
 
 _STAYS = [[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
 """A path of nowhere: it puts an object on rails, and a port moves it."""

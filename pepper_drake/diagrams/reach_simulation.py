@@ -324,7 +324,7 @@ def measure_cloud(station: PepperStation, query: QueryObject, points_W: Vector) 
     Args:
         station: Whose geometry it is.
         query: The true geometry as it stands now.
-        points_W: (P, 3), m.
+        points_W: (P, 3) [m].
     """
     robot, goal = station.robot_geometries(), station.goal_geometries()
     obstacles = station.obstacle_geometries()

@@ -63,7 +63,7 @@ from pepper_drake.systems.sensing.gaze_controller import GazeController
 from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
 _IMAGE_POLL = 0.05
-"""Time between looks for new images, s: they come every 0.2 s, and each look copies the state."""
+"""Time between looks for new images [s]: they come every 0.2 s, and each look copies the state."""
 
 
 @dataclass
@@ -75,11 +75,11 @@ class ReachingConfig:
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
     minimum_clearance: float = 0.002
-    """Distance of the arm to the cloud at which the safety monitor stops it, m."""
+    """Distance of the arm to the cloud at which the safety monitor stops it [m]."""
     compliance: ComplianceConfig | None = None
     """How the reaching arm gives way when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
-    """Period of all logs, s."""
+    """Period of all logs [s]."""
 
 
 class Reaching(Diagram):

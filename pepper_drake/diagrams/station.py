@@ -54,15 +54,15 @@ class StationConfig:
     """How the simulated robot is built."""
 
     time_step: float = 0.005
-    """Step of the physics, s."""
+    """Step of the physics [s]."""
     command_period: float = CONTROL_PERIOD
-    """Period at which joint commands arrive, s."""
+    """Period at which joint commands arrive [s]."""
     cameras: bool = True
     """Whether the cameras exist; without them a run is several times faster."""
     camera_period: float = 0.2
-    """Time between images of each camera, s."""
+    """Time between images of each camera [s]."""
     camera_latency: float = 0.15
-    """From an image's capture until it is out, s; assumed for images that come over a network."""
+    """From an image's capture until it is out [s]; assumed for images that come over a network."""
     noise: bool = True
     """Whether the cameras have the noise of the real ones."""
     stereo: bool = False

@@ -38,8 +38,8 @@ class StereoCamera(Diagram):
         head: The head's frame in the scene graph.
         renderer_name: Name of the render engine.
         robot: The robot's shapes, to mask its own body.
-        period: Time between pairs of images, s.
-        offset: Time of the first pair, s.
+        period: Time between pairs of images [s].
+        offset: Time of the first pair [s].
         noise: Of both cameras.
         pattern: Whether a projector throws a pattern on the scene: bare walls match nothing.
         seed: Of noise and pattern.

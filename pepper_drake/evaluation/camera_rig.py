@@ -146,7 +146,7 @@ class CameraRig:
         return self._eval(sensor, sensor.color_image_output_port())
 
     def depth(self, camera: str) -> npt.NDArray[np.float32]:
-        """Renders a depth image (height, width), m: infinite beyond far, 0 nearer than near."""
+        """Renders a depth image (height, width) [m]: infinite beyond far, 0 nearer than near."""
         sensor = self._sensors[camera]
         return self._eval(sensor, sensor.depth_image_32F_output_port())[..., 0]
 

@@ -21,7 +21,7 @@ _FRAMES_A_VIEW = 20
 """Frames in a row from one place: what is mistaken once is mistaken again, and gets believed."""
 
 _WRONG_BEYOND = 0.02
-"""A goal handed on farther than this from the true one is a wrong goal, m."""
+"""A goal handed on farther than this from the true one is a wrong goal [m]."""
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ Image = npt.NDArray[np.uint8]
 Images = dict[str, npt.NDArray[np.generic]]
 
 _VISIBLE_RANGE = 1.2
-"""How far from the camera true surfaces count as visible, m."""
+"""How far from the camera true surfaces count as visible [m]."""
 
 _SUPERSAMPLING = 2
 """Rendered pixels along one edge of a sensor's pixel, which gathers light over its whole area."""
@@ -65,7 +65,7 @@ class CloudStudy:
         report: Against the truth.
         milliseconds: Median time that one image, or pair, took.
         surface: The cloud, in W.
-        visible: Points on the true surfaces that were visible (M, 3), m, in W.
+        visible: Points on the true surfaces that were visible (M, 3) [m], in W.
         images: Pictures of what was seen, by name (height, width[, 3]).
     """
 
@@ -82,10 +82,10 @@ class GoalSample:
 
     Attributes:
         camera: Its name.
-        distance: From the camera to the marker, m.
-        angle: Between the line of sight and the marker's normal, rad.
+        distance: From the camera to the marker [m].
+        angle: Between the line of sight and the marker's normal [rad].
         found: Whether the marker was found.
-        position_error: Distance of the hand's goal from the true one, m; NaN when not found.
+        position_error: Distance of the hand's goal from the true one [m]; NaN when not found.
         orientation_error: rad; NaN when not found.
         milliseconds: Time that the image took.
     """
@@ -110,7 +110,7 @@ class PerceptionEvaluation:
         scene: The scene.
         marked: Its goal object.
         rig: Pepper in the scene.
-        head: The head angles (2,) with which it looks, rad.
+        head: The head angles (2,) with which it looks [rad].
     """
 
     def __init__(self, scene: Scene, seed: int = 0) -> None:
@@ -137,7 +137,7 @@ class PerceptionEvaluation:
         self.look(self.head)
 
     def look(self, head: Sequence[float] | npt.NDArray[np.float64]) -> None:
-        """Turns the head to angles (2,), rad."""
+        """Turns the head to angles (2,) [rad]."""
         self.rig.set_positions({"HeadYaw": float(head[0]), "HeadPitch": float(head[1])})
 
     def depth(self, frames: int = 5) -> CloudStudy:
@@ -247,9 +247,9 @@ class PerceptionEvaluation:
 
         Args:
             cameras: Whose lenses to look through.
-            distances: From camera to marker, m.
+            distances: From camera to marker [m].
             count: Looks from each distance with each camera.
-            largest_angle: Between the line of sight and the marker's normal, rad.
+            largest_angle: Between the line of sight and the marker's normal [rad].
         """
         rng = np.random.default_rng([self._seed, 4])
         return [
@@ -375,8 +375,8 @@ def camera_before_marker(
 
     Args:
         X_WM: Pose of the marker.
-        distance: From the camera to the marker, m.
-        angle: Between the line of sight and the marker's normal, rad.
+        distance: From the camera to the marker [m].
+        angle: Between the line of sight and the marker's normal [rad].
         intrinsics: The camera.
         rng: Draws the side, the place in the image and the roll.
     """

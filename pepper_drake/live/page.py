@@ -50,7 +50,7 @@ HAND_SLIDERS = (
 
 _AXES = ("ahead", "to the left", "up")
 _FARTHEST = 0.2
-"""How far objects can be moved, m."""
+"""How far objects can be moved [m]."""
 
 _TITLE = (
     "<style>"

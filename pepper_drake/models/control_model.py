@@ -20,7 +20,7 @@ from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS, add_pepper
 from pepper_drake.perception.mapping.solids import RobotSolids
 
 CONTROL_PERIOD = 0.02
-"""Period at which joint commands are made, s: that at which NAOqi's ALMotion passes them on."""
+"""Period at which joint commands are made [s]: that at which NAOqi's ALMotion passes them on."""
 
 Vector = npt.NDArray[np.float64]
 

@@ -30,7 +30,7 @@ SPEED_FRACTION = 0.5
 """Of the joints' rated speed that may be used."""
 
 GRID_ERROR = 0.005
-"""What gaps are taken to be smaller than the grid says, m."""
+"""What gaps are taken to be smaller than the grid says [m]."""
 
 
 class KinematicRollouts:

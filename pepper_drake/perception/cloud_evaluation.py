@@ -14,10 +14,10 @@ from pepper_drake.perception.mapping.solids import Solid
 Array = npt.NDArray[np.float64]
 
 COVERED_WITHIN = 0.01
-"""A true surface is covered where a point of the cloud is closer than this, m."""
+"""A true surface is covered where a point of the cloud is closer than this [m]."""
 
 INCONSISTENT_BEYOND = 0.03
-"""A point farther than this from every true surface shows something that does not exist, m."""
+"""A point farther than this from every true surface shows something that does not exist [m]."""
 
 _CHUNK = 500
 """Points whose distances to triangles are computed at a time."""
@@ -30,7 +30,7 @@ class TrueSurfaces:
     Attributes:
         solids: Primitives.
         poses: Pose X_WF of each primitive's frame.
-        triangles: (T, 3, 3), m, in W: the corners of all meshes' triangles.
+        triangles: (T, 3, 3) [m], in W: the corners of all meshes' triangles.
     """
 
     solids: Sequence[Solid]
@@ -41,7 +41,7 @@ class TrueSurfaces:
         """Finds the closest point on any surface.
 
         Args:
-            points: (N, 3), m, in W.
+            points: (N, 3) [m], in W.
 
         Returns:
             The closest points (N, 3) and their distances (N,); infinite without any surface.
@@ -75,8 +75,8 @@ class CloudReport:
 
     Attributes:
         points: Their number.
-        rms_error: Root mean square distance of the consistent points from the true surfaces, m.
-        bias: The shift (x, y, z) of the whole cloud in W that explains its errors best, m.
+        rms_error: Root mean square distance of the consistent points from the true surfaces [m].
+        bias: The shift (x, y, z) of the whole cloud in W that explains its errors best [m].
         coverage: Share of the visible true surface within 1 cm of a point.
         outlier_share: Share of points farther than 3 cm from any true surface.
         robot_points: Points that show the robot's own body.
@@ -102,7 +102,7 @@ def evaluate_cloud(
     """Compares a cloud of obstacles with the truth.
 
     Args:
-        points: The cloud (N, 3), m, in W.
+        points: The cloud (N, 3) [m], in W.
         obstacles: The true surfaces of all obstacles.
         visible: Points (M, 3) spread evenly over what is visible of them.
         robot: The robot's true surfaces.
@@ -130,8 +130,8 @@ def best_shift(points: Array, closest: Array) -> tuple[float, float, float]:
     of point-to-plane ICP; a direction in which no surface faces gets none.
 
     Args:
-        points: (N, 3), m.
-        closest: The closest point of the true surface to each (N, 3), m.
+        points: (N, 3) [m].
+        closest: The closest point of the true surface to each (N, 3) [m].
     """
     error = points - closest
     length = np.linalg.norm(error, axis=1)
@@ -172,15 +172,15 @@ def visible_surface(
     """Spreads points evenly over the surfaces that a perfect depth image shows.
 
     Args:
-        depth: Perfect depth image (height, width), m.
+        depth: Perfect depth image (height, width) [m].
         intrinsics: The camera.
         X_WC: Its pose.
         shown: Which pixels count (height, width): those of obstacles.
-        max_range: Farthest distance from the camera that counts, m.
-        spacing: Distance of the points, m; where pixels are sparser, there is one for each.
+        max_range: Farthest distance from the camera that counts [m].
+        spacing: Distance of the points [m]; where pixels are sparser, there is one for each.
 
     Returns:
-        (M, 3), m, in W.
+        (M, 3) [m], in W.
     """
     rays = pixel_rays(intrinsics)
     z = np.where(np.isfinite(depth), depth, 0).astype(np.float32)

@@ -18,7 +18,7 @@ class CloudReport:
 
     points: int = 0
     rms_error: float | None = None
-    """Root mean square distance of the points to the true surfaces, m; None without points."""
+    """Root mean square distance of the points to the true surfaces [m]; None without points."""
     robot_points: int = 0
     """Points that lie on Pepper itself."""
     goal_points: int = 0

@@ -33,7 +33,7 @@ from pepper_drake.planning.reach.replanner import Observation, ReachReplanner
 Vector = npt.NDArray[np.float64]
 
 _NEAR = 0.6
-"""What moves farther from the goal than this is not waited for, m."""
+"""What moves farther from the goal than this is not waited for [m]."""
 
 
 class ReachSupervisor(LeafSystem):
@@ -83,7 +83,7 @@ class ReachSupervisor(LeafSystem):
     `stop_reason` (1; the safety monitor's `StopReason`).
     Outputs: `active` (1), the number of the movement while one runs, else 0; `primitive`,
     `coupling_law` and `X_OG`, abstract, of that movement (see `planning.movement`); `base_goal`
-    (3), NaN for "stay"; `resting_head` (2), head yaw and pitch while the goal is searched for, rad;
+    (3), NaN for "stay"; `resting_head` (2), head yaw and pitch while the goal is searched for [rad];
     `mode` (1), a `ReachMode`; `progress`, the whole `ReachState`.
     State: `ReachState` (abstract), at `time_step`.
     """
@@ -293,7 +293,7 @@ class ReachSupervisor(LeafSystem):
         return same_goal and self._reaction.is_free(plan, seen)
 
     def _hand_distance(self, context: Context, name: str) -> float:
-        """Distance of the hand to the point in T at an input port, m."""
+        """Distance of the hand to the point in T at an input port [m]."""
         p_TH = self._ports["hand_pose"].Eval(context).translation()
         return float(np.linalg.norm(self._ports[name].Eval(context) - p_TH))
 
@@ -314,7 +314,7 @@ class ReachSupervisor(LeafSystem):
         return self._reaction(progress, Observation(seen, predicted_points, velocity, time))
 
     def _coming(self, context: Context, goal: Vector) -> Vector:
-        """Where what moves near the goal will be soon (P, 3), m."""
+        """Where what moves near the goal will be soon (P, 3) [m]."""
         port = self._ports["approaching"]
         if not port.HasValue(context):
             return np.zeros((0, 3))
@@ -391,10 +391,10 @@ def head_search_pattern(time: float) -> Vector:
     """Where the head looks while the goal is searched for.
 
     Args:
-        time: Since the search began, s.
+        time: Since the search began [s].
 
     Returns:
-        Head yaw and pitch (2,), rad: first ahead at the height of tables, then sweeping to the
+        Head yaw and pitch (2,) [rad]: first ahead at the height of tables, then sweeping to the
         left and right, by turns at that height and above it.
     """
     blocked_timeout, sweep, period = 1.5, np.radians(60), 6.0

@@ -11,7 +11,7 @@ Four forms are read; all have one row per sample, separated by white space, `#` 
 - a file `NAME_pose.txt`: time, position, unit quaternion w, x, y, z.
 
 In the ten-column files accelerations, or velocities and accelerations, may be left out: they are
-then derived. Units are s, m, rad.
+then derived. Units are s, m [rad].
 """
 
 from pathlib import Path

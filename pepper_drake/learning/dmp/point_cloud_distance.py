@@ -22,7 +22,7 @@ _ONES = np.ones(3)
 _WITHOUT_TREE = 10
 """Times that all points can be looked at in the time that it takes to build a tree."""
 _VICINITY = 0.2
-"""Points this far around a hand are looked at first, without a tree, m."""
+"""Points this far around a hand are looked at first, without a tree [m]."""
 _BLENDING = 0.006
 
 

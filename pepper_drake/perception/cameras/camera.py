@@ -30,15 +30,15 @@ class CameraIntrinsics:
     """A pinhole camera with Brown-Conrady distortion.
 
     Attributes:
-        width: Image width, pixels.
-        height: Image height, pixels.
-        focal_x: Focal length along image x, pixels.
-        focal_y: Focal length along image y, pixels.
-        center_x: Principal point, pixels; `(width - 1) / 2` is the image's middle.
-        center_y: Principal point, pixels.
+        width: Image width [pixels].
+        height: Image height [pixels].
+        focal_x: Focal length along image x [pixels].
+        focal_y: Focal length along image y [pixels].
+        center_x: Principal point [pixels]; `(width - 1) / 2` is the image's middle.
+        center_y: Principal point [pixels].
         distortion: `(k1, k2, p1, p2, k3)`, in OpenCV's order and meaning.
-        near: Nearest depth that it measures or draws, m.
-        far: Farthest depth that it measures or draws, m.
+        near: Nearest depth that it measures or draws [m].
+        far: Farthest depth that it measures or draws [m].
     """
 
     width: int
@@ -77,12 +77,12 @@ class CameraIntrinsics:
         """Makes a camera of square pixels and centred principal point from its field of view.
 
         Args:
-            width: Image width, pixels.
-            height: Image height, pixels.
-            fov_y: Vertical field of view, rad.
+            width: Image width [pixels].
+            height: Image height [pixels].
+            fov_y: Vertical field of view [rad].
             distortion: `(k1, k2, p1, p2, k3)`.
-            near: Nearest depth, m.
-            far: Farthest depth, m.
+            near: Nearest depth [m].
+            far: Farthest depth [m].
         """
         if not 0 < fov_y < math.pi:
             raise InputError(f"camera: vertical field of view {fov_y} must be within (0, pi).")
@@ -151,7 +151,7 @@ class CameraIntrinsics:
         """Projects points into the image.
 
         Args:
-            p_CP: Points in the camera frame, (..., 3), m.
+            p_CP: Points in the camera frame, (..., 3) [m].
 
         Returns:
             Pixel coordinates (..., 2); NaN for points at or behind the camera.
@@ -172,8 +172,8 @@ class CameraIntrinsics:
         """Tells which points fall into the image, at least `margin` pixels from its border.
 
         Args:
-            p_CP: Points in the camera frame, (..., 3), m.
-            margin: Distance from the border, pixels.
+            p_CP: Points in the camera frame, (..., 3) [m].
+            margin: Distance from the border [pixels].
         """
         uv = self.project(p_CP)
         last = np.array([self.width, self.height]) - 0.5 - margin
@@ -269,8 +269,8 @@ class HeadCamera:
     Attributes:
         name: NAOqi's name; the optical frame is `<name>_optical_frame`.
         intrinsics: The lens and sensor.
-        p_HeadC: Position of the optical centre in the Head frame, m.
-        tilt: Angle by which the camera looks down from the Head's x axis, rad.
+        p_HeadC: Position of the optical centre in the Head frame [m].
+        tilt: Angle by which the camera looks down from the Head's x axis [rad].
     """
 
     name: str

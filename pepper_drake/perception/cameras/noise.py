@@ -37,7 +37,7 @@ class DepthNoise:
     "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", eq. 5).
 
     Attributes:
-        floor: Standard deviation at 0.4 m, m.
+        floor: Standard deviation at 0.4 m [m].
         growth: Growth with the square of the distance, 1/m.
         edge_jump: Smallest step between neighbouring pixels that counts as an edge, as a share
             of the depth.
@@ -54,7 +54,7 @@ class DepthNoise:
     loss: float = 0.002
 
     def sigma(self, depth: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
-        """Standard deviation of a depth reading, m.
+        """Standard deviation of a depth reading [m].
 
         Args:
             depth: Depths, m, any shape.
@@ -150,7 +150,7 @@ def degrade_depth(
     """Makes a perfect depth image look as the real sensor's.
 
     Args:
-        depth: Rendered depths (height, width), m; zero, infinite or NaN where there is none.
+        depth: Rendered depths (height, width) [m]; zero, infinite or NaN where there is none.
         intrinsics: The camera; depths outside its near and far are lost.
         noise: The noise.
         seed: Seed of the camera's noise.

@@ -53,10 +53,10 @@ def paint_texture(
 
     Args:
         image: Rendered image (height, width, channels), without lens.
-        depth: Its perfect depths (height, width), m.
+        depth: Its perfect depths (height, width) [m].
         intrinsics: The camera; its distortion is not applied yet.
         X_WC: Its pose.
-        grain: Size of the finer speckles, m; the coarser ones are three times as large.
+        grain: Size of the finer speckles [m]; the coarser ones are three times as large.
         contrast: By how much of its brightness a surface is darkened at most.
         seed: Seed of the texture.
         painted: Which pixels are painted (height, width); all that show something when left out.
@@ -88,11 +88,11 @@ def project_pattern(
 
     Args:
         image: Rendered image (height, width, channels), without lens.
-        depth: Its perfect depths (height, width), m.
+        depth: Its perfect depths (height, width) [m].
         intrinsics: The camera; its distortion is not applied yet.
         X_WC: Its pose.
         X_WP: The projector's pose, z along its light.
-        grain: Size of the pattern's dots at 1 m, m.
+        grain: Size of the pattern's dots at 1 m [m].
         contrast: By how much of its brightness a surface is darkened at most.
         seed: Seed of the pattern.
     """

@@ -16,10 +16,10 @@ from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.perception.cameras.camera import HeadCamera
 
 P_T_NECK = (-0.038, 0.0, 0.1699)
-"""The point in the torso frame where the axes of HeadYaw and HeadPitch meet, m."""
+"""The point in the torso frame where the axes of HeadYaw and HeadPitch meet [m]."""
 
 HEAD_YAW_LIMIT = 2.08567
-"""Largest HeadYaw to either side, rad."""
+"""Largest HeadYaw to either side [rad]."""
 
 _EDGE = 0.95
 """Offset beyond which nothing is looked at for another camera's sake."""
@@ -63,7 +63,7 @@ def aim_head(camera: HeadCamera, p_TP: npt.ArrayLike) -> Vector:
 
     Args:
         camera: The camera.
-        p_TP: The point in the torso frame (3,), m.
+        p_TP: The point in the torso frame (3,) [m].
 
     Returns:
         (HeadYaw, HeadPitch), rad, in (-pi, pi].
@@ -100,7 +100,7 @@ def image_offset(camera: HeadCamera, head: npt.ArrayLike, p_TP: npt.ArrayLike) -
     Args:
         camera: The camera.
         head: Head angles (2,).
-        p_TP: The point in the torso frame (3,), m.
+        p_TP: The point in the torso frame (3,) [m].
 
     Returns:
         The larger of the two distances along the image's axes, each as a share of half the image,
@@ -145,7 +145,7 @@ def look_at(camera: HeadCamera, p_TP: npt.ArrayLike) -> Gaze:
 
     Args:
         camera: The camera.
-        p_TP: The point in the torso frame (3,), m.
+        p_TP: The point in the torso frame (3,) [m].
     """
     head = clamp_head(aim_head(camera, p_TP))
     offset = image_offset(camera, head, p_TP)
@@ -167,7 +167,7 @@ def choose_camera(
 
     Args:
         cameras: In order of preference.
-        p_TP: The point in the torso frame (3,), m.
+        p_TP: The point in the torso frame (3,) [m].
         current: The camera in use; it is kept until it is worse than `good_offset` by `patience`,
             so that the choice does not flicker.
         good_offset: Offset up to which a camera sees a point well.
@@ -204,9 +204,9 @@ def aim_for_two_cameras(
     Args:
         cameras: One of them has to see the thing.
         other: It should see what is around the thing as well as can be.
-        p_TP: The thing's middle in the torso frame (3,), m.
-        radius: Of the thing, m.
-        aside: By which the other camera should look past the thing, to the left if positive, rad.
+        p_TP: The thing's middle in the torso frame (3,) [m].
+        radius: Of the thing [m].
+        aside: By which the other camera should look past the thing, to the left if positive [rad].
         current: The camera in use; it is kept until another one's view is better by `patience`.
         patience: See `current`.
 
@@ -271,7 +271,7 @@ def step_head_trajectory(
 
     Args:
         head: Head angles (2,).
-        velocity: Their velocities (2,), rad/s.
+        velocity: Their velocities (2,) [rad/s].
         target: Head angles (2,) to reach.
         time_step: s.
         max_velocity: rad/s.

@@ -19,9 +19,9 @@ Vector = npt.NDArray[np.float64]
 
 _NEAREST = 0.3
 """What is nearer to a depth camera than its near limit shows by what it hides; but not if it is
-nearer than this, m."""
+nearer than this [m]."""
 _MOST = 4.0
-"""What was not seen for longer counts no more, s."""
+"""What was not seen for longer counts no more [s]."""
 
 VIEW_POINTS = np.array(
     [
@@ -31,14 +31,14 @@ VIEW_POINTS = np.array(
         for up in (-0.12, 0.0)
     ]
 )
-"""(110, 3) the places around a marked object that count, m: ahead of it as seen from the neck, to
+"""(110, 3) the places around a marked object that count [m]: ahead of it as seen from the neck, to
 its left, and up, for a left arm."""
 _AROUND_THINGS = 0.12
-"""Places so near to something are where it may move, m."""
+"""Places so near to something are where it may move [m]."""
 _EMPTY = 0.25
 """Weight of places with nothing around them against others'."""
 _COMING = np.array([-0.1, 0.3])
-"""From where the hand comes, m: ahead of the object and to its left."""
+"""From where the hand comes [m]: ahead of the object and to its left."""
 
 
 def _weights() -> Vector:
@@ -53,10 +53,10 @@ _WEIGHTS = _weights()
 
 
 def surroundings(p_TP: npt.ArrayLike, side: float) -> Vector:
-    """The places (N, 3) around an object's marker that count, in the torso frame, m.
+    """The places (N, 3) around an object's marker that count, in the torso frame [m].
 
     Args:
-        p_TP: The marker (3,), m.
+        p_TP: The marker (3,) [m].
         side: Of the arm that reaches for it, 1 left or -1 right.
     """
     p_TP = np.asarray(p_TP, dtype=float)
@@ -73,7 +73,7 @@ def visible(camera: HeadCamera, head: npt.ArrayLike, places: Vector) -> npt.NDAr
 
 
 def view_weights(places: Vector, things: Vector) -> Vector:
-    """How much places (N, 3) count: much more where something is that may move, (P, 3), m."""
+    """How much places (N, 3) count: much more where something is that may move, (P, 3) [m]."""
     if not len(things):
         return _WEIGHTS
     far = cKDTree(things).query(places, distance_upper_bound=_AROUND_THINGS)[0]
@@ -93,10 +93,10 @@ def next_best_view(
     Args:
         camera: The depth camera.
         heads: Head angles (2,) to choose from.
-        durations: What each takes, s.
-        places: (N, 3) in the torso frame, m.
+        durations: What each takes [s].
+        places: (N, 3) in the torso frame [m].
         weights: (N,) how much they count.
-        unseen: (N,) for how long each was not seen, s.
+        unseen: (N,) for how long each was not seen [s].
 
     Returns:
         The index of the best.

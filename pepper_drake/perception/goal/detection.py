@@ -35,7 +35,7 @@ class MarkedObject:
 
     Attributes:
         marker_id: The marker's number in its dictionary.
-        marker_size: Side of the marker's black square, m.
+        marker_size: Side of the marker's black square [m].
         X_OM: Pose of the marker (x right, y up, z out of the printed face) on the object. The
             object's z axis is up when the object stands.
         solids: The object's shape in its frame O, to cut it out of clouds.
@@ -85,11 +85,11 @@ def detect_goal(
 
     Args:
         image: RGBA, RGB or grey.
-        time: When it was taken, s.
+        time: When it was taken [s].
         X_WC: The camera's pose at that time.
         intrinsics: The camera.
         marked: The object to look for.
-        p_WM_expected: Where the marker probably is, m: its neighbourhood is searched first, and of
+        p_WM_expected: Where the marker probably is [m]: its neighbourhood is searched first, and of
             several markers with the object's id the one next to it counts.
         R_WO_expected: The object's probable orientation, which decides between poses that look
             alike.

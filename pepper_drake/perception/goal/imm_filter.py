@@ -29,18 +29,18 @@ class GoalFilterParameters:
     Attributes:
         rest_walk: Random walk of a resting goal's position, m/sqrt(s).
         acceleration: White acceleration of a moving goal, m/s^1.5.
-        rest_seconds: Mean time for which a goal stays at rest, s.
-        moving_seconds: Mean time for which a goal keeps moving, s.
+        rest_seconds: Mean time for which a goal stays at rest [s].
+        moving_seconds: Mean time for which a goal keeps moving [s].
         rotation_rest_walk: Random walk of a resting goal's orientation, rad/sqrt(s).
         rotation_moving_walk: Random walk of a moving goal's orientation, rad/sqrt(s).
-        position_floor: Standard deviation added to every position (kinematics, time stamps), m.
-        rotation_floor: Standard deviation added to every orientation, rad.
+        position_floor: Standard deviation added to every position (kinematics, time stamps) [m].
+        rotation_floor: Standard deviation added to every orientation [rad].
         gate: Largest squared Mahalanobis distance of a position from its prediction; 16.3 keeps
             99.9 % of the true ones.
-        rotation_gate: Largest angle between a measured orientation and the track's, rad.
+        rotation_gate: Largest angle between a measured orientation and the track's [rad].
         confirmations: Measurements that must agree before a goal is believed.
         agreement: Measurements agree when they are closer than this, m, beyond their own noise.
-        hold_seconds: For how long a goal that is not seen is still called valid, s.
+        hold_seconds: For how long a goal that is not seen is still called valid [s].
         publish_distance: A goal is handed on anew when it moved by more than this, m, ...
         publish_angle: ... or turned by more than this, rad, ...
         hand_on_improvement: ... or when its standard deviation fell below this share of what it
@@ -70,8 +70,8 @@ class GoalMeasurement:
     """One sight of the marker.
 
     Attributes:
-        time: When the image was taken, s.
-        p_WM: The marker's position, m.
+        time: When the image was taken [s].
+        p_WM: The marker's position [m].
         R_WO: The object's orientation.
         position_covariance: (3, 3), m^2, in W.
         rotation_variance: Variance of the orientation about any axis, rad^2.
@@ -92,7 +92,7 @@ class GoalTrack:
     """What is believed of one goal. Never changed once made.
 
     Attributes:
-        time: Time of the last accepted measurement, s.
+        time: Time of the last accepted measurement [s].
         modes: Means (2, 6) of position and velocity in W, at rest and moving.
         covariances: Their covariances (2, 6, 6).
         probabilities: Probabilities (2,) of the two modes.
@@ -113,12 +113,12 @@ class GoalTrack:
 
     @property
     def p_WM(self) -> Vector:
-        """Position of the marker, m."""
+        """Position of the marker [m]."""
         return self.probabilities @ self.modes[:, :3]
 
     @property
     def velocity(self) -> Vector:
-        """Velocity of the marker in W, m/s."""
+        """Velocity of the marker in W [m/s]."""
         return self.probabilities @ self.modes[:, 3:]
 
     @property
@@ -147,7 +147,7 @@ class GoalState:
         track: The believed goal; None before the first.
         candidate: Measurements that agree with each other but not with the track.
         published: Pose X_WO that was last handed on; None before the first.
-        handed_on_sigma: Standard deviation of its position then, m.
+        handed_on_sigma: Standard deviation of its position then [m].
     """
 
     track: GoalTrack | None = None
@@ -160,7 +160,7 @@ class GoalState:
         return self
 
     def age(self, time: float) -> float:
-        """Time since the goal was last seen, s; infinite before the first."""
+        """Time since the goal was last seen [s]; infinite before the first."""
         return np.inf if self.track is None else time - self.track.time
 
     def is_valid(self, time: float, parameters: GoalFilterParameters) -> bool:
@@ -179,7 +179,7 @@ def update_goal(
     Args:
         state: What was believed before.
         measurement: The new sight of the marker, not older than the last.
-        p_OM: The marker's position on the object (3,), m.
+        p_OM: The marker's position on the object (3,) [m].
         parameters: Noise, gates and thresholds.
 
     Returns:

@@ -50,7 +50,7 @@ class Detection:
 
     @property
     def side(self) -> float:
-        """Length of its shortest side, pixels."""
+        """Length of its shortest side [pixels]."""
         return float(np.linalg.norm(self.corners - np.roll(self.corners, 1, axis=0), axis=1).min())
 
 
@@ -61,7 +61,7 @@ class MarkerPose:
     Attributes:
         X_CM: Pose of the marker in the camera frame.
         reprojection_error: Root mean square distance of the corners, or of the pattern's edges,
-            from where the pose puts them, pixels.
+            from where the pose puts them [pixels].
         covariance: Covariance (6, 6) of rotation (rad, axes of C) and position (m, in C).
         on_edges: Whether the pose was fitted to all edges of the pattern.
     """
@@ -161,9 +161,9 @@ def marker_poses(
 
     Args:
         corners: Pixel coordinates (4, 2) in the order of `Detection.corners`.
-        size: Side of the black square, m.
+        size: Side of the black square [m].
         intrinsics: The camera, with its distortion.
-        corner_sigma: Standard deviation of a corner's coordinate, pixels.
+        corner_sigma: Standard deviation of a corner's coordinate [pixels].
 
     Returns:
         One or two poses; none when no square projects to these corners.
@@ -207,7 +207,7 @@ def refine_poses(
         image: RGBA, RGB or grey image.
         poses: What `marker_poses` returned. The second is left out when it is clearly worse.
         marker_id: The marker's number.
-        size: Side of the black square, m.
+        size: Side of the black square [m].
         intrinsics: The camera.
         dictionary: Name of an OpenCV dictionary.
 
@@ -275,6 +275,6 @@ def _is_better(best: MarkerPose, other: MarkerPose) -> bool:
 
 
 def _angle(R1: RotationMatrix, R2: RotationMatrix) -> float:
-    """Angle between two orientations, rad."""
+    """Angle between two orientations [rad]."""
     cosine = (np.sum(R1.matrix() * R2.matrix()) - 1) / 2
     return float(np.arccos(np.clip(cosine, -1, 1)))

@@ -25,16 +25,16 @@ _OFFSETS = np.linspace(-1, 1, 11)
 """Places along the normal at which the image is read, as shares of the search range."""
 
 _LONGEST_SEARCH = 3.0
-"""Largest search range to either side of an edge, pixels."""
+"""Largest search range to either side of an edge [pixels]."""
 
 _SHORTEST_SEARCH = 0.9
-"""Search range below which neighbouring edges blur into each other, pixels."""
+"""Search range below which neighbouring edges blur into each other [pixels]."""
 
 _SEARCH_SHARE = 0.45
 """Search range as a share of a module: beyond half of it lies the next edge."""
 
 _OUTLIER = 0.6
-"""Edges found farther than this from where the others put them count less, pixels."""
+"""Edges found farther than this from where the others put them count less [pixels]."""
 
 _LEAST_EDGES = 8
 """Edges of modules without which no pose is fitted."""
@@ -43,7 +43,7 @@ _WORST_CONDITION = 1e12
 """Of the normal equations in rad and m; a marker 1 m away has 1e7."""
 
 _LEAST_ERROR = 0.08
-"""Systematic error of an edge, pixels: of lens and sensor, which no residual shows."""
+"""Systematic error of an edge [pixels]: of lens and sensor, which no residual shows."""
 
 _LEAST_CONTRAST = 0.35
 """An edge counts as seen when its contrast is at least this share of the median one."""
@@ -70,7 +70,7 @@ class EdgeFit:
 
     Attributes:
         X_CM: The pose.
-        error: Root mean square distance of the edges from where the pose puts them, pixels.
+        error: Root mean square distance of the edges from where the pose puts them [pixels].
         support: Share of the pattern's edges that were seen.
         covariance: (6, 6) of rotation (rad, axes of C) and position (m, in C).
     """
@@ -125,7 +125,7 @@ def refine_on_edges(
         gray: The image (height, width).
         X_CM: The pose to start from, right within about a pixel.
         edges: The pattern's edges.
-        size: Side of the black square, m.
+        size: Side of the black square [m].
         intrinsics: The camera.
         iterations: Gauss-Newton steps.
 
@@ -202,7 +202,7 @@ def _find_edges(
         gray: The image.
         places: Predicted pixel coordinates (N, 2).
         direction: Image directions (N, 2) from dark to bright.
-        reach: Search range to either side (N,), pixels.
+        reach: Search range to either side (N,) [pixels].
 
     Returns:
         Shift of each edge along its direction (N,), pixels, and which of them were seen (N,).

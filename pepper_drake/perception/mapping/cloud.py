@@ -28,15 +28,15 @@ class CloudParameters:
 
     Attributes:
         stride: Every how many-th pixel is used along both axes, ...
-        largest_spacing: ... but all where the used ones would be this far apart in depth, m.
-        max_range: Farthest distance from the camera, m.
-        floor_height: What lies lower than this in W is floor, m.
+        largest_spacing: ... but all where the used ones would be this far apart in depth [m].
+        max_range: Farthest distance from the camera [m].
+        floor_height: What lies lower than this in W is floor [m].
         flying_slope: Steepest surface, as change of depth over change along the image, that is
             told from a jump between two surfaces.
-        flying_noise: Standard deviation of the depth at 1 m, m; it grows with the square of depth.
+        flying_noise: Standard deviation of the depth at 1 m [m]; it grows with the square of depth.
         flying_neighbours: Least number of the eight neighbouring pixels on the same surface.
-        object_margin: What is closer than this to the goal object belongs to it, m.
-        robot_margin: What is closer than this to the robot's collision shapes belongs to it, m.
+        object_margin: What is closer than this to the goal object belongs to it [m].
+        robot_margin: What is closer than this to the robot's collision shapes belongs to it [m].
     """
 
     stride: int = 2
@@ -55,7 +55,7 @@ class SurfacePoints:
     """Points on surfaces.
 
     Attributes:
-        positions: (N, 3), m, in W.
+        positions: (N, 3) [m], in W.
         normals: (N, 3) of unit length towards the camera, in W; NaN where they are not known.
     """
 
@@ -235,7 +235,7 @@ def remove_solids(
         surface: The points.
         solids: What to remove.
         poses: Pose X_WF of each solid's frame F.
-        margin: Distance up to which points belong to a solid, m.
+        margin: Distance up to which points belong to a solid [m].
     """
     return surface.select(~near_solids(surface.positions, solids, poses, margin))
 

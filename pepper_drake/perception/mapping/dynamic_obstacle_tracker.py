@@ -22,9 +22,9 @@ from pepper_drake.perception.mapping.obstacle_map import ExcludedSolids, Obstacl
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
 
 _APART = 0.5
-"""In less time what moves slowly does not come far enough to be told from noise, s."""
+"""In less time what moves slowly does not come far enough to be told from noise [s]."""
 _HIDDEN = 2.0
-"""How long what was found by what it hides is supposed to be there, s."""
+"""How long what was found by what it hides is supposed to be there [s]."""
 _MOST_VIEWS = 9
 """So many images are held against a new one at most, besides the last."""
 
@@ -36,13 +36,13 @@ class DynamicObstacleTracker:
     Attributes:
         views: Images of late in which something else was to be seen each, the last image last.
         keys: Of the map's voxels, after the last image.
-        seen: The map's voxels that the last image showed: their keys and places (S, 3), in W, m.
-        behind: (B, 3) what would be seen if nothing hid it, in W, m.
+        seen: The map's voxels that the last image showed: their keys and places (S, 3), in W [m].
+        behind: (B, 3) what would be seen if nothing hid it, in W [m].
         things: What moves.
         visitors: Keys of the map's voxels that came where nothing had been.
         hidden: (H, 3) where something too near to be measured was lately, in W, m, and when (H,),
             s.
-        expected: (Q, 3) where what moves may be soon, in W, m.
+        expected: (Q, 3) where what moves may be soon, in W [m].
     """
 
     views: tuple[DepthFrame, ...] = ()
@@ -75,7 +75,7 @@ def update_tracker(
         view: The image.
         ignored: What is no obstacle, where it was at that time.
         parameters: How obstacles are seen and remembered.
-        table: Height of what things stand on, in W, m.
+        table: Height of what things stand on, in W [m].
 
     Returns:
         What is known now, and the map without what came, was not seen for long, and has most likely

@@ -36,7 +36,7 @@ _LIKE = 0.15
 _REGISTRATIONS = 4
 """Steps in which a surface is registered with what it was."""
 _ALIKE = 0.02
-"""Surfaces that are the same lie at most so far apart, then, by half of their points, m."""
+"""Surfaces that are the same lie at most so far apart, then, by half of their points [m]."""
 _SLUGGISHNESS = 0.02
 """Weight of resting against one point's moving: where its shape does not tell, it does not."""
 
@@ -46,18 +46,18 @@ class ApproachParameters:
     """How what moves is followed.
 
     Attributes:
-        spacing: Of the points that are kept of it, m.
-        gap: Points of one thing have neighbours nearer than this, m.
+        spacing: Of the points that are kept of it [m].
+        gap: Points of one thing have neighbours nearer than this [m].
         least_points: Fewer are noise.
         least_rest: Fewer points tell nothing of where what they belong to came from.
-        fastest: Nothing is thought to be faster, m/s.
-        horizon: How far its motion is thought on from the image, s: the age at which the image is
+        fastest: Nothing is thought to be faster [m/s].
+        horizon: How far its motion is thought on from the image [s]: the age at which the image is
             acted upon, the period, and the time in which an arm brakes.
-        slowest: What seems to be slower than this stands, as far as can be told, m/s.
-        likely: What moves is thought to become at least as fast as this, m/s.
-        onward: For how long what was lost from sight is supposed to have gone on, s.
-        memory: How long what was lost from sight is supposed to be there, s.
-        visit: How long what came is supposed to be where it is not seen any more, s.
+        slowest: What seems to be slower than this stands, as far as can be told [m/s].
+        likely: What moves is thought to become at least as fast as this [m/s].
+        onward: For how long what was lost from sight is supposed to have gone on [s].
+        memory: How long what was lost from sight is supposed to be there [s].
+        visit: How long what came is supposed to be where it is not seen any more [s].
         contradicted: With this share of where it was seen to be empty, a thing has gone.
     """
 
@@ -80,9 +80,9 @@ class TrackedObstacle:
     """The front of something that moves.
 
     Attributes:
-        points: (N, 3) where it came between two images, in W, m.
+        points: (N, 3) where it came between two images, in W [m].
         velocity: (3,) m/s; zero until it is known.
-        seen: When it was seen last, s.
+        seen: When it was seen last [s].
     """
 
     points: Points
@@ -137,10 +137,10 @@ class NewPoints:
     """What an image shows where the ones before it looked through, and what they showed.
 
     Attributes:
-        points: (P, 3) where something came, in W, m.
+        points: (P, 3) where something came, in W [m].
         normals: (P, 3) of its surface, of unit length; zero where unknown.
-        left: (L, 3) where something was in the image before and is not any more, m.
-        since: When that image was taken, s.
+        left: (L, 3) where something was in the image before and is not any more [m].
+        since: When that image was taken [s].
     """
 
     points: Points
@@ -169,7 +169,7 @@ def associate(
         now: The image.
         memory: Margins at which an image counts as looking through a place.
         parameters: How things are followed.
-        seen: (S, 3) all that the image shows of things, in W, m.
+        seen: (S, 3) all that the image shows of things, in W [m].
 
     Returns:
         What is known now.
@@ -209,14 +209,14 @@ def predict_occupancy(
     memory: VoxelMapParameters,
     parameters: ApproachParameters,
 ) -> npt.NDArray[np.float64]:
-    """Points (Q, 3) at which things that move may be soon, in W, m.
+    """Points (Q, 3) at which things that move may be soon, in W [m].
 
     What the last image sees to be empty is still to be come to by what was seen in that image; what
     was lost from sight before is not there.
 
     Args:
         things: That move.
-        veil: (P, 3) where something too near to be measured may be now, m.
+        veil: (P, 3) where something too near to be measured may be now [m].
         now: The last image.
         memory: Margins at which an image counts as looking through a place.
         parameters: How far motion is thought on.
@@ -250,7 +250,7 @@ def estimate_velocity(
 
     Args:
         front: What came; of one thing.
-        time: Of the image, s.
+        time: Of the image [s].
         parameters: The largest speed.
 
     Returns:

@@ -23,23 +23,23 @@ Points = npt.NDArray[np.floating]
 _HOLE = 7
 """Edge of the square of pixels that have to have measured nothing, all of them."""
 _BEYOND = 0.05
-"""What is hidden is farther than the near limit by this, m."""
+"""What is hidden is farther than the near limit by this [m]."""
 _PITCH = 6
 """One ray of each square of so many pixels is enough."""
 _FARTHEST = 3.0
-"""What is farther is no backdrop, m."""
+"""What is farther is no backdrop [m]."""
 _GRAIN = 0.03
-"""Of the backdrop, m."""
+"""Of the backdrop [m]."""
 _STEP = 0.02
-"""Between points on a ray, m."""
+"""Between points on a ray [m]."""
 _NEAREST, _LIKELY = 0.15, 0.25
-"""Nothing is nearer to the camera than the first, and most likely not than the second, m."""
+"""Nothing is nearer to the camera than the first, and most likely not than the second [m]."""
 _MARGIN = 0.03
-"""So far beyond the near limit a ray is followed, m."""
+"""So far beyond the near limit a ray is followed [m]."""
 _AROUND_KNOWN = 0.05
-"""What passes by a known thing by less may be hidden by it: of that one side is known only, m."""
+"""What passes by a known thing by less may be hidden by it: of that one side is known only [m]."""
 ON_TABLE = 0.02
-"""What is no higher above the table is the table: of that there is no other side, m."""
+"""What is no higher above the table is the table: of that there is no other side [m]."""
 _LEAST_RAYS = 4
 """Fewer are noise."""
 
@@ -53,7 +53,7 @@ def background_points(
     """What is to be seen when nothing hides it: all surfaces, floor and robot's table alike.
 
     Args:
-        before: (P, 3) the backdrop before this image, in W, m.
+        before: (P, 3) the backdrop before this image, in W [m].
         depth: Depth image (height, width), m, 0 where nothing was measured.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
@@ -89,13 +89,13 @@ def occluded_points(
     """Finds where something may be that is too near to be measured.
 
     Args:
-        behind: (B, 3) what would be seen if nothing hid it, in W, m; the floor, z = 0, at latest.
-        known: (P, 3) points on known obstacles, in W, m.
+        behind: (B, 3) what would be seen if nothing hid it, in W [m]; the floor, z = 0, at latest.
+        known: (P, 3) points on known obstacles, in W [m].
         depth: Depth image (height, width), m, 0 where nothing was measured.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
         ignored: The robot and the goal object, where they were.
-        table: Height of what things stand on, in W, m.
+        table: Height of what things stand on, in W [m].
 
     Returns:
         (Q, 3) points in W, m, on the rays through such holes, up to the near limit; none for an
@@ -133,7 +133,7 @@ def occluded_points(
 
 
 def _floor(intrinsics: CameraIntrinsics, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
-    """Where the image's rays meet the floor (N, 3), z = 0 in W, if nothing is in between, m."""
+    """Where the image's rays meet the floor (N, 3), z = 0 in W, if nothing is in between [m]."""
     rays_C = pixel_rays(intrinsics, _PITCH).reshape(-1, 3).astype(float)
     rays_W = rays_C @ X_WC.rotation().matrix().T
     p_WC = X_WC.translation()
@@ -145,7 +145,7 @@ def _floor(intrinsics: CameraIntrinsics, X_WC: RigidTransform) -> npt.NDArray[np
 
 
 def _in_camera(p_W: Points, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
-    """Points (N, 3) of W in the camera frame, m."""
+    """Points (N, 3) of W in the camera frame [m]."""
     p_C = (np.asarray(p_W, dtype=float) - X_WC.translation()) @ X_WC.rotation().matrix()
     return np.asarray(p_C)
 

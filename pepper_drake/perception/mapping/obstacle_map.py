@@ -32,7 +32,7 @@ class ExcludedSolids:
     Attributes:
         solids: The solids.
         poses: Pose X_WF of each solid's frame.
-        margin: Points closer than this belong to them, m.
+        margin: Points closer than this belong to them [m].
         keep_known_voxels: Whether points remembered within the margin, but not inside the solids,
             are kept: the hand must not forget an obstacle because it comes close to it.
     """
@@ -75,7 +75,7 @@ def update_obstacles(
     Args:
         voxels: What was remembered before.
         image: Depth image, see `depth_in_metres`; one without any measurement changes nothing.
-        time: When it was taken, s.
+        time: When it was taken [s].
         X_WC: The camera's pose at that time.
         intrinsics: The camera.
         ignored: What is no obstacle, where it was at that time.

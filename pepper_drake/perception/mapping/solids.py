@@ -41,7 +41,7 @@ class Solid:
 
     @functools.cached_property
     def bounding_radius(self) -> float:
-        """Radius of the smallest ball around the origin of S that holds the solid, m."""
+        """Radius of the smallest ball around the origin of S that holds the solid [m]."""
         shape = self.shape
         if isinstance(shape, Box):
             return float(np.linalg.norm(shape.size())) / 2
@@ -55,10 +55,10 @@ class Solid:
         """Computes the signed distance of points to the surface, negative inside.
 
         Args:
-            p_S: Points (N, 3) in the solid's own frame, m.
+            p_S: Points (N, 3) in the solid's own frame [m].
 
         Returns:
-            (N,), m.
+            (N,) [m].
         """
         shape = self.shape
         if isinstance(shape, Sphere):
@@ -86,7 +86,7 @@ def near_solids(
     """Tells which points are in any of several solids, or closer to it than a margin.
 
     Args:
-        p_W: Points (N, 3), m.
+        p_W: Points (N, 3) [m].
         solids: The solids.
         poses: Pose X_WF of each solid's frame F.
         margin: m; negative to tell only what lies that deep inside.

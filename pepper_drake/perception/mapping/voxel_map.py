@@ -32,7 +32,7 @@ class VoxelMapParameters:
     """How the map remembers.
 
     Attributes:
-        voxel_size: Edge of a voxel, m.
+        voxel_size: Edge of a voxel [m].
         hit: What a frame with a point in the voxel adds to its score.
         miss: What a frame that looks through the voxel takes from its score.
         doubt: What a frame takes that sees the voxel's surface, but no point in the voxel: so go
@@ -40,9 +40,9 @@ class VoxelMapParameters:
         max_score: Highest score: it decides how long a voxel outlives its object.
         carve_margin: A voxel is looked through when what is seen there is this much farther away,
             m; beside it, three standard deviations of the depth noise.
-        depth_noise: Standard deviation of the depth at 1 m, m; it grows with the square of depth.
-        max_age: Voxels not hit for this long are forgotten, s.
-        max_distance: Voxels farther than this from the camera are forgotten, m.
+        depth_noise: Standard deviation of the depth at 1 m [m]; it grows with the square of depth.
+        max_age: Voxels not hit for this long are forgotten [s].
+        max_distance: Voxels farther than this from the camera are forgotten [m].
     """
 
     voxel_size: float = 0.0125
@@ -66,11 +66,11 @@ class VoxelMap:
 
     Attributes:
         keys: (N,) int64, the voxel's place in the world's grid.
-        positions: (N, 3) float32, mean of its points in W, m.
+        positions: (N, 3) float32, mean of its points in W [m].
         normals: (N, 3) float32, sum of its points' normals, not normalised; zero if unknown.
         weights: (N,) float32, points behind the mean.
         scores: (N,) int16, hits less misses; all positive.
-        hit_times: (N,) when last hit, s.
+        hit_times: (N,) when last hit [s].
     """
 
     keys: npt.NDArray[np.int64]
@@ -138,7 +138,7 @@ def add_points(
     Args:
         voxels: The map.
         surface: The frame's points.
-        time: When the frame was taken, s.
+        time: When the frame was taken [s].
         parameters: Voxel size and scores.
     """
     if len(surface.positions) == 0:
@@ -195,7 +195,7 @@ def sees_free_space(
     clearly farther away.
 
     Args:
-        p_W: The places (N, 3), m.
+        p_W: The places (N, 3) [m].
         depth: Depth image (height, width), m, 0 where nothing was measured.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
@@ -210,7 +210,7 @@ def sees_free_space(
 def minimum_depth(
     depth: npt.NDArray[np.float32], intrinsics: CameraIntrinsics, width: int = 3
 ) -> npt.NDArray[np.float32]:
-    """The least depth that was measured around each pixel, m; 0 where too little was measured.
+    """The least depth that was measured around each pixel [m]; 0 where too little was measured.
 
     Args:
         depth: Depth image (height, width), m, 0 where nothing was measured.
@@ -266,7 +266,7 @@ def carve_free_space(
         depth: Depth image (height, width), m, 0 where nothing was measured.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
-        time: When the image was taken, s.
+        time: When the image was taken [s].
         parameters: Scores and margins.
         spared: Voxels (N,) in which no points were looked for, so that having none means nothing.
 

@@ -27,7 +27,7 @@ STEREO_BASELINE = 0.078
 middle."""
 
 _EYE = (0.05138, 0.1194)
-"""Where the eyes are in the Head frame along x and z, m: there is the depth camera of others."""
+"""Where the eyes are in the Head frame along x and z [m]: there is the depth camera of others."""
 
 
 def make_stereo_cameras(
@@ -38,7 +38,7 @@ def make_stereo_cameras(
     """Returns the left and the right camera: 1280x720, 60 degrees high, side by side.
 
     Args:
-        baseline: Distance of the two, m.
+        baseline: Distance of the two [m].
         distortion: Of both lenses.
     """
     if not baseline > 0:
@@ -62,7 +62,7 @@ class Rectification:
         right_maps: For `cv2.remap` of the right image.
         intrinsics: Of the rectified left camera, without distortion.
         baseline: m.
-        offset: Disparity of a point infinitely far away, pixels: the difference of the two
+        offset: Disparity of a point infinitely far away [pixels]: the difference of the two
             principal points.
         R_CLeftRect: Orientation of the rectified left camera in the left one.
     """
@@ -84,14 +84,14 @@ class StereoParameters:
     """Semi-global matching (Hirschmueller 2008, doi:10.1109/TPAMI.2007.1166) and what it sees.
 
     Attributes:
-        nearest: Nearest distance that can be matched, m: it decides the range of disparities.
-        farthest: Farthest distance that is kept, m.
+        nearest: Nearest distance that can be matched [m]: it decides the range of disparities.
+        farthest: Farthest distance that is kept [m].
         block: Edge of the compared blocks, pixels, odd.
         uniqueness: By how many percent the best match must beat the second.
         speckle_size: Regions of fewer pixels are dropped as mismatches.
-        left_right: Largest disagreement of the matches from left and right, pixels.
+        left_right: Largest disagreement of the matches from left and right [pixels].
         least_texture: Smallest standard deviation of grey in a block that can be matched.
-        body_margin: By how much the robot's shapes are grown where they mask the image, m.
+        body_margin: By how much the robot's shapes are grown where they mask the image [m].
     """
 
     nearest: float = 0.35
@@ -199,7 +199,7 @@ def match(
         parameters: Of the matching.
 
     Returns:
-        Disparities (height, width), pixels; 0 where none was found, where the image has too little
+        Disparities (height, width) [pixels]; 0 where none was found, where the image has too little
         texture to believe one, and beyond the nearest and farthest distance.
     """
     reach = rectification.intrinsics.focal_x * rectification.baseline
@@ -276,7 +276,7 @@ def disparity_to_depth(disparity: Array, rectification: Rectification) -> Array:
         rectification: Of the cameras.
 
     Returns:
-        Depth image of the rectified left camera (height, width), m.
+        Depth image of the rectified left camera (height, width) [m].
     """
     reach = rectification.intrinsics.focal_x * rectification.baseline
     shifted = disparity - np.float32(rectification.offset)

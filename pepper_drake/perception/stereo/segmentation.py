@@ -29,7 +29,7 @@ class SegmentationParameters:
             the camera has baseline / h.
         slope_window: Edge of the window in which that is measured, pixels, odd.
         smallest: Things of fewer pixels are mismatches.
-        closing: Holes narrower than this are closed before things are told apart, pixels.
+        closing: Holes narrower than this are closed before things are told apart [pixels].
     """
 
     jump: float = 2.0
@@ -99,7 +99,7 @@ def body_mask(
         poses: Pose X_WF of each solid's frame F.
         X_WC: The camera's pose.
         intrinsics: The camera.
-        margin: By how much the solids are grown, m.
+        margin: By how much the solids are grown [m].
 
     Returns:
         (height, width): the pixels that the robot covers, and those that it might.

@@ -18,12 +18,12 @@ from pepper_drake.planning.collision.sphere_model import SphereModel
 Vector = npt.NDArray[np.float64]
 
 GRID_SPACING = 0.02
-"""Of the distance grid, m."""
+"""Of the distance grid [m]."""
 GRID_CAP = 0.08
-"""Distances beyond this are all the same, m: twice a sphere's radius."""
+"""Distances beyond this are all the same [m]: twice a sphere's radius."""
 
 FAR = 0.15
-"""Clearances beyond this do not matter, m."""
+"""Clearances beyond this do not matter [m]."""
 
 CLOUD, CLOUD_AND_BODY = 0, 1
 """The grid's layers."""
@@ -47,7 +47,7 @@ class ArmCollisionChecker:
         object_field: The goal object's surface, in T.
         body_layer: Gives the distance (N,) of the body at the nodes of `arm_region`, m (see
             `sample_body`), if it is asked for.
-        body_allowance: How much nearer than obstacles the body may be, m.
+        body_allowance: How much nearer than obstacles the body may be [m].
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class ArmCollisionChecker:
         self._watched = self_collision_spheres(kinematics.spheres)
 
     def clearances(self, joints: Vector) -> Vector:
-        """Least distance (N,) of the arm at joints (N, 5) to what was seen, m.
+        """Least distance (N,) of the arm at joints (N, 5) to what was seen [m].
 
         Beyond `FAR` it is infinite.
         """
@@ -103,7 +103,7 @@ class ArmCollisionChecker:
         return spheres.selected(kept), layers
 
     def approximate_distances(self, joints: Vector) -> npt.NDArray[np.float32]:
-        """Distances (S', N) of the spheres below the upper arm, from the grid, m.
+        """Distances (S', N) of the spheres below the upper arm, from the grid [m].
 
         Within a few millimetres of the truth, and at most `GRID_CAP` less the sphere's radius;
         forearm and hand see the body, too, `body_allowance` farther away than it is.
@@ -123,5 +123,5 @@ class ArmCollisionChecker:
 
 
 def sample_body(arm: str, body: SolidSet) -> Vector:
-    """Distance (N,) of the robot's body at the nodes of `arm_region`, at most `GRID_CAP`, m."""
+    """Distance (N,) of the robot's body at the nodes of `arm_region`, at most `GRID_CAP` [m]."""
     return body.distance(arm_region(arm).nodes(), cap=GRID_CAP)

@@ -46,7 +46,7 @@ class ArmGeometry:
         return self._scratch.context
 
     def hand_pose(self, joint_position: Vector) -> RigidTransform:
-        """X_TH for the arm's joints (5,), rad."""
+        """X_TH for the arm's joints (5,) [rad]."""
         context = self._context()
         q = np.zeros(self._model.plant.num_positions())
         q[self._index] = joint_position
@@ -54,7 +54,7 @@ class ArmGeometry:
         return self._hand.CalcPose(context, self._torso)
 
     def sphere_centers(self, joint_positions: Vector) -> Vector:
-        """Centres (N, S, 3) of the spheres in T, m, for joints (N, 5), rad."""
+        """Centres (N, S, 3) of the spheres in T, m, for joints (N, 5) [rad]."""
         poses = self.kinematics.poses(joint_positions)
         return self.kinematics.sphere_centers(poses).transpose(2, 1, 0)
 

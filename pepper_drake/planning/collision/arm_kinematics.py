@@ -33,7 +33,7 @@ class _Joint:
 
     Attributes:
         R: Columns of the rotation of its frame in its parent link; None for no rotation.
-        p: The origin of its frame there, m.
+        p: The origin of its frame there [m].
         axis: Which coordinate axis it turns about, and the sense, 1 or -1.
     """
 
@@ -46,11 +46,11 @@ class ArmPoses:
     """Where an arm is, at M joint positions.
 
     Attributes:
-        hand_position: (M, 3) p_TH, m.
+        hand_position: (M, 3) p_TH [m].
         hand_rotation: (M, 3, 3) R_TH.
         links: Rotation (3, 3, M) and position (3, M) in T of each link with spheres.
         axes: (5, 3, M) the joints' axes in T.
-        origins: (5, 3, M) a point on each axis in T, m.
+        origins: (5, 3, M) a point on each axis in T [m].
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class ArmPoses:
 
     @property
     def hand_position(self) -> Vector:
-        """(M, 3) p_TH, m."""
+        """(M, 3) p_TH [m]."""
         return self._hand_p.T
 
     @property
@@ -126,7 +126,7 @@ class ArmKinematics:
         self._hand = _columns(X_LH.rotation().matrix()), _terms(X_LH.translation())
 
     def poses(self, joints: Vector) -> ArmPoses:
-        """Where the arm is at joints (M, 5), rad."""
+        """Where the arm is at joints (M, 5) [rad]."""
         q = np.asarray(joints)
         count = len(q)
         cos, sin = np.cos(q.T), np.sin(q.T)
@@ -148,7 +148,7 @@ class ArmKinematics:
         return ArmPoses(links, axes, origins, (_times(R, R_LH), p + _rotate(R, p_LH)))
 
     def sphere_centers(self, poses: ArmPoses, spheres: SphereModel | None = None) -> Vector:
-        """Centres (3, S, M) of spheres on the arm's links in T, m; the arm's own if left out."""
+        """Centres (3, S, M) of spheres on the arm's links in T [m]; the arm's own if left out."""
         spheres = self.spheres if spheres is None else spheres
         count = poses.axes.shape[-1]
         centers = np.empty((3, len(spheres.radii), count))

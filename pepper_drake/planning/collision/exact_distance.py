@@ -13,7 +13,7 @@ from pepper_drake.planning.collision.arm_kinematics import ArmKinematics, ArmPos
 Vector = npt.NDArray[np.float64]
 
 NEAR = 0.03
-"""Clearances below this are exact; those above are the spheres', which bulge by 14 mm, m."""
+"""Clearances below this are exact; those above are the spheres', which bulge by 14 mm [m]."""
 
 
 class ExactDistance:
@@ -44,13 +44,13 @@ class ExactDistance:
         X_FT: RigidTransform | None = None,
         within: float = np.inf,
     ) -> Vector:
-        """Least distance (N,) of the arm to the obstacles of a field, m.
+        """Least distance (N,) of the arm to the obstacles of a field [m].
 
         Args:
             joints: (N, 5) rad.
             field: In a frame F.
             X_FT: The torso's pose in F; left out, F is T.
-            within: An arm that is farther away than this is infinitely far, m.
+            within: An arm that is farther away than this is infinitely far [m].
         """
         X_FT = RigidTransform() if X_FT is None else X_FT
         R_FT, p_FT = X_FT.rotation().matrix(), X_FT.translation()

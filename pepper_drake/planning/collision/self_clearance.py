@@ -59,11 +59,11 @@ class SelfClearance:
         )
 
     def __call__(self, context: Context, joint_positions: Vector) -> Vector:
-        """Least signed distance at each of the arm's joint positions, m.
+        """Least signed distance at each of the arm's joint positions [m].
 
         Args:
             context: Of the model's plant, with the body's joints set; its arm does not matter.
-            joint_positions: (N, 5) the arm's, rad.
+            joint_positions: (N, 5) the arm's [rad].
 
         Returns:
             (N,). The spheres bulge out of the arm's shapes: a hand that hangs beside the body, a

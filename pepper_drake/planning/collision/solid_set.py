@@ -50,7 +50,7 @@ def sample_surface(solids: Sequence[Solid], spacing: float = 0.01) -> Vector:
 
     Args:
         solids: Boxes and cylinders with their poses X_FS.
-        spacing: Between points at most, m.
+        spacing: Between points at most [m].
     """
     points = [np.zeros((0, 3))]
     for solid in solids:

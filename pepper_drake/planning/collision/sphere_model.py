@@ -12,7 +12,7 @@ from pepper_drake.models.control_model import ControlModel
 Vector = npt.NDArray[np.float64]
 
 _CELL = 0.045
-"""Largest side of the cells into which a shape is cut, m."""
+"""Largest side of the cells into which a shape is cut [m]."""
 _ROUNDING = 0.9
 """Sphere radius over half a cell's diagonal: leaves the shape's sharp corners out."""
 
@@ -33,7 +33,7 @@ class SphereModel:
     Attributes:
         link_names: One name a link, L of them.
         link: (S,) index of each sphere's link.
-        centers: (S, 3) in the link's frame, m.
+        centers: (S, 3) in the link's frame [m].
         radii: (S,) m.
     """
 
@@ -53,10 +53,10 @@ class SphereModel:
 
         Args:
             R_TL: (..., L, 3, 3) orientations of the links.
-            p_TL: (..., L, 3) positions of the links, m.
+            p_TL: (..., L, 3) positions of the links [m].
 
         Returns:
-            (..., S, 3), m.
+            (..., S, 3) [m].
         """
         R = R_TL[..., self.link, :, :]
         return np.einsum("...ij,...j->...i", R, self.centers) + p_TL[..., self.link, :]
@@ -77,7 +77,7 @@ def approximate_with_spheres(shape: Shape) -> tuple[Vector, Vector]:
         shape: A Sphere, Capsule or Cylinder along z, or Box.
 
     Returns:
-        Centres (S, 3) in the shape's frame and radii (S,), m.
+        Centres (S, 3) in the shape's frame and radii (S,) [m].
     """
     if isinstance(shape, Sphere):
         return np.zeros((1, 3)), np.array([shape.radius()])

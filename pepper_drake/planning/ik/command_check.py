@@ -42,11 +42,11 @@ def check_command(
     """Checks a joint command against the one before it.
 
     Args:
-        command: Joint positions (n,), rad.
-        previous: The command of the tick before (n,), rad.
+        command: Joint positions (n,) [rad].
+        previous: The command of the tick before (n,) [rad].
         limits: Of the same joints.
-        time_step: Time between the two, s.
-        tolerance: Rounding allowed to positions, rad.
+        time_step: Time between the two [s].
+        tolerance: Rounding allowed to positions [rad].
 
     Returns:
         `StopReason.NONE` when the command is finite, inside the position limits and no farther

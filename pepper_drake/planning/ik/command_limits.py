@@ -31,8 +31,8 @@ def limit_joint_command(
 
     Args:
         position: Present command (5,), rad, shoulder to wrist.
-        velocity: Present velocity of the command (5,), rad/s.
-        desired_velocity: What the inverse kinematics asks for (5,), rad/s.
+        velocity: Present velocity of the command (5,) [rad/s].
+        desired_velocity: What the inverse kinematics asks for (5,) [rad/s].
         arm: "left" or "right".
         limits: Of the five joints.
         time_step: s.

@@ -34,11 +34,11 @@ class DifferentialIkParams:
     """
 
     time_step: float = CONTROL_PERIOD
-    """Period of the controller, s."""
+    """Period of the controller [s]."""
     position_weight: float = 2e4
     orientation_weight: float = 10.0
     posture_gain: float = 5.0
-    """Pull to the nominal posture, 1/s."""
+    """Pull to the nominal posture [1/s]."""
     tracking_rate: float = 40.0
     """Rate at which the hand's pose error is made up for, 1/s. The hand's velocity is fed forward
     besides, so that this costs no lag; much faster, the acceleration limits of the joint commands
@@ -46,13 +46,13 @@ class DifferentialIkParams:
     speed_fraction: float = 0.5
     """Share of the rated joint velocities that may be used."""
     limit_margin: float = 1e-3
-    """Distance to a position limit at which motion towards it ends, rad."""
+    """Distance to a position limit at which motion towards it ends [rad]."""
     limit_influence: float = 0.1
-    """Distance to a position limit from which on motion towards it is slowed, rad."""
+    """Distance to a position limit from which on motion towards it is slowed [rad]."""
     linear_velocity_limit: float = 1.0
-    """Per axis of the torso frame, m/s."""
+    """Per axis of the torso frame [m/s]."""
     angular_velocity_limit: float = 3.0
-    """Per axis of the torso frame, rad/s."""
+    """Per axis of the torso frame [rad/s]."""
 
     @property
     def tracking_gain(self) -> float:
@@ -77,7 +77,7 @@ def feedforward_pose(
     that is the path's own velocity (X_next - X_now) / dt, and gain times the present error.
 
     Args:
-        position: (3,) where the hand should be now, m, in T.
+        position: (3,) where the hand should be now [m], in T.
         next_position: (3,) where it should be one tick later.
         rotation: (4,) its orientation now, unit quaternion w, x, y, z.
         next_rotation: (4,) the same one tick later.

@@ -19,7 +19,7 @@ _SEED = 1
 _DAMPING = 0.01
 """Of the least-squares steps, m/rad."""
 _LARGEST_STEP = 0.3
-"""Of a joint in one step, rad."""
+"""Of a joint in one step [rad]."""
 
 
 class GoalConfigurations:
@@ -27,7 +27,7 @@ class GoalConfigurations:
 
     Args:
         kinematics: Of the arm.
-        lower: (5,) limits of its joints, rad.
+        lower: (5,) limits of its joints [rad].
         upper: (5,) rad.
     """
 

@@ -11,9 +11,9 @@ from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 Vector = npt.NDArray[np.float64]
 
 _TRIED = np.arange(0.12, -0.081, -0.005)
-"""Distances kept by the barrier, the greatest first, m."""
+"""Distances kept by the barrier, the greatest first [m]."""
 _SPARE = 0.003
-"""How much less than the path would allow is kept, m: the hand does not follow it exactly."""
+"""How much less than the path would allow is kept [m]: the hand does not follow it exactly."""
 
 
 def fit_barrier_to_path(
@@ -34,7 +34,7 @@ def fit_barrier_to_path(
     Args:
         coupling: The barrier otherwise used; its hand never becomes larger.
         field: What it knows of obstacles, in the frame of the path.
-        positions: (N, 3) of the hand, the last one its goal, m.
+        positions: (N, 3) of the hand, the last one its goal [m].
         velocities: (N, 3) m/s.
         accelerations: (N, 3) m/s².
 

@@ -28,7 +28,7 @@ class BasePlacement:
         model: Pepper.
         arm: "left" or "right".
         X_OG: The hand's pre-grasp pose in the goal object's frame.
-        shown_goal: (3,) where the demonstration ended, in T, m.
+        shown_goal: (3,) where the demonstration ended, in T [m].
         params: What counts as good.
     """
 
@@ -146,7 +146,7 @@ class BasePlacement:
     def body_clearances(
         self, base_poses: Vector, joint_position: Vector, field: PointCloudDistance
     ) -> Vector:
-        """Least distance (N,) of the body to the obstacles for base poses (N, 3), m."""
+        """Least distance (N,) of the body to the obstacles for base poses (N, 3) [m]."""
         plant, context = self._model.plant, self._model.create_context()
         plant.SetPositions(context, self._model.positions(joint_position, np.zeros(3)))
         frames = [plant.GetFrameByName(name) for name in self._body_spheres.link_names]

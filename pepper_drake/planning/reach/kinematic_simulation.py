@@ -24,16 +24,16 @@ from pepper_drake.planning.reach.movement import Movement
 Vector = npt.NDArray[np.float64]
 
 _STILL = 0.02
-"""Joint speed below which the arm counts as standing, rad/s."""
+"""Joint speed below which the arm counts as standing [rad/s]."""
 
 
 class HandPath(NamedTuple):
     """Where a movement wants the hand and the joints, every time step.
 
     Attributes:
-        positions: (N, 3) in T, m.
+        positions: (N, 3) in T [m].
         rotations: (N, 4) unit quaternions w, x, y, z.
-        joints: (N, 5) nominal, rad.
+        joints: (N, 5) nominal [rad].
         ends: Index of the sample at which the motion itself ends; from there on it settles.
     """
 
@@ -44,7 +44,7 @@ class HandPath(NamedTuple):
 
 
 class ArmState(NamedTuple):
-    """Command of the arm's joints (5,), rad, and its velocity (5,), rad/s."""
+    """Command of the arm's joints (5,), rad, and its velocity (5,) [rad/s]."""
 
     position: Vector
     velocity: Vector
@@ -90,7 +90,7 @@ class KinematicSimulator:
             start: Of the arm.
             X_TG: The hand's goal.
             field: The obstacles that the coupling knows, in T.
-            duration: tau, s; the primitive's if left out.
+            duration: tau [s]; the primitive's if left out.
         """
         X_TH = self._geometry.hand_pose(start.position)
         velocity = np.zeros(3)

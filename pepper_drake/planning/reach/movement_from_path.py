@@ -31,8 +31,8 @@ def fit_primitive_to_joint_path(
 
     Args:
         kinematics: Of the arm.
-        joints: (N, 5) at even times, rad.
-        duration: Of the path, s; the primitive's is a little longer, as it rests at its end.
+        joints: (N, 5) at even times [rad].
+        duration: Of the path [s]; the primitive's is a little longer, as it rests at its end.
         name: Of the primitive.
     """
     s = np.linspace(0.0, 1.0, len(joints))
@@ -62,7 +62,7 @@ def reachable_pre_grasp(
         X_OG: The pre-grasp pose as it was.
         X_TO: The goal object's pose.
         kinematics: Of the arm.
-        joints: (5,) at the goal, rad.
+        joints: (5,) at the goal [rad].
     """
     R_TH = kinematics.poses(joints[None]).hand_rotation[0]
     R_OH = X_TO.rotation().matrix().T @ R_TH

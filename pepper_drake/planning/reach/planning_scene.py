@@ -23,7 +23,7 @@ from pepper_drake.planning.reach.support_surface import extrapolate_support_surf
 Vector = npt.NDArray[np.float64]
 
 _NEAR = 1.0
-"""What is farther from the torso's frame than this cannot be touched, m."""
+"""What is farther from the torso's frame than this cannot be touched [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class PlanningScene:
         arm: Where the arm is.
         X_TO: The goal object's pose.
         body: A context of the model's plant with the body's joints.
-        cloud_T: (P, 3) what was seen near the arm, m.
+        cloud_T: (P, 3) what was seen near the arm [m].
         surroundings: The same and all else that the arm must not touch.
     """
 
@@ -101,9 +101,9 @@ class PlanningSceneBuilder:
             base_pose: (3,) the place, x, y, yaw in W.
             joint_position: (15,) rad.
             X_WO: The goal object's pose.
-            cloud_W: (P, 3) what was seen, m.
+            cloud_W: (P, 3) what was seen [m].
             field_W: The same with what is supposed, of `with_extrapolated_surface`.
-            arm_velocity: (5,) of the arm's commands, rad/s; left out, it is at rest.
+            arm_velocity: (5,) of the arm's commands [rad/s]; left out, it is at rest.
         """
         context = self._model.create_context()
         self._model.plant.SetPositions(context, self._model.positions(joint_position, base_pose))

@@ -86,8 +86,8 @@ class ReachPlan:
         verdict: Whether the robot may do it.
         sentence: Why not.
         base_pose: (3,) where the base stands, x, y, yaw in W.
-        position_error: Of the hand at the end, m.
-        clearance: Least distance of the arm to the cloud, m.
+        position_error: Of the hand at the end [m].
+        clearance: Least distance of the arm to the cloud [m].
         joint_path: (N, 5) the arm's joints, rad, every 10 ms.
         movement: What is to be performed.
         collision_checked: Whether the path is held against what is seen.

@@ -43,7 +43,7 @@ __all__ = ["PlanStatus", "ReachPlan", "ReachPlanner", "ReachPlannerParams"]
 Vector = npt.NDArray[np.float64]
 
 _SHORTEST = 0.8
-"""The least duration of a movement that is adapted on its way, s."""
+"""The least duration of a movement that is adapted on its way [s]."""
 
 
 class ReachPlanner:
@@ -126,7 +126,7 @@ class ReachPlanner:
             base_pose: Where the base is, x, y, yaw in W.
             joint_position: (15,) rad, in the order of `BODY_JOINTS`.
             X_WO: The goal object's pose.
-            cloud_W: (P, 3) obstacles, m.
+            cloud_W: (P, 3) obstacles [m].
 
         Returns:
             The best plan found: clear, or nearly so, if there is one. It has to be checked again,
@@ -229,7 +229,7 @@ class ReachPlanner:
             base_pose: Where the base is.
             joint_position: (15,) rad.
             X_WO: The goal object's pose.
-            cloud_W: (P, 3) obstacles, m.
+            cloud_W: (P, 3) obstacles [m].
             movement: What is tried first: the one that `plan_base_placement` found, or, left out,
                 the one that was shown. If that does not pass, it is adapted.
         """
@@ -262,10 +262,10 @@ class ReachPlanner:
         Args:
             plan: What the arm performs.
             base_pose: Where the base is.
-            joint_position: (15,) the present commands, rad.
-            joint_velocity: (5,) the arm's, of the commands, rad/s.
+            joint_position: (15,) the present commands [rad].
+            joint_velocity: (5,) the arm's, of the commands [rad/s].
             X_WO: The goal object's pose.
-            cloud_W: (P, 3) obstacles as they are seen now, m.
+            cloud_W: (P, 3) obstacles as they are seen now [m].
 
         Returns:
             The best plan found for the rest: the old movement's if that is clear all the same, and
@@ -296,7 +296,7 @@ class ReachPlanner:
         X_WO: RigidTransform,
         cloud_W: Vector,
     ) -> float:
-        """How near the rest of a plan's path would come to what is seen now, m; see `replan`.
+        """How near the rest of a plan's path would come to what is seen now [m]; see `replan`.
 
         It is infinite if nothing is near.
         """
@@ -320,10 +320,10 @@ class ReachPlanner:
         Args:
             plan: What the arm performs.
             base_pose: Where the base is.
-            joint_position: (15,) the present commands, rad.
-            joint_velocity: (5,) the arm's, of the commands, rad/s.
+            joint_position: (15,) the present commands [rad].
+            joint_velocity: (5,) the arm's, of the commands [rad/s].
             X_WO: The goal object's pose.
-            cloud_W: (P, 3) obstacles as they are seen now, m.
+            cloud_W: (P, 3) obstacles as they are seen now [m].
 
         Returns:
             A plan whose end is not the goal. It is the best that can be done, clear or not.
@@ -389,7 +389,7 @@ class ReachPlanner:
         return self._places(base_pose, joint_position, X_WO, has_room)
 
     def demonstrated_path(self, count: int = 200) -> Vector:
-        """The primitive's own path (count, 3), from its own start to its own goal, m."""
+        """The primitive's own path (count, 3), from its own start to its own goal [m]."""
         primitive = self.demonstrated.primitive
         return primitive.rollout(time_step=primitive.duration / (count - 1)).positions
 

@@ -13,7 +13,7 @@ from pepper_drake.planning.reach.reach_plan import ReachPlan
 
 @dataclass
 class ReachTiming:
-    """Durations and tolerances of the reach, s, m, m/s."""
+    """Durations and tolerances of the reach, s, m [m/s]."""
 
     looking: float = 1.2
     """How long the scene is looked at, once the goal is seen."""
@@ -57,26 +57,26 @@ class ReachState:
 
     Attributes:
         mode: What the robot is doing.
-        since: Time at which it began, s.
-        goal_seen_since: Time at which the goal was first seen, s; NaN before.
+        since: Time at which it began [s].
+        goal_seen_since: Time at which the goal was first seen [s]; NaN before.
         base_goal: Where the base should stand, x, y, yaw in W; NaN means: where it is.
         reason: Name of the outcome: "" while all is well, else what went wrong in one word.
         sentence: The same as a sentence.
-        still_since: Since when the hand has been at the goal, s; NaN when it is not.
+        still_since: Since when the hand has been at the goal [s]; NaN when it is not.
         places: How many places to stand were chosen so far.
         planning_seconds: Computing time of the last plan, or of confirming it, when the arm could
-            have started, s: what it waited for. The only value here that no seed decides.
+            have started [s]: what it waited for. The only value here that no seed decides.
         planned: The movement that was found for the place to stand.
         plan: What is to be performed; None before it is decided.
         movements: How many movements began so far: more than one when something came in the way.
-        cloud_time: Of the last cloud in which the way ahead was looked at, s.
+        cloud_time: Of the last cloud in which the way ahead was looked at [s].
         checked: When the reach was last planned from where the robot stands, or a way around
-            something in vain, s.
-        known: The cloud in W with which the movement was planned, m.
+            something in vain [s].
+        known: The cloud in W with which the movement was planned [m].
         X_WO: The goal object's pose for which it was planned.
         blocked: While the arm has withdrawn from something in its way: the plan that it goes on
             with when that has gone.
-        begun: When the arm first started, s.
+        begun: When the arm first started [s].
     """
 
     mode: ReachMode = ReachMode.LOOKING

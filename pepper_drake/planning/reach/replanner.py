@@ -19,7 +19,7 @@ from pepper_drake.planning.trajectories.retreat import (
 Vector = npt.NDArray[np.float64]
 
 _STILL = 0.1
-"""Joint speed below which the arm waits, rad/s."""
+"""Joint speed below which the arm waits [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Observation:
 
     Attributes:
         seen: The planner's arguments; its joints are those commanded.
-        coming: (P, 3) where what moves near the goal will be soon, in W, m.
-        joint_velocity: (5,) the arm's as commanded, rad/s.
+        coming: (P, 3) where what moves near the goal will be soon, in W [m].
+        joint_velocity: (5,) the arm's as commanded [rad/s].
         time: s.
     """
 
@@ -40,17 +40,17 @@ class Observation:
 
     @property
     def p_WO(self) -> Vector:
-        """(3,) the goal object, m."""
+        """(3,) the goal object [m]."""
         position: Vector = self.seen["X_WO"].translation()
         return position
 
     @property
     def cloud_W(self) -> Vector:
-        """(P, 3) what was seen, and where what moves will be soon, m."""
+        """(P, 3) what was seen, and where what moves will be soon [m]."""
         return np.concatenate((self.seen["cloud_W"], self.predicted_points))
 
     def with_cloud(self, cloud_W: Vector) -> dict[str, Any]:
-        """The planner's arguments among other obstacles (P, 3), m."""
+        """The planner's arguments among other obstacles (P, 3) [m]."""
         return {**self.seen, "cloud_W": cloud_W}
 
 

@@ -11,22 +11,22 @@ import numpy.typing as npt
 Vector = npt.NDArray[np.float64]
 
 _THICKNESS = 0.025
-"""How far points may be from the goal object's bottom and belong to the surface, m."""
+"""How far points may be from the goal object's bottom and belong to the surface [m]."""
 _BIN = 0.04
-"""Width of the stripes in which the front edge is looked for, m."""
+"""Width of the stripes in which the front edge is looked for [m]."""
 _FEWEST = 5
 """Stripes that it takes to see an edge."""
 _BEYOND = 0.5
-"""How far the surface is taken to go on, m."""
+"""How far the surface is taken to go on [m]."""
 _DEPTH = 0.2
-"""How deep, from the edge, m."""
+"""How deep, from the edge [m]."""
 _SPACING = 0.02
 _RAGGED = 0.012
-"""How far points of a straight edge may be off it, m."""
+"""How far points of a straight edge may be off it [m]."""
 
 
 def extrapolate_support_surface(cloud_W: Vector, p_WO: Vector, p_WB: Vector) -> Vector:
-    """Points (K, 3) of the surface beside what was seen of it, m.
+    """Points (K, 3) of the surface beside what was seen of it [m].
 
     The front edge is where the surface begins in front of the goal, stripe by stripe. Farther aside
     the view, which is a fan, may begin behind the edge: those stripes do not count.

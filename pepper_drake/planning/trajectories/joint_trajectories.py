@@ -24,7 +24,7 @@ def retarget(paths: Vector, start: Vector, goals: Vector) -> Vector:
     `minimum_jerk`: both ends are met, at the rest at which the demonstration was there.
 
     Args:
-        paths: (..., N, 5) at even relative times, rad.
+        paths: (..., N, 5) at even relative times [rad].
         start: (5,) rad.
         goals: (..., 5) rad.
 
@@ -65,7 +65,7 @@ def minimum_duration(paths: Vector, velocity: Vector, acceleration: Vector) -> V
     """The shortest durations (...) [s] in which paths keep limits, timed as they are.
 
     Args:
-        paths: (..., N, 5) at even relative times, rad.
+        paths: (..., N, 5) at even relative times [rad].
         velocity: (5,) rad/s.
         acceleration: (5,) rad/s².
     """

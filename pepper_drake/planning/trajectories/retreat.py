@@ -12,32 +12,32 @@ from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
 Vector = npt.NDArray[np.float64]
 
 _SAMPLE_TIME = 0.02
-"""Between the postures of a withdrawal, s."""
+"""Between the postures of a withdrawal [s]."""
 _DURATIONS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
-"""Of a withdrawal, s: the first in which the joints keep their limits is taken."""
+"""Of a withdrawal [s]: the first in which the joints keep their limits is taken."""
 _BRAKING = 0.75
 """Share of the acceleration that braking may take; the rest is for the way back."""
 _STRONGEST_BRAKING = 3.94
-"""The greatest deceleration of `_braked` from 1 rad/s within 1 s, rad/s²."""
+"""The greatest deceleration of `_braked` from 1 rad/s within 1 s [rad/s²]."""
 _STEP = 3
 """Of the path that the arm came, every so manieth posture is looked at."""
 
 _LOST = 0.01
-"""On its way the arm may lose so much of its clearance, m."""
+"""On its way the arm may lose so much of its clearance [m]."""
 
 _NEAR = 0.6
-"""What is farther from the goal than this is out of the arm's way, m."""
+"""What is farther from the goal than this is out of the arm's way [m]."""
 
 NEWCOMER_DISTANCE = 0.03
-"""A point this far from all that was seen when the movement was planned is new, m."""
+"""A point this far from all that was seen when the movement was planned is new [m]."""
 NEWCOMER_DEPTH = 0.10
-"""How far what is new is taken to reach down, m: of what hangs in the air, such as an arm, a camera
+"""How far what is new is taken to reach down [m]: of what hangs in the air, such as an arm, a camera
 from above sees the upper side alone."""
 
 NEWCOMER_SIDE = 0.04
-"""How far it is taken to reach to all sides by who plans around it, m."""
+"""How far it is taken to reach to all sides by who plans around it [m]."""
 MOVING_SIDE = 0.05
-"""The same by who sees that something moves, m: what is nearest to the camera it cannot measure."""
+"""The same by who sees that something moves [m]: what is nearest to the camera it cannot measure."""
 
 
 def extrude_new_points_down(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
@@ -45,7 +45,7 @@ def extrude_new_points_down(cloud: Vector, known: cKDTree, around: Vector) -> Ve
 
     Args:
         cloud: (P, 3) what is seen now, m, z up.
-        known: Of what was seen when the movement was planned, (K, 3), m.
+        known: Of what was seen when the movement was planned, (K, 3) [m].
         around: (3,) m: only what is near this is held against it.
 
     Returns:
@@ -67,9 +67,9 @@ def dilate_new_points(
 
     Args:
         cloud: (P, 3) what is seen now, m, z up.
-        known: Of what was seen when the movement was planned, (K, 3), m.
+        known: Of what was seen when the movement was planned, (K, 3) [m].
         around: (3,) m: only what is near this is held against it.
-        side: By how much, m.
+        side: By how much [m].
 
     Returns:
         (Q, 3), the cloud first.
@@ -102,15 +102,15 @@ def retreat_trajectory(
     else to the one with most.
 
     Args:
-        came: (N, 5) the way so far, the last the nearest to where the arm is, rad.
-        position: (5,) where it is, rad.
+        came: (N, 5) the way so far, the last the nearest to where the arm is [rad].
+        position: (5,) where it is [rad].
         velocity: (5,) rad/s.
         clearances: Least distances (M,) [m] to what is seen, for postures (M, 5).
         room: m.
         limits: Of the joints.
 
     Returns:
-        Joints (N, 5) at even times, rad, and the duration, s.
+        Joints (N, 5) at even times, rad, and the duration [s].
     """
     back = came[::-1]
     around = clearances(back[::_STEP])

@@ -23,9 +23,9 @@ class RrtConnectParams:
     samples: int = 800
     """Random postures at most."""
     step: float = 0.4
-    """Longest motion by which a tree grows at once, rad."""
+    """Longest motion by which a tree grows at once [rad]."""
     resolution: float = 0.05
-    """Between the postures that are checked along a motion, rad."""
+    """Between the postures that are checked along a motion [rad]."""
     shortcuts: int = 60
     """Attempts to shorten the path that was found."""
 
@@ -70,13 +70,13 @@ def rrt_connect(
         start: (5,) rad; taken to be free.
         goals: (G, 5) rad; taken to be free.
         free: Says which postures are free.
-        lower: (5,) of what is searched, rad.
+        lower: (5,) of what is searched [rad].
         upper: (5,) rad.
         params: How long to search.
         seed: Of the random numbers.
 
     Returns:
-        Corners (K, 5) of a shortened path, rad; None if none was found.
+        Corners (K, 5) of a shortened path [rad]; None if none was found.
     """
     rng = np.random.default_rng(seed)
 

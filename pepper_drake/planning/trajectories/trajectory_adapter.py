@@ -35,12 +35,12 @@ PLANNED = -1
 _LOOKED_AT = 32
 """How many goal postures are looked at together."""
 _ROUNDING = 0.001
-"""How much nearer than start and goal the way between them may be, m."""
+"""How much nearer than start and goal the way between them may be [m]."""
 
 
 @dataclass
 class AdaptationParams:
-    """How a demonstration is adapted; m, rad, s."""
+    """How a demonstration is adapted; m, rad [s]."""
 
     cost: PathCostParams = field(default_factory=PathCostParams)
     search: PathSearchParams = field(default_factory=PathSearchParams)
@@ -51,17 +51,17 @@ class AdaptationParams:
     goals_kept: int = 3
     """Goal postures per demonstration."""
     turn: float = 0.6
-    """Turn of the hand from the wanted goal orientation that costs 1, rad."""
+    """Turn of the hand from the wanted goal orientation that costs 1 [rad]."""
     posture: float = 1.0
-    """Distance of the joints from the demonstration's end that costs 1, rad."""
+    """Distance of the joints from the demonstration's end that costs 1 [rad]."""
     goal_clearance: float = 0.014
-    """Wanted at the goal posture, m."""
+    """Wanted at the goal posture [m]."""
     least_goal_clearance: float = 0.006
-    """With less a goal posture is none, m."""
+    """With less a goal posture is none [m]."""
     object_clearance: float = 0.004
-    """Least distance to the goal object there, whose shape and place are known well, m."""
+    """Least distance to the goal object there, whose shape and place are known well [m]."""
     limit_margin: float = 0.02
-    """Kept to joint limits, rad."""
+    """Kept to joint limits [rad]."""
     candidates: int = 3
     """How many demonstrations' paths are searched from at most."""
     good_cost: float = 4.0
@@ -69,9 +69,9 @@ class AdaptationParams:
     planner: RrtConnectParams = field(default_factory=RrtConnectParams)
     """Looks for a way where none of them could be bent to one."""
     padding: float = 0.015
-    """Clearance with which it looks, m."""
+    """Clearance with which it looks [m]."""
     accepted_slack: float = -0.005
-    """Lack of clearance with which a path is taken, m."""
+    """Lack of clearance with which a path is taken [m]."""
     speed_share: float = 0.4
     """Share of the rated joint velocities that a path may use."""
     acceleration_share: float = 0.8
@@ -83,9 +83,9 @@ class AdaptedTrajectory:
     """A path of the arm's joints through a scene.
 
     Attributes:
-        joints: (N, 5) at even times, rad.
+        joints: (N, 5) at even times [rad].
         duration: s.
-        slack: Least clearance less the wanted one, m.
+        slack: Least clearance less the wanted one [m].
         cost: Its cost.
         origin: Which demonstration it came from, or `PLANNED`.
         generations: Of the search.
@@ -105,9 +105,9 @@ class TrajectoryAdapter:
     Args:
         model: Pepper.
         arm: "left" or "right".
-        demonstrations: (D, N, 5) joints at even relative times, rad; the first is the one to be
+        demonstrations: (D, N, 5) joints at even relative times [rad]; the first is the one to be
             like.
-        duration: Of the demonstrations, s.
+        duration: Of the demonstrations [s].
         params: Weights and sizes.
     """
 
@@ -148,7 +148,7 @@ class TrajectoryAdapter:
             surroundings: What is around the arm.
             rollout: (K, 5) what the demonstration alone would make of it, one more to start from.
             plan: Whether a path planner is asked where no demonstration can be bent to a way.
-            allowance: How much less clearance than otherwise is enough at the goal, m.
+            allowance: How much less clearance than otherwise is enough at the goal [m].
 
         Returns:
             The best path found, whether it is clear or not; None if no clear posture reaches the
@@ -174,11 +174,11 @@ class TrajectoryAdapter:
         """Looks for a clear path to go on with, while the arm is on its way; see `adapt`.
 
         Args:
-            start: (5,) where the arm is, rad.
+            start: (5,) where the arm is [rad].
             X_TG: The hand's goal.
             surroundings: What is around the arm now.
-            remaining: (K, 5) the rest of its path, rad: the new path starts with its velocity.
-            duration: That the rest would take, s.
+            remaining: (K, 5) the rest of its path [rad]: the new path starts with its velocity.
+            duration: That the rest would take [s].
         """
         rest = resampled(remaining, self.params.samples)[None]
         return self._adapt(start, X_TG, surroundings, rest, duration, plan=False)
@@ -280,11 +280,11 @@ class TrajectoryAdapter:
         Args:
             X_TG: The hand's goal.
             surroundings: What is around the arm.
-            ends: (D, 5) the demonstrations' last postures, rad; if left out those of our own.
-            allowance: How much less clearance than otherwise is enough, m.
+            ends: (D, 5) the demonstrations' last postures [rad]; if left out those of our own.
+            allowance: How much less clearance than otherwise is enough [m].
 
         Returns:
-            The best postures (G, 5) for each demonstration, rad; and (G, D) their costs.
+            The best postures (G, 5) for each demonstration [rad]; and (G, D) their costs.
         """
         params = self.params
         ends = self._demonstrations[:, -1] if ends is None else ends
@@ -315,7 +315,7 @@ class TrajectoryAdapter:
         return goals[kept], costs[kept]
 
     def _goal_clearance(self, q: Vector, surroundings: ArmCollisionChecker) -> Vector:
-        """Clearances (M,) at goal postures (M, 5); none where the goal object is too near, m."""
+        """Clearances (M,) at goal postures (M, 5); none where the goal object is too near [m]."""
         off_object = surroundings.object_clearances(q) >= self.params.object_clearance
         clearance = np.full(len(q), -np.inf)
         clearance[off_object] = surroundings.clearances(q[off_object])

@@ -17,9 +17,9 @@ class PathCostParams:
     """Weights of the cost's terms, and what they measure against."""
 
     clearance: float = 0.020
-    """Wanted between the arm's spheres and everything around it, m."""
+    """Wanted between the arm's spheres and everything around it [m]."""
     end_allowance: float = 0.001
-    """How much less than at start and goal the clearance near them may be, m."""
+    """How much less than at start and goal the clearance near them may be [m]."""
     leaving: float = 0.2
     """Share of the time over which the wanted clearance rises from what the start allows."""
     arriving: float = 0.3
@@ -29,7 +29,7 @@ class PathCostParams:
     slack: float = 300.0
     """Weight of the greatest lack of clearance, 1/m."""
     deviation: float = 0.1
-    """Root mean square deviation of the hand from the reference that costs 1, m."""
+    """Root mean square deviation of the hand from the reference that costs 1 [m]."""
     effort: float = 0.002
     """Weight of the mean squared joint acceleration, s⁴/rad²."""
     duration_weight: float = 8.0
@@ -41,7 +41,7 @@ class TrajectoryRating(NamedTuple):
 
     Attributes:
         cost: (K,).
-        slack: (K,) least of clearance less wanted clearance, m.
+        slack: (K,) least of clearance less wanted clearance [m].
     """
 
     cost: Vector
@@ -59,11 +59,11 @@ class TrajectoryCost:
 
     Args:
         surroundings: What is around the arm.
-        references: (R, N, 5) what the paths are to be like, with their start and goal, rad: one for
+        references: (R, N, 5) what the paths are to be like, with their start and goal [rad]: one for
             all of them, or one for each.
-        duration: Of the paths, T, s.
-        velocity: (5,) what the joints may do, rad/s.
-        acceleration: (5,) what the joints may do, rad/s².
+        duration: Of the paths, T [s].
+        velocity: (5,) what the joints may do [rad/s].
+        acceleration: (5,) what the joints may do [rad/s²].
         params: The weights.
     """
 
@@ -118,7 +118,7 @@ def wanted_clearance(
     not be farther close to there, either.
 
     Args:
-        end_gaps: (..., 2) distances at the start and at the goal, m.
+        end_gaps: (..., 2) distances at the start and at the goal [m].
         samples: Number of even times along a path.
         params: Clearance and shares.
     """

@@ -26,9 +26,9 @@ class PathSearchParams:
     deviation: float = 0.2
     """Standard deviation with which it starts, in `height`s."""
     height: float = 0.4
-    """Of a bump of weight 1, rad."""
+    """Of a bump of weight 1 [rad]."""
     slack: float = -0.003
-    """With this a path counts as clear, m."""
+    """With this a path counts as clear [m]."""
 
 
 class SearchResult(NamedTuple):
@@ -37,7 +37,7 @@ class SearchResult(NamedTuple):
     Attributes:
         path: (N, 5) rad.
         cost: Its cost.
-        slack: Its least clearance less the wanted one, m.
+        slack: Its least clearance less the wanted one [m].
         generations: How many it took.
     """
 
@@ -66,7 +66,7 @@ def optimize_trajectory(
     Args:
         reference: (N, 5) rad.
         rate: Rates paths (K, N, 5).
-        lower: (5,) joint limits, kept by clipping, rad.
+        lower: (5,) joint limits, kept by clipping [rad].
         upper: (5,) rad.
         params: How long, how many.
         seed: Of the random numbers.

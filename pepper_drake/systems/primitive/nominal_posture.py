@@ -23,7 +23,7 @@ class NominalPosture(LeafSystem):
 
     Inputs: `phase` (1), 1 at the start of the motion and falling; `primitive`, abstract
     MovementPrimitive, in place of the one that the system was made with. Output: `joint_position`
-    (J), rad.
+    (J) [rad].
 
     Args:
         primitive: With a posture.

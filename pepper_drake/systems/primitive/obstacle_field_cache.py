@@ -23,7 +23,7 @@ class ObstacleFieldCache:
     Args:
         system: Whose cache it is; to be made in its constructor.
         cloud_port: Its port of the cloud.
-        extension: How far each point reaches down, m; see `PointCloudDistance`.
+        extension: How far each point reaches down [m]; see `PointCloudDistance`.
     """
 
     def __init__(

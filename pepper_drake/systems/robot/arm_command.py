@@ -32,8 +32,8 @@ class ArmCommand(LeafSystem):
         - position_command
         - velocity_command
 
-    Inputs: `active` (1), 0 or 1; `desired_velocity` (5), rad/s; `measured_position` (5), rad.
-    Outputs: `position_command` (5), rad; `velocity_command` (5), rad/s.
+    Inputs: `active` (1), 0 or 1; `desired_velocity` (5) [rad/s]; `measured_position` (5) [rad].
+    Outputs: `position_command` (5) [rad]; `velocity_command` (5) [rad/s].
     State: command position (5) and velocity (5), at `time_step`; at rest it does not change.
     The law is `planning.joint_command.limit_joint_command`.
     """

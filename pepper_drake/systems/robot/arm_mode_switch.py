@@ -38,15 +38,15 @@ class ArmModeSwitch(LeafSystem):
         - moving
 
     Inputs: `mode` (1), an ArmMode; `measured_position` and `joint_target` (5), where the arm is and
-    where it should go in the mode JOINTS, rad; `position_command` (5), ArmCommand's, rad;
+    where it should go in the mode JOINTS [rad]; `position_command` (5), ArmCommand's [rad];
     `hand_velocity` (5), the inverse kinematics', rad/s, which is evaluated in the mode HAND only.
-    Outputs: `desired_velocity` (5), rad/s; `holding` (1), 1 while a guide may hold the hand: in
+    Outputs: `desired_velocity` (5) [rad/s]; `holding` (1), 1 while a guide may hold the hand: in
     LIMP; `active` (1), 1 while the primitive runs: in HAND; `moving` (1), 1 while the arm moves by
     itself: in JOINTS and HAND. No state.
 
     Args:
-        time_constant: With which the command follows a joint target, s.
-        time_step: Of ArmCommand, s: with it the command catches up with a limp arm.
+        time_constant: With which the command follows a joint target [s].
+        time_step: Of ArmCommand [s]: with it the command catches up with a limp arm.
     """
 
     def __init__(self, *, time_constant: float = 0.1, time_step: float = 0.01) -> None:

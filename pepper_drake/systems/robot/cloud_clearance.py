@@ -24,7 +24,7 @@ class CloudClearance(LeafSystem):
         - clearance
 
     Inputs: `cloud`, a PointCloud in the torso frame T; `joint_position` (5) and `joint_velocity`
-    (5), the arm's, rad and rad/s. Output: `clearance` (1), m: the lesser of now and of `lookahead`
+    (5), the arm's, rad and rad/s. Output: `clearance` (1) [m]: the lesser of now and of `lookahead`
     later at this velocity; infinite before the first tick, for an empty cloud, and while `active`
     (1) is 0: an arm at rest has nothing to watch. State: the same, every `time_step`.
 
@@ -32,7 +32,7 @@ class CloudClearance(LeafSystem):
         geometry: Of the arm.
         extension: How far each point reaches down, m (see `PointCloudDistance`); zero takes the
             cloud as it was seen.
-        lookahead: How far ahead the arm's motion is thought on, s: at least a period and the time
+        lookahead: How far ahead the arm's motion is thought on [s]: at least a period and the time
             that the arm needs to brake.
         time_step: s.
     """

@@ -28,7 +28,7 @@ class JointCommandMerge(LeafSystem):
 
     Args:
         groups: Joint names of each group, by its name.
-        resting: Position of every joint by name, rad.
+        resting: Position of every joint by name [rad].
     """
 
     def __init__(self, groups: Mapping[str, Sequence[str]], resting: Mapping[str, float]) -> None:

@@ -34,9 +34,9 @@ class SafetyMonitor(LeafSystem):
         - safe_joint_position_command
         - stop_reason
 
-    Inputs: `joint_position_command` and `joint_position`, measured (n), rad; `clearance` (1), m,
+    Inputs: `joint_position_command` and `joint_position`, measured (n) [rad]; `clearance` (1), m,
     optional; `stop_request` (1), 0 or 1, optional.
-    Outputs: `safe_joint_position_command` (n), rad; `stop_reason` (1), a `StopReason`.
+    Outputs: `safe_joint_position_command` (n) [rad]; `stop_reason` (1), a `StopReason`.
     State: the last safe command (n), whether it is known, and the reason (n + 2), at `time_step`.
     Before the first tick the last safe command is the measured position.
     """

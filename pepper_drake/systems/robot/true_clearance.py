@@ -29,8 +29,8 @@ class TrueClearance(LeafSystem):
     Args:
         robot: Pepper's collision geometries.
         obstacles: The obstacles' collision geometries.
-        max_distance: Distances beyond this are reported as this, m.
-        max_speed: At which a link and an obstacle approach each other at most, m/s.
+        max_distance: Distances beyond this are reported as this [m].
+        max_speed: At which a link and an obstacle approach each other at most [m/s].
         time_step: s.
     """
 

@@ -127,7 +127,7 @@ class AsyncRenderer:
             positions: Of a plant with Pepper and then the scene.
 
         Returns:
-            The image: ImageRgba8U's pixels (height, width, 4), or depths (height, width, 1), m.
+            The image: ImageRgba8U's pixels (height, width, 4), or depths (height, width, 1) [m].
         """
         on_thread, started = self._on_thread, self._started
 

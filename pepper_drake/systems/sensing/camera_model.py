@@ -40,7 +40,7 @@ class Frame:
 
     Attributes:
         image: Pixels (height, width, channels), none when no image was taken yet.
-        time: When it was taken, s; minus infinity when none was taken yet.
+        time: When it was taken [s]; minus infinity when none was taken yet.
         number: How many images were taken before it.
         X_WC: The camera's measured pose.
         position: The robot's measured joint positions, (n,).
@@ -105,9 +105,9 @@ class CameraModel(LeafSystem):
     Args:
         intrinsics: The camera; its distortion is applied to colour images.
         kind: "color" or "depth".
-        period: Time between images, s.
-        offset: Time of the first image, s.
-        latency: From an image's capture until it is out, s; less than the period.
+        period: Time between images [s].
+        offset: Time of the first image [s].
+        latency: From an image's capture until it is out [s]; less than the period.
         background: Whether the input `image` is a ImageFuture.
         noise: The sensor's noise; a ColorNoise or DepthNoise with its defaults when left out.
         seed: Seed of the noise; together with the frame's number it decides the noise.

@@ -35,10 +35,10 @@ from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 
 _LAG = 0.3
-"""For how long a moving object's pose may be old, s: half of it between images, half in filters."""
+"""For how long a moving object's pose may be old [s]: half of it between images, half in filters."""
 
 _LARGEST_LAG_MARGIN = 0.06
-"""Most that the margin around a moving object grows, m."""
+"""Most that the margin around a moving object grows [m]."""
 
 _MOVED, _TURNED = 0.002, 0.004
 """A frame has moved when it moved or turned by this, m and rad."""
@@ -53,7 +53,7 @@ class _Memory:
 
     Attributes:
         voxels: What was seen.
-        time: Of the last image used, s.
+        time: Of the last image used [s].
         thumbnail: A few pixels of it.
         X_WC: The camera's pose for it.
         X_WO: The goal object's last known pose.
@@ -125,10 +125,10 @@ class DepthPointCloudSource(LeafSystem):
         marked: The goal object, which is cut out by its shape.
         intrinsics: The depth camera.
         parameters: How obstacles are seen and remembered.
-        torso_range: `cloud_torso` has the points within this distance of the torso, m: twice an
+        torso_range: `cloud_torso` has the points within this distance of the torso [m]: twice an
             arm's reach.
-        period: Time between looks for a new image, s.
-        offset: Time of the first look, s; after the camera's.
+        period: Time between looks for a new image [s].
+        offset: Time of the first look [s]; after the camera's.
     """
 
     def __init__(

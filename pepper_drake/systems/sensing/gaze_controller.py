@@ -44,27 +44,27 @@ _CAMERA, _IN_VIEW, _REACHABLE, _ARRIVED, _GLANCING = 4, 5, 6, 7, 8
 _SEEN = slice(11, 11 + len(VIEW_POINTS))
 
 _MISSED = 1.9
-"""Age at which the object was missed in images that should have shown it, s."""
+"""Age at which the object was missed in images that should have shown it [s]."""
 _UNSURE = 1.6
-"""Age at which it is brought to the middle of the image, s."""
+"""Age at which it is brought to the middle of the image [s]."""
 _JUST_SEEN = 0.35
-"""Up to this age the object may leave the image, s: images are old by a quarter of a second."""
+"""Up to this age the object may leave the image [s]: images are old by a quarter of a second."""
 _AT_REST = 0.02
-"""Speed of an object from which the eye may be taken, m/s."""
+"""Speed of an object from which the eye may be taken [m/s]."""
 _ASIDE = (-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
-"""By which glances go past the object, rad."""
+"""By which glances go past the object [rad]."""
 _DWELL = 0.2
-"""For how long a glance stays, s: a period of the cameras."""
+"""For how long a glance stays [s]: a period of the cameras."""
 _NEAR, _SLOW = 0.05, 0.6
-"""A head that dwells is so near to its target, rad, and so slow, rad/s."""
+"""A head that dwells is so near to its target, rad, and so slow [rad/s]."""
 _LEVEL, _AROUND = 0.03, 0.8
-"""What is higher than the object's foot by the first and nearer than the second may move, m."""
+"""What is higher than the object's foot by the first and nearer than the second may move [m]."""
 _GRID = 0.02
-"""Nearer places are one, where a shared gaze is concerned, m."""
+"""Nearer places are one, where a shared gaze is concerned [m]."""
 _SPARE = 0.012
-"""How far an object may have moved meanwhile and is still seen, m."""
+"""How far an object may have moved meanwhile and is still seen [m]."""
 _SWING, _SWING_PERIOD = 0.4, 2.4
-"""A missed object is looked for this much above and below where it was, rad, in that time, s."""
+"""A missed object is looked for this much above and below where it was, rad, in that time [s]."""
 
 Vector = npt.NDArray[np.float64]
 
@@ -141,13 +141,13 @@ class GazeController(LeafSystem):
     Events: one periodic discrete update; one at initialization.
 
     Args:
-        p_OP: The point on the object to look at (3,), m: its marker.
+        p_OP: The point on the object to look at (3,) [m]: its marker.
         cameras: The top and the bottom camera, in order of preference; the top one looks along
             with the depth camera.
         companion: A camera that should see what is around the object, too: the depth camera.
-        radius: Of what has to stay in view of the object then, m: half its marker's diagonal.
+        radius: Of what has to stay in view of the object then [m]: half its marker's diagonal.
         side: Of the reaching arm, 1 left or -1 right.
-        time_step: Period of the update, s.
+        time_step: Period of the update [s].
         max_velocity: rad/s. Low, because images taken by a fast head are blurred.
         max_acceleration: rad/s^2.
     """
@@ -266,7 +266,7 @@ class GazeController(LeafSystem):
         return replace(gaze, head=state[_TARGET].copy())
 
     def _things(self, context: Context) -> Vector:
-        """What stands or hangs over where the object stands (P, 3), in the torso frame, m."""
+        """What stands or hangs over where the object stands (P, 3), in the torso frame [m]."""
         if not self._cloud.HasValue(context):
             return np.zeros((0, 3))
         points = cloud_points(self._cloud.Eval(context))

@@ -43,7 +43,7 @@ class _Look:
 
     Attributes:
         measurement: Gives what was measured in it, or None.
-        due: When that counts, s.
+        due: When that counts [s].
     """
 
     measurement: "Future[GoalMeasurement | None]"
@@ -56,7 +56,7 @@ class _Memory:
 
     Attributes:
         goal: What the filter believes.
-        time_stamps: Of the last image used from each camera, s.
+        time_stamps: Of the last image used from each camera [s].
         thumbnails: A few pixels of it.
         looks: Images of which the measurement is yet to count, the oldest first.
     """
@@ -116,10 +116,10 @@ class GoalEstimator(LeafSystem):
         top: The top camera's intrinsics.
         bottom: The bottom camera's intrinsics.
         parameters: Noise, gates and thresholds of the filter.
-        period: Time between looks for a new image, s.
-        offset: Time of the first look, s; after the cameras', so that an image taken in the same
+        period: Time between looks for a new image [s].
+        offset: Time of the first look [s]; after the cameras', so that an image taken in the same
             period is used in it.
-        latency: How long it takes to look at an image, s; at zero the simulation waits.
+        latency: How long it takes to look at an image [s]; at zero the simulation waits.
         expects_noise: Whether equal images mean that the camera hangs; set to False only when the
             images are rendered without noise.
     """

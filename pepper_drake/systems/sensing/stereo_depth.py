@@ -60,8 +60,8 @@ class StereoDepth(LeafSystem):
         X_CL: Pose of the left camera in the frame of `X_WC`; the identity when left out.
         parameters: Of the matching.
         segmentation: How the images are cut into things.
-        period: Time between looks for new images, s.
-        offset: Time of the first look, s; after the cameras'.
+        period: Time between looks for new images [s].
+        offset: Time of the first look [s]; after the cameras'.
         num_positions: Size of the input `position`.
 
     Attributes:
