@@ -65,7 +65,7 @@ from pepper_drake.optimization.parallel import dask_cluster, processes
 from pepper_drake.optimization.problem import Problem
 from pepper_drake.optimization.ratings import RatingCollector, rated
 from pepper_drake.optimization.search import search
-from pepper_drake.reporting.optimization_figures import draw_comparison
+from pepper_drake.reporting.optimization_figures import draw_comparison, save_reproductions
 from pepper_drake.reporting.optimization_report import save_search
 
 EXIT_INTERRUPTED = 130
@@ -260,6 +260,7 @@ def ask_tutor(
         evaluate.parameters,
         options.output / "reproductions",
         options.ratings or options.output / "ratings.txt",
+        save_reproductions,
         ask=input if options.ratings is None else None,
         rated=history.rollouts,
     )

@@ -17,7 +17,6 @@ from pydrake.planning import (
 from pydrake.systems.framework import Context
 
 from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS, add_pepper
-from pepper_drake.perception.mapping.solids import RobotSolids
 
 CONTROL_PERIOD = 0.02
 """Period at which joint commands are made [s]: that at which NAOqi's ALMotion passes them on."""
@@ -87,10 +86,6 @@ class ControlModel:
                 implicit_context_parallelism=False,
             )
         )
-
-    def solids(self) -> RobotSolids:
-        """Pepper's collision shapes, to be cut out of what its cameras see."""
-        return RobotSolids(self.plant, self.diagram.scene_graph(), self.model_instance)
 
     def position_indices(self, names: Sequence[str]) -> list[int]:
         """Where joints stand in the plant's position vector."""
