@@ -1,4 +1,4 @@
-"""What every app shares: options, exit codes, and one clear sentence for bad input."""
+"""Shared by all apps: options, exit codes, and one clear sentence for bad input."""
 
 import argparse
 import contextlib

@@ -30,7 +30,7 @@ def arm_joints(arm: str) -> tuple[str, ...]:
 
 
 def body_indices(names: Sequence[str]) -> list[int]:
-    """Where joints stand in a vector over `BODY_JOINTS`."""
+    """Indices of joints in a vector over `BODY_JOINTS`."""
     return [BODY_JOINTS.index(name) for name in names]
 
 
@@ -88,7 +88,7 @@ class ControlModel:
         )
 
     def position_indices(self, names: Sequence[str]) -> list[int]:
-        """Where joints stand in the plant's position vector."""
+        """Indices of joints in the plant's position vector."""
         return [self._joint_index[name] for name in names]
 
     def positions(self, joint_position: Vector, base_pose: Vector) -> Vector:

@@ -1,4 +1,4 @@
-"""What a search leaves in its folder."""
+"""Files that a search leaves in its folder."""
 
 import json
 import math

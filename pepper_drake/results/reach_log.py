@@ -32,7 +32,7 @@ _COLUMNS: dict[str, int | None] = {
 
 @dataclass(frozen=True, eq=False)
 class ReachLog:
-    """What happened, sampled every 10 ms: N rows. T is the torso frame, W the world.
+    """Log of a reach, sampled every 10 ms: N rows. T is the torso frame, W the world.
 
     Attributes:
         time_s: (N,).

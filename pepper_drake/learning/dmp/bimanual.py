@@ -38,14 +38,14 @@ from pepper_drake.learning.spring import NODES, advance, make_step
 Array = npt.NDArray[np.float64]
 
 SIDES = np.array([0.5, -0.5])[:, None]
-"""Where the left and the right hand are, in units of the vector from right to left."""
+"""Positions of left and right hand, in units of the vector from right to left."""
 
 LONGEST = 10.0
 """A motion that obstacles hold up ends after this many durations."""
 
 
 class HandPaths(NamedTuple):
-    """What a rollout gives: both hands, sample by sample together."""
+    """A rollout: both hands, sample by sample together."""
 
     left: Path3D
     right: Path3D
