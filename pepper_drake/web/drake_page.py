@@ -132,6 +132,27 @@ class DrakePage:
         self.close()
 
 
+@contextlib.contextmanager
+def open_meshcat(*, page: bool, host: str | None = None) -> Iterator[tuple[Meshcat, str]]:
+    """Gives a Meshcat and the address of its page, which is empty where there is none.
+
+    Args:
+        page: Whether anybody may look on; if not, nothing listens anywhere.
+        host: See `DrakePage`.
+
+    Raises:
+        InputError: The page cannot be served, or there is a host and no page.
+    """
+    if page:
+        with DrakePage(host) as shown:
+            yield shown.meshcat, shown.url
+    elif host is not None:
+        raise InputError("--host: no page is shown; give --live, too")
+    else:
+        with offline_meshcat() as meshcat:
+            yield meshcat, ""
+
+
 def _loopback_meshcat() -> Meshcat:
     return Meshcat(MeshcatParams(host=LOOPBACK, port=0))
 
