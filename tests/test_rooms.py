@@ -6,7 +6,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1] / "pepper_drake"
 
 FLOORS = (
-    ("errors", "files", "_former_names"),
+    ("errors", "_former_names"),
+    ("files", "web"),
     ("learning",),
     ("models",),
     ("perception",),
