@@ -197,9 +197,13 @@ def make_intrinsics(
     """
     lower = np.array([matrix[1, 0], matrix[2, 0], matrix[2, 1], matrix[2, 2] - 1.0])
     if not np.all(np.isfinite(matrix)) or np.abs(lower).max() > 1e-9:
-        raise InputError(f"{where}: the camera matrix must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]].")
+        raise InputError(
+            f"{where}: the camera matrix must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]."
+        )
     if abs(matrix[0, 1]) > 1e-6 * abs(matrix[0, 0]):
-        raise InputError(f"{where}: the camera matrix has a skew of {matrix[0, 1]:g}; it must be 0.")
+        raise InputError(
+            f"{where}: the camera matrix has a skew of {matrix[0, 1]:g}; it must be 0."
+        )
     try:
         return CameraIntrinsics(
             *size,
@@ -238,7 +242,9 @@ def _refuse_other_lenses(entries: Mapping[str, Any], where: str) -> None:
     if isinstance(window, Mapping):
         offsets = [float(window.get(name) or 0) for name in ("x_offset", "y_offset")]
         if any(offsets):
-            raise InputError(f"{where}: its images are a part of the sensor's (roi); give whole ones.")
+            raise InputError(
+                f"{where}: its images are a part of the sensor's (roi); give whole ones."
+            )
 
 
 def _distortion(entries: Mapping[str, Any], where: str) -> npt.NDArray[np.float64]:

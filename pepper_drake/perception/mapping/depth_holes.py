@@ -46,7 +46,9 @@ _SAME_PLACE = 0.04
 """Places on a surface that are nearer to one another are the same [m]."""
 _SHADOW_SLACK = 3.0
 """Error of the pattern's displacement at which a shadow is still explained [pixels]."""
-_HOLE_EDGE = 6
+_HOLE_WIDTH = 7
+"""Edge of the square of pixels that have to have measured nothing, all of them [pixels]."""
+_HOLE_EDGE = _HOLE_WIDTH - 1
 """By so much a region of blank pixels is narrower than its hole [pixels]."""
 _PLACE_STEP = 4
 """One of so many pixels along both axes of a closed hole is followed."""
@@ -142,18 +144,21 @@ def border_band(measured: Mask) -> Mask:
     return band
 
 
-def blank_pixels(depth: Array, blind: Mask | None, width: int) -> Mask:
-    """Finds pixels that measured nothing, nor has any around them in a square of a width.
+def blank_pixels(depth: Array, blind: Mask | None = None) -> Mask:
+    """Finds pixels that measured nothing, nor has any in the square of seven around them.
 
     Args:
         depth: Depth image (height, width) [m], 0 where nothing was measured.
-        blind: Pixels that never measure anything; they tell nothing. None if there are none.
-        width: Edge of the square [pixels].
+        blind: Pixels that never measure anything and so tell nothing; none when left out.
+
+    Returns:
+        (height, width).
     """
     told = depth > 0
     if blind is not None:
         told = told | blind
-    blank: Mask = cv2.dilate(told.astype(np.uint8), np.ones((width, width), np.uint8)) == 0
+    square = np.ones((_HOLE_WIDTH, _HOLE_WIDTH), np.uint8)
+    blank: Mask = cv2.dilate(told.astype(np.uint8), square) == 0
     return blank
 
 
