@@ -1,6 +1,6 @@
 """Reads a camera's intrinsics from the files that calibration tools write.
 
-Read are ROS `camera_info` (the YAML of `camera_calibration` and a printed `sensor_msgs/CameraInfo`),
+Read are ROS `camera_info` (the YAML of `camera_calibration`, a printed `sensor_msgs/CameraInfo`),
 OpenCV's FileStorage (YAML, JSON or XML, as its calibration samples write it) and NAOqi's names of
 camera and resolution with their fields of view.
 """
