@@ -18,7 +18,7 @@ _SHIFTS = 96
 """Number of places along each axis at which the field of deviates is read."""
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class ColorNoise:
     """Noise of a small colour camera.
 
@@ -29,7 +29,7 @@ class ColorNoise:
     sigma: float = 3.0
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class DepthNoise:
     """Noise of a structured-light depth camera.
 

@@ -22,7 +22,7 @@ _SMOOTH_SPREAD = 0.15
 """Inverse depths of 5x5 pixels on one surface differ by at most this share."""
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class CloudParameters:
     """What of a depth image is kept.
 
