@@ -83,7 +83,7 @@ class ReachSupervisor(LeafSystem):
     `stop_reason` (1; the safety monitor's `StopReason`).
     Outputs: `active` (1), the number of the movement while one runs, else 0; `primitive`,
     `coupling_law` and `X_OG`, abstract, of that movement (see `planning.movement`); `base_goal`
-    (3), NaN for "stay"; `resting_head` (2), head yaw and pitch while the goal is searched for [rad];
+    (3), NaN for "stay"; `resting_head` (2), head yaw and pitch [rad] of the search for the goal;
     `mode` (1), a `ReachMode`; `progress`, the whole `ReachState`.
     State: `ReachState` (abstract), at `time_step`.
     """

@@ -35,7 +35,7 @@ from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 
 _LAG = 0.3
-"""For how long a moving object's pose may be old [s]: half of it between images, half in filters."""
+"""Age [s] that the pose of a moving object may have: half between images, half in filters."""
 
 _LARGEST_LAG_MARGIN = 0.06
 """Most that the margin around a moving object grows [m]."""
