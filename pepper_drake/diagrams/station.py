@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.geometry import GeometryId, MakeRenderEngineVtk, RenderEngineVtkParams, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
+from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     MatrixGain,
@@ -39,8 +40,7 @@ from pepper_drake.systems.sensing.camera_model import CameraModel
 
 RENDERER = "vtk"
 _STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
-"""Proportional and derivative gain of what carries the rest, over a joint's. No firmer: of stiffer
-gains the rounding exceeds the contact solver's tolerance once all is at rest, and it gives up."""
+"""Proportional and derivative gain of what carries the rest, over a joint's."""
 _HAND_PORTS = tuple(
     f"{arm}_hand_{what}"
     for arm in ("left", "right")
@@ -81,6 +81,24 @@ class StationConfig:
     """Of a joint at stiffness 1, N m/rad (N/m for the base's x and y); body and base have more."""
     derivative_gain: float = 10.0
     """Of a joint at any stiffness above zero, N m s/rad; body and base have more."""
+
+
+def add_gravity_compensation(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
+    """Has every motor of a finalized plant carry its share of the weight.
+
+    Pepper's motor controllers do so, and what moves along a path hangs on motors, too. The arm
+    that is led by hand is compensated like all others. Gravity must not be switched off instead:
+    the contact solver (SAP) stops when its residual is small beside momenta and impulses. At rest
+    without gravity both are zero, and the rounding of stiff gains is never small enough.
+    """
+    weights = builder.AddNamedSystem(
+        "gravity_compensation",
+        InverseDynamics(plant, InverseDynamics.InverseDynamicsMode.kGravityCompensation),
+    )
+    efforts = builder.AddNamedSystem("efforts", MatrixGain(D=plant.MakeActuationMatrix().T))
+    builder.Connect(plant.get_state_output_port(), weights.get_input_port_estimated_state())
+    builder.Connect(weights.get_output_port(), efforts.get_input_port())
+    builder.Connect(efforts.get_output_port(), plant.get_actuation_input_port())
 
 
 class PepperStation(Diagram):
@@ -176,6 +194,7 @@ class PepperStation(Diagram):
         measured = self._add_measurements(builder)
         self._add_actuation(builder, measured, scene)
         self._add_motions(builder)
+        add_gravity_compensation(builder, plant)
         kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model))
         builder.Connect(measured["joint_position"], kinematics.joint_position_input)
         builder.Connect(measured["base_pose"], kinematics.base_pose_input)

@@ -170,5 +170,4 @@ def _add_prismatic_joints(
         joint = plant.AddJoint(PrismaticJoint(f"{name}_{axis}", parent, child, direction))
         plant.AddJointActuator(f"{name}_{axis}", joint).set_controller_gains(_GAINS)
         parent = child
-    plant.set_gravity_enabled(model, False)
     return MovingObject(name=name, model=model, path=path_trajectory(path))
