@@ -58,7 +58,7 @@ class MovingObject:
 
 @dataclass(frozen=True)
 class SceneModels:
-    """What `add_scene` added to the plant."""
+    """Models that `add_scene` added to the plant."""
 
     obstacles: tuple[str, ...]
     """Body names of all obstacles; the floor is not one of them."""
@@ -67,7 +67,7 @@ class SceneModels:
     goal_object: str
     goal_model: ModelInstanceIndex
     moving: tuple[MovingObject, ...]
-    """What needs a desired state, on `plant.get_desired_state_input_port(moving.model)`."""
+    """Models that need a desired state, on `plant.get_desired_state_input_port(moving.model)`."""
 
 
 def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:

@@ -40,7 +40,7 @@ from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 
 _LAG = 0.3
-"""Age that a moving object's pose may have [s]: half of it between images, half in filters."""
+"""Age [s] that the pose of a moving object may have: half between images, half in filters."""
 
 _LARGEST_LAG_MARGIN = 0.06
 """Most that the margin around a moving object grows [m]."""
