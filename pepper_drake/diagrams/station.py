@@ -1,5 +1,6 @@
 """PepperStation: the simulated robot in its scene, with the ports that the real robot has."""
 
+import dataclasses
 import functools
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -46,7 +47,17 @@ _HAND_PORTS = tuple(
     for arm in ("left", "right")
     for what in ("pose", "position", "orientation")
 )
-NO_DEPTH_NOISE = DepthNoise(floor=0.0, growth=0.0, edge_loss=0.0, edge_mix=0.0, loss=0.0)
+NO_DEPTH_NOISE = DepthNoise(
+    floor=0.0,
+    growth=0.0,
+    edge_loss=0.0,
+    edge_mix=0.0,
+    loss=0.0,
+    baseline=0.0,
+    grazing=0.0,
+    dark_share=0.0,
+    border=0,
+)
 
 
 @dataclass
@@ -167,7 +178,7 @@ class PepperStation(Diagram):
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
-        self.obstacle_parameters = ObstacleParameters()
+        self.obstacle_parameters = self._expecting_noise(ObstacleParameters())
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlant(
             MultibodyPlantConfig(
@@ -404,7 +415,12 @@ class PepperStation(Diagram):
         builder.Connect(self.scene_graph.get_query_output_port(), stereo.GetInputPort("query"))
         self._export_camera(builder, kinematics, "camera_depth", stereo, "depth_image")
         self.depth_intrinsics = stereo.intrinsics
-        self.obstacle_parameters = STEREO_CLOUD
+        self.obstacle_parameters = self._expecting_noise(STEREO_CLOUD)
+
+    def _expecting_noise(self, parameters: ObstacleParameters) -> ObstacleParameters:
+        """The same, for images with or without noise."""
+        validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
+        return dataclasses.replace(parameters, validity=validity)
 
     def _export_camera(
         self,

@@ -24,6 +24,8 @@ class ReachTiming:
     """How long the robot stands and looks again before it reaches."""
     goal_lost: float = 12.0
     """Age of the last sight of the goal at which it counts as lost."""
+    cloud_lost: float = 0.5
+    """Age of the last depth image from which on the robot does not begin to move, nor goes on."""
     places: int = 3
     """How many places to stand are driven to at most, when from near the reach looks different."""
     holding: float = 1.0
