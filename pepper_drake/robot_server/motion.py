@@ -72,12 +72,15 @@ class Motion(BaseMoves, MotionSettings, Module):
         joints: The joints' commands and stiffnesses.
     """
 
-    def __init__(self, port: RobotPort, raise_event: Callable[[str, Any], None]) -> None:
-        """Makes ALMotion of a robot at rest.
+    def __init__(
+        self, port: RobotPort, raise_event: Callable[[str, Any], None], *, awake: bool = False
+    ) -> None:
+        """Makes ALMotion of a robot that stands still.
 
         Args:
             port: The robot.
             raise_event: Puts a value into ALMemory and tells who subscribed.
+            awake: Whether its joints are stiff from the start.
         """
         state = port.state()
         Module.__init__(self, "ALMotion")
@@ -87,7 +90,9 @@ class Motion(BaseMoves, MotionSettings, Module):
         self._port = port
         self._raise_event = raise_event
         self._history = MeasurementHistory()
-        self._awake = False
+        self._awake = awake
+        if awake:
+            self.joints.stiffness[:] = 1.0
 
     def step(self) -> None:
         """Does one cycle of 20 ms."""
