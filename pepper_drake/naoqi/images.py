@@ -132,7 +132,9 @@ def encode_depth(depth: DepthMap, color_space: int) -> bytes:
         return _millimetres(depth * _ray_lengths(*_size(depth))).tobytes()
     if color_space == XYZ:
         across, down = _rays(*_size(depth))
-        return np.stack([depth, -depth * across, -depth * down], axis=2).tobytes()
+        # Adding 0 makes -0 a 0, as all unknown places are.
+        points = np.stack([depth, -depth * across, -depth * down], axis=2) + np.float32(0)
+        return points.tobytes()
     near, far = GREY_DEPTHS
     grey = np.clip((depth - near) / (far - near) * 255, 0, 255).round().astype(np.uint8)
     grey[depth == 0] = 0
