@@ -65,9 +65,12 @@ class SceneModels:
     obstacle_models: tuple[ModelInstanceIndex, ...]
     """Model instances that hold obstacles only."""
     goal_object: str
-    goal_model: ModelInstanceIndex
+    goal_model: ModelInstanceIndex | None
     moving: tuple[MovingObject, ...]
     """Models that need a desired state, on `plant.get_desired_state_input_port(moving.model)`."""
+
+
+NO_SCENE = SceneModels((), (), "", None, ())
 
 
 def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:

@@ -79,8 +79,9 @@ class ReachSupervisor(LeafSystem):
 
     Inputs: `object_pose` X_WO; `goal_valid`, `goal_age` (1; s); `goal_position` (3), the hand's
     goal in T; `cloud` (PointCloud in W) and `cloud_time` (1; time of its last frame, not finite
-    before the first); `cloud_age` (1) [s] and
-    `cloud_fault` (1; a `DepthFault`), without which old clouds are not noticed; `approaching` (PointCloud in W), where what moves will be soon;
+    before the first); `cloud_age` (1) [s] and `cloud_fault` (1; a `DepthFault`), without which a
+    cloud that has grown old is not noticed; `approaching` (PointCloud in W), where what moves will
+    be soon;
     `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and `desired_position` (3), where the
     primitive wants the hand in T; `arm_position_command` and `arm_velocity_command` (5), rad and
     rad/s, without which a movement is not planned anew on the way; `arrived` (1); `tau` (1; s);

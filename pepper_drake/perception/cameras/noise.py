@@ -224,28 +224,29 @@ def degrade_depth(
 
 
 def drop_dark_patches(
-    image: npt.NDArray[np.uint16],
     depth: npt.NDArray[np.float32],
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
     noise: DepthNoise,
     *,
     seed: int,
-) -> npt.NDArray[np.uint16]:
-    """Returns a depth image without what lies on surfaces too dark or too shiny to be measured.
+) -> npt.NDArray[np.float32]:
+    """Returns a depth image without surfaces too dark or too shiny to be measured.
 
     Args:
-        image: From `degrade_depth`; one of another size is returned as it is.
         depth: Rendered depths (height, width) [m].
         intrinsics: The camera.
         X_WC: Its pose: patches stay where they are in W.
         noise: The noise.
         seed: Decides where the patches are.
+
+    Returns:
+        (height, width) [m], 0 in the patches.
     """
-    if noise.dark_share <= 0.0 or image.shape != depth.shape:
-        return image
+    if noise.dark_share <= 0.0:
+        return depth
     dark = dark_patches(depth, intrinsics, X_WC, share=noise.dark_share, seed=seed)
-    return np.where(dark, np.uint16(0), image)
+    return np.where(dark, np.float32(0.0), depth)
 
 
 def _random_sigma(

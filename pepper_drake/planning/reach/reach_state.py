@@ -118,5 +118,7 @@ class ReachState:
         return replace(self, plan=plan, movements=self.movements + 1, since=time)
 
     def fail(self, time: float, reason: str, message: str) -> "ReachState":
-        """The end: what went wrong, as a word and as a sentence."""
-        return replace(self.to(ReachMode.FAILED, time), reason=reason, message=message)
+        """The end, with the base where it is: what went wrong, as a word and as a sentence."""
+        stay = (np.nan, np.nan, np.nan)
+        failed = self.to(ReachMode.FAILED, time)
+        return replace(failed, reason=reason, message=message, base_goal=stay)

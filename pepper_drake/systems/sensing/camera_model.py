@@ -241,12 +241,11 @@ class CameraModel(LeafSystem):
                 pixels, self.intrinsics, self._noise, seed=self._seed, frame=number
             )
         else:
-            depth = pixels[..., 0]
+            depth = drop_dark_patches(
+                pixels[..., 0], self.intrinsics, X_WC, self._noise, seed=self._seed
+            )
             image = degrade_depth(
                 depth, self.intrinsics, self._noise, seed=self._seed, frame=number
-            )
-            image = drop_dark_patches(
-                image, depth, self.intrinsics, X_WC, self._noise, seed=self._seed
             )[..., None]
         image.setflags(write=False)
         return image
