@@ -97,7 +97,9 @@ def test_a_cloud_that_grows_old_ends_every_mode(mode, age):
     rig.until(ReachMode.DRIVING)
     if mode != ReachMode.DRIVING:
         rig.set(arrived=[1.0])
-        rig.until(mode)
+    if mode == ReachMode.HOLDING:
+        rig.set(hand_pose=RigidTransform(P_TG))
+    rig.until(mode)
     rig.set(cloud_age=[age], cloud_fault=[DepthFault.FROZEN])
     rig.advance(0.1).failed("cloud_missing")
     assert "same image" in rig.progress.message
