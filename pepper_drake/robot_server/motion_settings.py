@@ -3,6 +3,7 @@
 from typing import Any
 
 from pepper_drake.naoqi.constants import CHAINS
+from pepper_drake.robot_server.motion_arguments import settings
 
 _PROTECTED = ("All", "Move", "Arms", "LArm", "RArm")
 _SELF_PROTECTED = ("Arms", "LArm", "RArm")
@@ -122,7 +123,7 @@ class MotionSettings:
 
     def set_breath_config(self, config: Any) -> None:
         """Sets how the robot breathes, [[key, value], ...]."""
-        self._breath_config |= {str(key): float(value) for key, value in config}
+        self._breath_config |= settings(config)
 
     def get_breath_config(self) -> list[list[Any]]:
         """Returns how the robot breathes."""

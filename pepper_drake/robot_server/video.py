@@ -79,9 +79,12 @@ class Video(CameraFacts, Module):
         fps: int,
     ) -> str:
         """Subscribes to several cameras at once; returns the handle, empty if it cannot be."""
+        lists = (cameras, resolutions, color_spaces)
+        if not all(isinstance(v, list | tuple) and all(map(_whole, v)) for v in lists):
+            raise ValueError("cameras, resolutions and colour spaces must be lists of integers")
         if not len(cameras) == len(resolutions) == len(color_spaces) > 0:
             raise ValueError("cameras, resolutions and colour spaces must be as many")
-        streams = list(map(Stream, cameras, resolutions, color_spaces))
+        streams = list(map(Stream, *lists))
         return self._subscribe(caller, name, streams, fps)
 
     @with_caller
@@ -293,6 +296,10 @@ class Video(CameraFacts, Module):
             waited += _POLL
             image = self._port.image(stream.camera)
         return None if image is None else encode_image(image, stream)
+
+
+def _whole(value: Any) -> bool:
+    return isinstance(value, int)
 
 
 def _handles(name: str) -> list[str]:
