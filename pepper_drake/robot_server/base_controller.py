@@ -13,10 +13,10 @@ Pose = tuple[float, float, float]
 _STILL: Pose = (0.0, 0.0, 0.0)
 
 _PULL = 2.0
-"""Share of the error of a move that is made good in a second."""
+"""Gain on a move's error of position [1/s]."""
 
 _NEAR = (0.005, 0.01)
-"""Where a move has arrived [m, rad]."""
+"""Distance and angle from its goal within which a move has arrived [m, rad]."""
 
 _GIVES_UP = 2.0
 """Time after a move's end at which it has failed [s]."""
@@ -71,7 +71,7 @@ class BaseController:
 
     @property
     def resting(self) -> bool:
-        """Whether the base neither moves nor should."""
+        """Returns whether the base neither moves nor should."""
         return self.velocity == _STILL == self._wanted
 
     def step(self) -> None:

@@ -22,7 +22,7 @@ ARRIVED = 1e-9
 """Distance below which a command has arrived [rad]."""
 
 STIFFNESS = "/Stiffness"
-"""What a joint's name is followed by where its stiffness is the resource."""
+"""Suffix of a joint's name that makes it the resource of its stiffness."""
 
 
 class JointController:
@@ -75,7 +75,7 @@ class JointController:
         self.stiffness[INDEX[name]] = min(max(value, 0.0), 1.0)
 
     def arrived(self, name: str, value: float) -> bool:
-        """Whether a joint's command is at a value within its limits, or the joint is limp."""
+        """Returns whether a joint is limp or its command is at a value, limits aside."""
         k = INDEX[name]
         wanted = self.command.copy()
         wanted[k] = value

@@ -105,7 +105,7 @@ class BaseMoves:
         await self.wait_until_move_is_finished()
 
     def move_is_active(self) -> bool:
-        """Whether a move is under way."""
+        """Returns whether a move is under way."""
         return bool(self._moves()) or not self.base.resting
 
     def walk_is_active(self) -> bool:

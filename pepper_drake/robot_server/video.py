@@ -17,10 +17,10 @@ from pepper_drake.robot_server.video_cameras import CameraFacts, known_camera
 from pepper_drake.robot_server.waiting import Module, RobotTimer
 
 SUBSCRIPTIONS = 6
-"""How often one name may subscribe."""
+"""Largest number of subscriptions of one name."""
 
 _FIRST_IMAGE = 1.0
-"""How long `getImageRemote` waits for a camera's first image [s]."""
+"""Longest wait of `getImageRemote` for a camera's first image [s]."""
 
 _POLL = 0.02
 
@@ -36,7 +36,7 @@ class Stream:
 
 @dataclass(frozen=True)
 class Subscription:
-    """What a handle stands for.
+    """The content of a handle.
 
     Attributes:
         streams: Its cameras.
@@ -220,7 +220,7 @@ class Video(CameraFacts, Module):
     # A subscription's camera.
 
     def is_camera_started(self, camera: int) -> bool:
-        """Whether a camera takes images."""
+        """Returns whether a camera takes images."""
         return bool(self._streams(camera))
 
     def get_camera_parameter(self, handle: str, parameter: int) -> int:

@@ -1,4 +1,4 @@
-"""What ALVideoDevice tells of the cameras, and their parameters."""
+"""ALVideoDevice's facts of the cameras, and their parameters."""
 
 from collections.abc import Sequence
 
@@ -58,11 +58,11 @@ class CameraFacts:
         return CAMERAS[self.active].model
 
     def has_depth_camera(self) -> bool:
-        """Whether there is a depth camera."""
+        """Returns whether there is a depth camera."""
         return DEPTH in CAMERAS
 
     def is_camera_open(self, camera: int) -> bool:
-        """Whether a camera is open."""
+        """Returns whether a camera is open."""
         return camera in CAMERAS
 
     def open_camera(self, camera: int) -> bool:
