@@ -1,8 +1,8 @@
-"""What a method is tried on: a scene, and the seed of what is random in its run."""
+"""A benchmark case: a scene, and the seed of all randomness in its run."""
 
 from dataclasses import dataclass
 
-from pepper_drake.diagrams.reach_setup import prepare_scene
+from pepper_drake.diagrams.factory import prepare_scene
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import Scene, load_scene
 

@@ -1,4 +1,4 @@
-"""What came of one method in one scene."""
+"""Result of one method in one scene."""
 
 import json
 from dataclasses import asdict, dataclass, fields
@@ -10,7 +10,7 @@ import numpy as np
 from pepper_drake.errors import InputError
 
 OUTCOMES = ("reached", "touched", "refused", "failed", "error")
-"""What can come of a run: the hand is at its goal and nothing was touched; a link touched an
+"""Outcomes of a run: the hand is at its goal and nothing was touched; a link touched an
 obstacle, whatever else happened; it was declined before the arm moved; it ended on the way, or
 elsewhere than at the goal; the run itself broke down."""
 
@@ -25,7 +25,7 @@ class MethodResult:
     outcome: str = "error"
     """One of `OUTCOMES`."""
     reason: str = ""
-    sentence: str = ""
+    message: str = ""
     first_motion_seconds: float | None = None
     """From when the arm may start to its first command: computing time and periods waited."""
     planning_seconds: float | None = None
@@ -35,7 +35,7 @@ class MethodResult:
     path_length: float | None = None
     jerk: float | None = None
     """Root mean square of the commanded hand's [m/s³]."""
-    likeness: float | None = None
+    demonstration_distance: float | None = None
     """Distance to the demonstration, equation 4.1."""
     clearance: float | None = None
     """Least true distance between Pepper and an obstacle, cut at 0.1."""

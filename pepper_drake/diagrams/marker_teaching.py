@@ -9,7 +9,7 @@ from pydrake.geometry import MakeRenderEngineVtk, RenderEngineVtkParams, SceneGr
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.systems.primitives import LogVectorOutput
 from pydrake.systems.sensors import RgbdSensor
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -17,28 +17,33 @@ from pepper_drake.diagrams.recording import (
     Recording,
     RecordOptions,
     Session,
+    drag_joints,
     make_teaching,
     measured_recording,
 )
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration
-from pepper_drake.learning.workspace_map import Sightings, WorkspaceMap, sighted_motion
-from pepper_drake.models.marker_script import FACING, MarkerScript
-from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_TOP, make_render_cameras
-from pepper_drake.perception.goal import MarkedObject
-from pepper_drake.perception.noise import ColorNoise
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import (
+from pepper_drake.learning.demonstrations.workspace_map import (
+    Sightings,
+    WorkspaceMap,
+    sighted_motion,
+)
+from pepper_drake.models.control_model import (
     BODY_JOINTS,
     arm_joints,
     shared_control_model,
 )
-from pepper_drake.planning.differential_ik import DifferentialIkParams
-from pepper_drake.planning.rehearsal import ArmState, HandPath, Rehearsal
-from pepper_drake.systems.camera_model import CameraModel
-from pepper_drake.systems.marker_tracker import MarkerTracker
-from pepper_drake.systems.moving_marker import MovingMarker
-from pepper_drake.systems.scripted_guide import GuidePath
+from pepper_drake.models.marker_script import FACING, MarkerScript
+from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP, make_render_cameras
+from pepper_drake.perception.cameras.noise import ColorNoise
+from pepper_drake.perception.goal.detection import MarkedObject
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.kinematic_simulation import ArmState, HandPath, KinematicSimulator
+from pepper_drake.systems.guiding.scripted_guide import GuidePath
+from pepper_drake.systems.sensing.camera_model import CameraModel
+from pepper_drake.systems.sensing.marker_tracker import MarkerTracker
+from pepper_drake.systems.sensing.moving_marker import MovingMarker
 
 Vector = npt.NDArray[np.float64]
 
@@ -98,11 +103,7 @@ def record_marker(
         times, joints.T, zero_end_point_derivatives=True
     )
     builder, teaching = make_teaching(script, "joints", options)
-    source = builder.AddNamedSystem(
-        "followed_joints",
-        TrajectorySource(angles, output_derivative_order=1, zero_derivatives_beyond_limits=True),
-    )
-    builder.Connect(source.get_output_port(), teaching.GetInputPort("joint_target"))
+    drag_joints(builder, teaching, angles)
     session = Session(builder.Build(), teaching, options)
     recorded, motion, stopped = session.run(float(times[-1]) + script.rest, script.name)
     led = np.column_stack(
@@ -219,7 +220,7 @@ def _followed(
     count = len(wanted.times)
     nominal = np.tile(start, (count, 1))
     ik = DifferentialIkParams(time_step=float(wanted.times[1] - wanted.times[0]))
-    rehearsal = Rehearsal(model, geometry, ik, settle=0.0)
+    rehearsal = KinematicSimulator(model, geometry, ik, settle=0.0)
     joints = rehearsal.track(
         ArmState(start, np.zeros(5)),
         HandPath(wanted.positions, wanted.rotations, nominal, count - 1),

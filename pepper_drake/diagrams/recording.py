@@ -17,19 +17,19 @@ from tqdm import tqdm
 from pepper_drake.diagrams.teaching import Teaching
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.learning import Demonstration
-from pepper_drake.learning.recording import RecordingWriter, without_rest
+from pepper_drake.learning.demonstrations.recording import RecordingWriter, without_rest
+from pepper_drake.models.control_model import CONTROL_PERIOD, shared_control_model
 from pepper_drake.models.guide import GuideScript
 from pepper_drake.models.joint_script import JointScript
 from pepper_drake.models.pad_script import PadScript
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.models.scene import make_pose
 from pepper_drake.models.teaching_script import TeachingScript
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import shared_control_model
-from pepper_drake.systems.gamepad_velocity import GamepadState, GamepadVelocity
-from pepper_drake.systems.scripted_gamepad import ScriptedGamepad
-from pepper_drake.systems.scripted_guide import GuidePath, ScriptedGuide
-from pepper_drake.systems.velocity_guide import VelocityGuide
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.systems.guiding.gamepad_velocity import GamepadState, GamepadVelocity
+from pepper_drake.systems.guiding.scripted_gamepad import ScriptedGamepad
+from pepper_drake.systems.guiding.scripted_guide import GuidePath, ScriptedGuide
+from pepper_drake.systems.guiding.velocity_guide import VelocityGuide
 
 Vector = npt.NDArray[np.float64]
 
@@ -174,11 +174,7 @@ def record_joints(script: JointScript, options: RecordOptions | None = None) -> 
     options = options or RecordOptions()
     builder, teaching = make_teaching(script, "joints", options)
     path = joint_path(script)
-    source = builder.AddNamedSystem(
-        "scripted_joints",
-        TrajectorySource(path, output_derivative_order=1, zero_derivatives_beyond_limits=True),
-    )
-    builder.Connect(source.get_output_port(), teaching.GetInputPort("joint_target"))
+    drag_joints(builder, teaching, path)
     session = Session(builder.Build(), teaching, options)
     recorded, motion, stopped = session.run(path.end_time() + script.rest, script.name)
     geometry = ArmGeometry(shared_control_model(), script.arm)
@@ -214,6 +210,14 @@ def record_pad(script: PadScript, options: RecordOptions | None = None) -> Recor
     recorded, motion, stopped = session.run(script.end_time + script.rest, script.name)
     log = steered.FindLog(session.simulator.get_context())
     return measured_recording(recorded, motion, stopped, log.data().T)
+
+
+def drag_joints(builder: DiagramBuilder, teaching: Teaching, path: PiecewisePolynomial) -> None:
+    """Adds what drags the taught arm's joints along angles (5,) [rad] over time."""
+    ahead = path.Clone()
+    ahead.shiftRight(-CONTROL_PERIOD)
+    source = builder.AddNamedSystem("joint_path", TrajectorySource(ahead))
+    builder.Connect(source.get_output_port(), teaching.GetInputPort("joint_target"))
 
 
 def joint_path(script: JointScript) -> PiecewisePolynomial:

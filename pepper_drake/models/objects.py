@@ -58,16 +58,19 @@ class MovingObject:
 
 @dataclass(frozen=True)
 class SceneModels:
-    """What `add_scene` added to the plant."""
+    """Models that `add_scene` added to the plant."""
 
     obstacles: tuple[str, ...]
     """Body names of all obstacles; the floor is not one of them."""
     obstacle_models: tuple[ModelInstanceIndex, ...]
     """Model instances that hold obstacles only."""
     goal_object: str
-    goal_model: ModelInstanceIndex
+    goal_model: ModelInstanceIndex | None
     moving: tuple[MovingObject, ...]
-    """What needs a desired state, on `plant.get_desired_state_input_port(moving.model)`."""
+    """Models that need a desired state, on `plant.get_desired_state_input_port(moving.model)`."""
+
+
+NO_SCENE = SceneModels((), (), "", None, ())
 
 
 def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
@@ -89,7 +92,7 @@ def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
         body = plant.AddRigidBody(obstacle.name, model, _inertia())
         _register_obstacle(plant, body, obstacle)
         if obstacle.path:
-            moving.append(_put_on_rails(plant, body, obstacle.pose(), obstacle.path))
+            moving.append(_add_prismatic_joints(plant, body, obstacle.pose(), obstacle.path))
         else:
             plant.WeldFrames(plant.world_frame(), body.body_frame(), obstacle.pose())
 
@@ -97,7 +100,7 @@ def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
     goal_body = plant.AddRigidBody(GOAL_OBJECT, goal_model, _inertia())
     _register_goal(plant, goal_body, scene.goal)
     if scene.goal.path:
-        moving.append(_put_on_rails(plant, goal_body, scene.goal.pose(), scene.goal.path))
+        moving.append(_add_prismatic_joints(plant, goal_body, scene.goal.pose(), scene.goal.path))
     else:
         plant.WeldFrames(plant.world_frame(), goal_body.body_frame(), scene.goal.pose())
     return SceneModels(
@@ -151,7 +154,7 @@ def _register_goal(plant: MultibodyPlant, body: RigidBody, goal: GoalObject) -> 
     plant.RegisterVisualGeometry(body, GeometryInstance(X_OM, mesh, "marker"))
 
 
-def _put_on_rails(
+def _add_prismatic_joints(
     plant: MultibodyPlant, body: RigidBody, X_WB: RigidTransform, path: Sequence[Sequence[float]]
 ) -> MovingObject:
     """Hangs a body on three actuated prismatic joints along the world's axes."""
@@ -170,5 +173,4 @@ def _put_on_rails(
         joint = plant.AddJoint(PrismaticJoint(f"{name}_{axis}", parent, child, direction))
         plant.AddJointActuator(f"{name}_{axis}", joint).set_controller_gains(_GAINS)
         parent = child
-    plant.set_gravity_enabled(model, False)
     return MovingObject(name=name, model=model, path=path_trajectory(path))

@@ -12,21 +12,21 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.optimization.outcome import Outcome
 
 Array = npt.NDArray[np.float64]
 
 HAND_RADIUS = 0.05
-"""Of the sphere that stands for the hand where there is no arm [m]."""
+"""Radius [m] of the sphere that stands for the hand where there is no arm."""
 
 LIMIT_MARGIN = 0.1
-"""How near to its limit a joint begins to cost [rad]."""
+"""Margin [rad] to its limit within which a joint costs."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a movement is for, in the torso frame T.
+    """Task of a movement, in the torso frame T.
 
     Attributes:
         goal: (3,) where the hand should end [m].
@@ -40,7 +40,7 @@ class Task:
     goal: Array
     demonstrated: Array
     jerk: float
-    obstacles: ObstacleField | None = None
+    obstacles: PointCloudDistance | None = None
     clearance: float = 0.02
     hand_radius: float = HAND_RADIUS
 
@@ -60,16 +60,16 @@ def hand_to_goal(outcome: Outcome, task: Task) -> Array:
 
 
 def hand_to_obstacles(outcome: Outcome, task: Task) -> Array:
-    """What the hand lacks of the clearance, at its worst and on average [m]."""
+    """Violation [m] of the clearance by the hand, maximum and mean."""
     if task.obstacles is None:
         raise InputError("cost: hand_to_obstacles needs obstacles")
     gaps = task.obstacles.distance(outcome.positions) - task.hand_radius
-    return shortage(gaps, task.clearance)
+    return violation(gaps, task.clearance)
 
 
 def arm_to_obstacles(outcome: Outcome, task: Task) -> Array:
-    """What any part of the arm lacks of the clearance, at its worst and on average [m]."""
-    return shortage(outcome.arm_gaps, task.clearance)
+    """Violation [m] of the clearance by the arm, maximum and mean."""
+    return violation(outcome.arm_gaps, task.clearance)
 
 
 def deviation(outcome: Outcome, task: Task) -> Array:
@@ -88,7 +88,7 @@ def jerk(outcome: Outcome, task: Task) -> Array:
 
 
 def joint_limits(outcome: Outcome, task: Task) -> Array:
-    """How deep joints are in the last 0.1 rad before their limits, mean of time, 1 at a limit."""
+    """Depth of joints in the last 0.1 rad before their limits, mean over time, 1 at a limit."""
     if outcome.joints is None or outcome.joint_limits is None:
         raise InputError(
             "cost: joint_limits needs the arm; use kinematics in place of fast rollouts"
@@ -99,7 +99,7 @@ def joint_limits(outcome: Outcome, task: Task) -> Array:
     return depth.sum(axis=2) / depth.shape[1]
 
 
-def shortage(gaps: Array, clearance: float) -> Array:
+def violation(gaps: Array, clearance: float) -> Array:
     """Returns (S, N): what gaps (S, N) lack, as a mean, and once more where it is worst [m]."""
     lacking = np.maximum(0.0, clearance - gaps)
     costs = lacking / lacking.shape[1]

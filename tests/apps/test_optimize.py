@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from pepper_drake.diagrams.reach_setup import SHIPPED_DEMONSTRATION
+from pepper_drake.diagrams.factory import SHIPPED_DEMONSTRATION
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.example_motions import example_demonstrations
+from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
 from pepper_drake.optimization import History
 
 APP = Path(__file__).parents[2] / "apps" / "optimize.py"
@@ -39,7 +39,7 @@ def plain_figures(monkeypatch):
             f"pepper_drake.reporting.optimization_report.{name}", lambda *_, **__: Figure()
         )
     monkeypatch.setattr(
-        "pepper_drake.optimization.ratings.draw_reproductions", lambda *_, **__: Figure()
+        "pepper_drake.reporting.optimization_figures.draw_reproductions", lambda *_, **__: Figure()
     )
 
 
