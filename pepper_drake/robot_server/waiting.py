@@ -110,7 +110,10 @@ class Module:
             raise ValueError(f"there is no method {uid}")
         self._last_call += 1
         who = (caller,) if method.wants_caller else ()
-        value = as_awaitable(method.handler(*who, *arguments))
+        try:
+            value = as_awaitable(method.handler(*who, *arguments))
+        except TypeError:
+            raise ValueError(f"{len(arguments)} arguments do not fit {method.name}") from None
         if value is not None:
             future = asyncio.ensure_future(value)
             self._calls[self._last_call] = future
