@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import MatrixGain
 
 from pepper_drake.errors import InputError
@@ -171,7 +171,6 @@ class ArmController(Diagram):
         self._command = add(
             "arm_command",
             ArmCommand(
-                arm=arm,
                 limits=model.command_limits(arm_joints(arm), speed_fraction=params.speed_fraction),
                 start_position=start,
                 time_step=params.time_step,

@@ -1,6 +1,8 @@
 """PepperStation: the simulated robot in its scene, with the ports that the real robot has."""
 
+import dataclasses
 import functools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -46,12 +48,24 @@ from pepper_drake.systems.sensing.camera_model import CameraModel
 RENDERER = "vtk"
 _STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
 """Proportional and derivative gain of what carries the rest, over a joint's."""
+_GEAR_FRICTION = 0.3
+"""Damping that is left of a limp joint [N m s/rad]."""
 _HAND_PORTS = tuple(
     f"{arm}_hand_{what}"
     for arm in ("left", "right")
     for what in ("pose", "position", "orientation")
 )
-NO_DEPTH_NOISE = DepthNoise(floor=0.0, growth=0.0, edge_loss=0.0, edge_mix=0.0, loss=0.0)
+NO_DEPTH_NOISE = DepthNoise(
+    floor=0.0,
+    growth=0.0,
+    edge_loss=0.0,
+    edge_mix=0.0,
+    loss=0.0,
+    baseline=0.0,
+    grazing=0.0,
+    dark_share=0.0,
+    border=0,
+)
 
 
 @dataclass
@@ -85,7 +99,8 @@ class StationConfig:
     proportional_gain: float = 400.0
     """Of a joint at stiffness 1, N m/rad (N/m for the base's x and y); body and base have more."""
     derivative_gain: float = 10.0
-    """Of a joint at any stiffness above zero, N m s/rad; body and base have more."""
+    """Of a joint at stiffness 1 [N m s/rad]; body and base have more. It goes with the root of the
+    stiffness, so that a soft joint is damped as well as a stiff one."""
 
 
 def select_joints(
@@ -197,7 +212,7 @@ class PepperStation(Diagram):
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
-        self.obstacle_parameters = ObstacleParameters()
+        self.obstacle_parameters = self._expecting_noise(ObstacleParameters())
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlant(
             MultibodyPlantConfig(
@@ -277,7 +292,7 @@ class PepperStation(Diagram):
         firmness, damping = _STRENGTH.get(group, (1.0, 1.0))
         gains = PdControllerGains(
             p=max(firmness * stiffness * config.proportional_gain, 1e-6),
-            d=damping * config.derivative_gain if stiffness > 0 else 0.3,
+            d=max(damping * config.derivative_gain * math.sqrt(stiffness), _GEAR_FRICTION),
         )
         for name in JOINT_GROUPS[group]:
             actuator = self.plant.GetJointActuatorByName(name, self.pepper)
@@ -433,7 +448,12 @@ class PepperStation(Diagram):
         builder.Connect(self.scene_graph.get_query_output_port(), stereo.GetInputPort("query"))
         self._export_camera(builder, kinematics, "camera_depth", stereo, "depth_image")
         self.depth_intrinsics = stereo.intrinsics
-        self.obstacle_parameters = STEREO_CLOUD
+        self.obstacle_parameters = self._expecting_noise(STEREO_CLOUD)
+
+    def _expecting_noise(self, parameters: ObstacleParameters) -> ObstacleParameters:
+        """The same, for images with or without noise."""
+        validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
+        return dataclasses.replace(parameters, validity=validity)
 
     def _export_camera(
         self,

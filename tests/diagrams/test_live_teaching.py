@@ -8,7 +8,7 @@ from pepper_drake.diagrams.live_teaching import LiveTeaching, with_movable_objec
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.models.scene import SCENES_DIR, load_scene
-from pepper_drake.systems.robot.arm_mode_switch import ArmMode
+from pepper_drake.systems.robot.arm_command import ArmMode
 
 SCENE = SCENES_DIR / "teach.yaml"
 

@@ -27,7 +27,7 @@ _LEAST_PIXELS = 4
 """Pixels, of nine, that have to have measured something for a voxel to be looked through."""
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class VoxelMapParameters:
     """How the map remembers.
 

@@ -75,7 +75,6 @@ class ArmCommand(LeafSystem):
     def __init__(
         self,
         *,
-        arm: str,
         limits: CommandLimits,
         start_position: Sequence[float],
         time_constant: float = 0.1,
@@ -84,14 +83,13 @@ class ArmCommand(LeafSystem):
         """Makes the system.
 
         Args:
-            arm: "left" or "right".
             limits: Of the arm's joints.
             start_position: (5,) [rad].
             time_constant: With which the command follows a joint target [s].
             time_step: [s].
         """
         super().__init__()
-        self._arm, self._limits = arm, limits
+        self._limits = limits
         self._time_constant, self._time_step = time_constant, time_step
         self.movement_input: InputPort = self.DeclareAbstractInputPort(
             "movement", Value[object](None)
@@ -170,7 +168,6 @@ class ArmCommand(LeafSystem):
             position,
             velocity,
             desired_velocity,
-            arm=self._arm,
             limits=self._limits,
             time_step=self._time_step,
         )
