@@ -25,7 +25,7 @@ _FARTHEST_ROOM = 100.0
 """No depth camera sees farther, by half of its pixels [m]."""
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class CloudParameters:
     """What of a depth image is kept.
 
@@ -129,7 +129,7 @@ def _check_unit(depth: npt.NDArray[np.generic], whole: bool) -> None:
                 "length of its unit in metres."
             )
         return
-    values = depth[::7, ::7]
+    values = depth[::7, ::7].astype(np.float64)
     with np.errstate(invalid="ignore"):
         values = values[np.isfinite(values) & (values > 0)]
     if values.size and float(np.median(values)) > _FARTHEST_ROOM:

@@ -50,7 +50,7 @@ class ExcludedSolids:
     keep_known_voxels: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class ObstacleParameters:
     """How obstacles are seen and remembered.
 

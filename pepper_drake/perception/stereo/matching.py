@@ -80,7 +80,7 @@ class Rectification:
         return X_WLeft @ RigidTransform(self.R_CLeftRect, np.zeros(3))
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class StereoParameters:
     """Semi-global matching (Hirschmueller 2008, doi:10.1109/TPAMI.2007.1166) and what it sees.
 
