@@ -39,8 +39,9 @@ from pepper_drake.planning.ik.differential_ik import (
     hand_key,
     make_differential_ik,
 )
-from pepper_drake.planning.reach.reach_planner import ReachPlanner, ReachPlannerParams
-from pepper_drake.planning.reach.reach_state import ReachTiming
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.planning.reach.reach_planner import ReachPlanner
+from pepper_drake.planning.reach.timed_planner import TimedPlanner
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
 from pepper_drake.systems.primitive.hand_goal_pose import HandGoalPose
@@ -74,8 +75,6 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
-    minimum_clearance: float = 0.002
-    """Distance of the arm to the cloud at which the safety monitor stops it [m]."""
     compliance: ComplianceConfig | None = None
     """How the reaching arm gives way when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
@@ -212,13 +211,15 @@ class Reaching(Diagram):
             params=self.config.planner,
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
+        self.timed_planner = TimedPlanner(self.planner)
         self.hand_goal = builder.AddNamedSystem(
             "hand_goal", HandGoalPose(self.scene.pre_grasp(), time_step=self.config.ik.time_step)
         )
         self._connect(self.object_pose, self.hand_goal, "object_pose")
         self._connect(station.GetOutputPort("torso_pose"), self.hand_goal, "torso_pose")
         self.supervisor = builder.AddNamedSystem(
-            "supervisor", ReachSupervisor(self.planner, self.config.timing)
+            "supervisor",
+            ReachSupervisor(self.timed_planner, self.config.timing, arm=self.scene.arm),
         )
         sources = {
             "object_pose": self.object_pose,
@@ -238,7 +239,7 @@ class Reaching(Diagram):
         self.performed = self.supervisor.GetOutputPort("primitive")
         self._connect(self.supervisor.GetOutputPort("X_OG"), self.hand_goal, "X_OG")
         self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
-        self._connect(self.active, self.look_at, "scan_enabled")
+        self._connect(self.supervisor.GetOutputPort("started"), self.look_at, "scan_enabled")
 
         driver = builder.AddNamedSystem("base_driver", BasePositionController())
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
@@ -409,7 +410,7 @@ class Reaching(Diagram):
             "safety_monitor",
             SafetyMonitor(
                 limits=model.command_limits(BODY_JOINTS),
-                minimum_clearance=self.config.minimum_clearance,
+                minimum_clearance=self.config.planner.clearance.stop,
                 time_step=self.config.ik.time_step,
             ),
         )

@@ -1,4 +1,4 @@
-"""Back the way the arm came, when something comes in its way and there is no other."""
+"""Retreat along the travelled path, for an arm whose path is blocked."""
 
 from collections.abc import Callable
 
@@ -20,24 +20,23 @@ _BRAKING = 0.75
 _STRONGEST_BRAKING = 3.94
 """The greatest deceleration of `_braked` from 1 rad/s within 1 s [rad/s²]."""
 _STEP = 3
-"""Of the path that the arm came, every so manieth posture is looked at."""
+"""Stride through the travelled path."""
 
 _LOST = 0.01
 """On its way the arm may lose so much of its clearance [m]."""
 
 _NEAR = 0.6
-"""What is farther from the goal than this is out of the arm's way [m]."""
+"""Obstacles farther from the goal than this are out of the arm's reach [m]."""
 
 NEWCOMER_DISTANCE = 0.03
 """A point this far from all that was seen when the movement was planned is new [m]."""
 NEWCOMER_DEPTH = 0.10
-"""How far what is new is taken to reach down [m]: of what hangs in the air, such as an arm, a camera
-from above sees the upper side alone."""
+"""Extent of new obstacles below their points [m]: a camera above an arm sees its upper side only."""
 
 NEWCOMER_SIDE = 0.04
-"""How far it is taken to reach to all sides by who plans around it [m]."""
+"""Extent of new obstacles beside their points, for a detour around them [m]."""
 MOVING_SIDE = 0.05
-"""The same by who sees that something moves [m]: what is nearest to the camera it cannot measure."""
+"""The same of moving obstacles [m]: nearest to the camera their depth cannot be measured."""
 
 
 def extrude_new_points_down(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
