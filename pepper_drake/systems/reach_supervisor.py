@@ -20,6 +20,7 @@ from pydrake.systems.framework import (
 
 from pepper_drake.models.control_model import BODY_JOINTS, arm_joints, body_indices
 from pepper_drake.perception.mapping.cloud_points import cloud_points
+from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement import Movement
@@ -48,6 +49,7 @@ class ReachSupervisor(LeafSystem):
         - goal_position
         - cloud
         - cloud_time
+        - cloud_fault (optional)
         - approaching (optional)
         - joint_position
         - base_pose
@@ -71,8 +73,8 @@ class ReachSupervisor(LeafSystem):
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
     hand's goal in T [m]; `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last
-    image [s], not finite before the first; `approaching` (PointCloud in W), predicted positions of
-    moving obstacles; `joint_position` (15) [rad]; `base_pose` (3) [m, rad]; `hand_pose` X_TH and
+    image [s], not finite before the first; `cloud_fault` (1), a `DepthFault`; `approaching`
+    (PointCloud in W), predicted positions of moving obstacles; `joint_position` (15) [rad]; `base_pose` (3) [m, rad]; `hand_pose` X_TH and
     `desired_position` (3), where the primitive wants the hand in T [m]; `arm_position_command` and
     `arm_velocity_command` (5) [rad, rad/s], at rest where it is measured if left out; `arrived`
     (1); `tau` (1) [s]; `stop_reason` (1), the safety monitor's `StopReason`.
@@ -109,6 +111,7 @@ class ReachSupervisor(LeafSystem):
             ("goal_age", 1),
             ("goal_position", 3),
             ("cloud_time", 1),
+            ("cloud_fault", 1),
             ("joint_position", len(BODY_JOINTS)),
             ("base_pose", 3),
             ("desired_position", 3),
@@ -204,6 +207,9 @@ class ReachSupervisor(LeafSystem):
         if ports["approaching"].HasValue(context):
             predicted = cloud_points(value("approaching"))
         near = np.sum((predicted - X_WO.translation()) ** 2, axis=1) < _NEAR**2
+        fault = 0.0
+        if ports["cloud_fault"].HasValue(context):
+            fault = scalar("cloud_fault")
         return Observation(
             time=context.get_time(),
             base_pose=vector("base_pose"),
@@ -216,6 +222,7 @@ class ReachSupervisor(LeafSystem):
             cloud=cloud_points(value("cloud")),
             predicted_cloud=predicted[near],
             cloud_time=scalar("cloud_time"),
+            cloud_fault=DepthFault(int(fault)),
             goal_valid=scalar("goal_valid") > 0.5,
             goal_age=scalar("goal_age"),
             goal_position=vector("goal_position"),

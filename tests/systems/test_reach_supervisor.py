@@ -5,6 +5,7 @@ from pydrake.perception import PointCloud
 from pydrake.systems.analysis import Simulator
 
 from pepper_drake.models.control_model import BODY_JOINTS, arm_joints, body_indices
+from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.systems.reach_supervisor import ReachSupervisor, head_search_pattern
@@ -115,6 +116,7 @@ def test_an_observation_is_what_is_at_the_ports():
         approaching=cloud_at([X_WO.translation(), X_WO.translation() + [0.5, 0.5, 0.0]]),
         stop_reason=[float(StopReason.REQUESTED)],
         cloud_time=[0.07],
+        cloud_fault=[float(DepthFault.FROZEN)],
         goal_valid=[0.0],
         arrived=[0.0],
         goal_age=[0.4],
@@ -139,6 +141,7 @@ def test_an_observation_is_what_is_at_the_ports():
     assert (seen.cloud_time, seen.goal_age, seen.tau) == (0.07, 0.4, 2.5)
     assert (seen.goal_valid, seen.base_arrived) == (False, False)
     assert seen.stop_reason == StopReason.REQUESTED
+    assert seen.cloud_fault == DepthFault.FROZEN
 
     rig.set(arm_position_command=0.1 * np.ones(5), arm_velocity_command=0.2 * np.ones(5))
     seen = rig.supervisor.observe(rig.context)

@@ -47,7 +47,7 @@ DEFAULT_NUM_BASIS = 40
 
 @dataclass(frozen=True, eq=False)
 class Path3D:
-    """What a rollout gives.
+    """Result of a rollout.
 
     Attributes:
         times: (N,) [s].

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
+from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 
@@ -33,6 +34,7 @@ class Observation:
         cloud: (P, 3) obstacles in W [m].
         predicted_cloud: (Q, 3) where moving obstacles near the goal will be, in W [m].
         cloud_time: Capture time of the last depth image in the cloud [s]; not finite before it.
+        cloud_fault: Why the last depth image was not used.
         goal_valid: Whether there is an estimate of the goal object's pose.
         goal_age: Time since the goal object's marker was last seen [s].
         goal_position: (3,) the hand's goal in T [m].
@@ -52,6 +54,7 @@ class Observation:
     cloud: Vector = field(default_factory=_no_points)
     predicted_cloud: Vector = field(default_factory=_no_points)
     cloud_time: float = -np.inf
+    cloud_fault: DepthFault = DepthFault.NONE
     goal_valid: bool = True
     goal_age: float = 0.0
     goal_position: Vector = field(default_factory=lambda: np.zeros(3))

@@ -155,6 +155,12 @@ class ReachState:
         )
 
     def fail(self, time: float, reason: str, message: str) -> "ReachState":
-        """Returns the final state of a failure, named by a word and a sentence."""
-        failed = self.to(ReachMode.FAILED, time)
-        return replace(failed, reason=reason, message=message, pending=())
+        """Returns the final state of a failure, named by a word and a sentence; the base stays."""
+        stay = (np.nan, np.nan, np.nan)
+        return replace(
+            self.to(ReachMode.FAILED, time),
+            reason=reason,
+            message=message,
+            base_pose_wanted=stay,
+            pending=(),
+        )

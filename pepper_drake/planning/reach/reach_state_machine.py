@@ -7,6 +7,7 @@ import numpy as np
 
 from pepper_drake.models.control_model import body_indices
 from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
@@ -83,15 +84,20 @@ class _Supervision:
                 time, "goal_lost", f"the goal's marker was not seen for {timing.goal_lost:g} s"
             )
         if observation.cloud_age > timing.cloud_lost:
-            return state.fail(
-                time,
-                "cloud_missing",
-                f"the depth camera gave no image for {observation.cloud_age:.1f} s",
-            )
+            return state.fail(time, "cloud_missing", self._cloud_message())
         if state.mode == ReachMode.REACHING and time - state.started > timing.reach_timeout:
             message = f"the hand had not arrived {timing.reach_timeout:g} s after the arm started"
             return self._fail(state, "timeout", message)
         return None
+
+    def _cloud_message(self) -> str:
+        """Returns why there is no cloud, as a sentence."""
+        fault, age = self._observation.cloud_fault, self._observation.cloud_age
+        if fault != DepthFault.NONE:
+            return FAULT_SENTENCES[fault]
+        if np.isinf(age):
+            return "the depth camera gave no image of the scene"
+        return f"the depth camera gave no image for {age:.1f} s"
 
     def take_effect(self, state: ReachState) -> ReachState:
         """Returns the state after all computations that are over by now."""
@@ -148,8 +154,7 @@ class _Supervision:
             return state
         if self._observation.cloud_age > timing.cloud_timeout:
             if time - state.goal_seen_since > timing.goal_timeout:
-                message = "the depth camera gave no image of the scene"
-                return state.fail(time, "cloud_missing", message)
+                return state.fail(time, "cloud_missing", self._cloud_message())
             return state
         return self._place_base(state)
 

@@ -1,4 +1,4 @@
-"""Retreat along the travelled path, for an arm whose path is blocked."""
+"""Back the way the arm came, when something comes in its way and there is no other."""
 
 from collections.abc import Callable
 
@@ -20,23 +20,24 @@ _BRAKING = 0.75
 _STRONGEST_BRAKING = 3.94
 """The greatest deceleration of `_braked` from 1 rad/s within 1 s [rad/s²]."""
 _STEP = 3
-"""Stride through the travelled path."""
+"""Of the path that the arm came, every so manieth posture is looked at."""
 
 _LOST = 0.01
 """On its way the arm may lose so much of its clearance [m]."""
 
 _NEAR = 0.6
-"""Obstacles farther from the goal than this are out of the arm's reach [m]."""
+"""What is farther from the goal than this is out of the arm's way [m]."""
 
 NEWCOMER_DISTANCE = 0.03
 """A point this far from all that was seen when the movement was planned is new [m]."""
 NEWCOMER_DEPTH = 0.10
-"""Extent of new obstacles below their points [m]: a camera above an arm sees its upper side only."""
+"""Depth [m] to which new points are extruded: of what hangs in the air, such as an arm, a camera
+from above sees the upper side alone."""
 
 NEWCOMER_SIDE = 0.04
-"""Extent of new obstacles beside their points, for a detour around them [m]."""
+"""How far it is taken to reach to all sides by who plans around it [m]."""
 MOVING_SIDE = 0.05
-"""The same of moving obstacles [m]: nearest to the camera their depth cannot be measured."""
+"""The same [m] where something moves: the part nearest to the camera is not measured."""
 
 
 def extrude_new_points_down(cloud: Vector, known: cKDTree, around: Vector) -> Vector:

@@ -5,6 +5,7 @@ import pytest
 from pydrake.math import RigidTransform
 
 from pepper_drake.models.control_model import body_indices
+from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.reach_mode import ReachMode
@@ -219,6 +220,18 @@ def test_an_arm_without_depth_images_brakes_and_the_reach_ends(mode):
     assert one.time - STEP - last <= TIMING.cloud_timeout + STEP + 1e-9
     one.failed("cloud_missing")
     assert one.time - STEP - last <= TIMING.cloud_lost + STEP + 1e-9
+
+
+@pytest.mark.parametrize("mode", [ReachMode.LOOKING, ReachMode.DRIVING, ReachMode.REACHING])
+def test_a_cloud_that_is_missing_is_explained_and_the_base_stays(mode):
+    one = Supervised().set(base_arrived=False).until(ReachMode.DRIVING)
+    if mode == ReachMode.LOOKING:
+        one = Supervised()
+    one.set(base_arrived=mode != ReachMode.DRIVING).until(mode)
+    one.image_time = -1.0
+    one.set(cloud_fault=DepthFault.FROZEN).failed("cloud_missing")
+    assert "same image" in one.state.message
+    assert np.isnan(one.state.base_goal).all()
 
 
 def test_a_base_without_depth_images_stands_and_goes_on_with_them():
