@@ -23,7 +23,6 @@ from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
-from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
@@ -61,28 +60,25 @@ class ReachSupervisor(LeafSystem):
         - tau
         - stop_reason
         output_ports:
-        - active
+        - movement
         - started
         - base_goal
         - resting_head
         - mode
         - progress
-        - primitive
-        - coupling_law
-        - X_OG
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
     hand's goal in T [m]; `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last
     image [s], not finite before the first; `cloud_fault` (1), a `DepthFault`; `approaching`
-    (PointCloud in W), predicted positions of moving obstacles; `joint_position` (15) [rad]; `base_pose` (3) [m, rad]; `hand_pose` X_TH and
-    `desired_position` (3), where the primitive wants the hand in T [m]; `arm_position_command` and
-    `arm_velocity_command` (5) [rad, rad/s], at rest where it is measured if left out; `arrived`
-    (1); `tau` (1) [s]; `stop_reason` (1), the safety monitor's `StopReason`.
-    Outputs: `active` (1), the number of the movement while one is performed, else 0, also while the
-    arm brakes; `primitive`, `coupling_law` and `X_OG`, abstract, of that movement; `started` (1),
-    whether the arm reaches or has reached; `base_goal` (3) [m, rad], NaN for "stay";
-    `resting_head` (2), yaw and pitch of the head while the goal is searched [rad]; `mode` (1), a
-    `ReachMode`; `progress`, the whole `ReachState`.
+    (PointCloud in W), predicted positions of moving obstacles; `joint_position` (15) [rad];
+    `base_pose` (3) [m, rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive
+    wants the hand in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at
+    rest where it is measured if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the
+    safety monitor's `StopReason`.
+    Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
+    that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
+    `base_goal` (3) [m, rad], NaN for "stay"; `resting_head` (2), yaw and pitch of the head while
+    the goal is searched [rad]; `mode` (1), a `ReachMode`; `progress`, the whole `ReachState`.
     State: `ReachState` (abstract), every `timing.time_step`.
     """
 
@@ -124,7 +120,6 @@ class ReachSupervisor(LeafSystem):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
         self._state = self.DeclareAbstractState(Value[object](ReachState()))
         state = {self.abstract_state_ticket(self._state)}
-        self._declare_output("active", 1, lambda now: [now.active_movement], state)
         self._declare_output("started", 1, lambda now: [now.has_started], state)
         self._declare_output("base_goal", 3, lambda now: now.base_goal, state)
         self._declare_output("mode", 1, lambda now: [now.mode], state)
@@ -140,12 +135,12 @@ class ReachSupervisor(LeafSystem):
             lambda context, out: out.set_value(self.progress(context)),
             prerequisites_of_calc=state,
         )
-        for name, model, part in (
-            ("primitive", planner.demonstrated.primitive, lambda movement: movement.primitive),
-            ("coupling_law", planner.demonstrated.coupling, lambda movement: movement.coupling),
-            ("X_OG", planner.demonstrated.X_OG, lambda movement: movement.X_OG),
-        ):
-            self._declare_movement_output(name, model, part, state)
+        self.DeclareAbstractOutputPort(
+            "movement",
+            lambda: Value[object](planner.demonstrated),
+            self._calc_movement,
+            prerequisites_of_calc=state,
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(timing.time_step, 0.0, self._update)
 
     def _declare_output(
@@ -161,23 +156,6 @@ class ReachSupervisor(LeafSystem):
             output.SetFromVector(np.asarray(part(self.progress(context)), dtype=float))
 
         self.DeclareVectorOutputPort(name, size, calc, prerequisites_of_calc=tickets)
-
-    def _declare_movement_output(
-        self, name: str, model: Any, part: Callable[[Movement], Any], state: set[DependencyTicket]
-    ) -> None:
-        """Declares an output for a part of the movement."""
-
-        def calc(context: Context, output: Value) -> None:
-            output.set_value(part(self.progress(context).movement or self._planner.demonstrated))
-
-        # The value may be of any type: a coupling may be None.
-        typed = isinstance(model, RigidTransform)
-        self.DeclareAbstractOutputPort(
-            name,
-            lambda: Value(model) if typed else Value[object](model),
-            calc,
-            prerequisites_of_calc=state,
-        )
 
     def progress(self, context: Context) -> ReachState:
         """Returns the present state in a context."""
@@ -233,6 +211,11 @@ class ReachSupervisor(LeafSystem):
             tau=scalar("tau"),
             stop_reason=StopReason(int(scalar("stop_reason"))),
         )
+
+    def _calc_movement(self, context: Context, output: Value) -> None:
+        state = self.progress(context)
+        movement = state.movement or self._planner.demonstrated
+        output.set_value(movement.numbered(state.active_movement))
 
     def _update(self, context: Context, state: State) -> EventStatus:
         before = self.progress(context)

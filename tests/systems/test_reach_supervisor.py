@@ -90,12 +90,12 @@ def test_a_reach_through_the_ports():
     np.testing.assert_array_equal(rig.value("base_goal"), STAND)
     assert rig.value("mode")[0] == ReachMode.DRIVING
     rig.until(ReachMode.SETTLING)
-    assert rig.value("active")[0] == rig.value("started")[0] == 0.0
+    assert rig.value("movement").id == rig.value("started")[0] == 0
     rig.until(ReachMode.REACHING)
-    assert rig.value("active")[0] == rig.value("started")[0] == 1.0
+    assert rig.value("movement").id == rig.value("started")[0] == 1
     rig.set(hand_pose=RigidTransform(P_TG))
     rig.until(ReachMode.DONE)
-    assert rig.value("active")[0] == 1.0
+    assert rig.value("movement").id == 1
     assert rig.value("progress") is rig.state
 
 
@@ -104,7 +104,7 @@ def test_an_arm_that_brakes_is_not_active_but_has_started():
     rig.images = False
     rig.advance(TIMING.cloud_timeout + 2 * STEP)
     assert rig.value("mode")[0] == ReachMode.REACHING
-    assert rig.value("active")[0] == 0.0
+    assert rig.value("movement").id == 0
     assert rig.value("started")[0] == 1.0
 
 
@@ -171,7 +171,7 @@ def test_a_stop_is_named_by_its_reason():
     rig.set(stop_reason=[float(StopReason.LINK_TOO_CLOSE)])
     rig.until(ReachMode.FAILED)
     assert rig.state.reason == "link_too_close"
-    assert rig.value("active")[0] == 0.0
+    assert rig.value("movement").id == 0
 
 
 def test_two_contexts_do_not_share_their_state():
@@ -201,19 +201,18 @@ def test_the_search_begins_ahead_and_sweeps_to_both_sides_without_a_jump():
 
 def test_the_planned_movement_is_known_a_tick_before_it_begins():
     rig = Rig()
-    before = {}
+    before = None
     while rig.state.mode != ReachMode.REACHING:
-        names = ("primitive", "coupling_law", "X_OG", "active")
-        before = {name: rig.value(name) for name in names}
+        before = rig.value("movement")
         rig.advance(STEP)
-    assert before["active"][0] == 0.0
-    assert before["primitive"] is ADAPTED.primitive
-    assert before["coupling_law"] is None
-    np.testing.assert_array_equal(before["X_OG"].translation(), [0, 0, 0.1])
-    assert rig.value("active")[0] == 1.0
+    assert before.id == 0
+    assert before.primitive is ADAPTED.primitive
+    assert before.coupling is None
+    np.testing.assert_array_equal(before.X_OG.translation(), [0, 0, 0.1])
+    assert rig.value("movement").id == 1
 
 
 def test_before_the_plan_it_is_the_demonstrated_movement():
-    rig = Rig()
-    assert rig.value("primitive") is DEMONSTRATED.primitive
-    assert rig.value("coupling_law") is DEMONSTRATED.coupling
+    movement = Rig().value("movement")
+    assert movement.primitive is DEMONSTRATED.primitive
+    assert movement.coupling is DEMONSTRATED.coupling
