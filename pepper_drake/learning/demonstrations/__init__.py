@@ -1,0 +1,1 @@
+"""Demonstrations: files of many kinds, what was recorded, and whether it can be right."""
