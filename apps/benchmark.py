@@ -23,7 +23,7 @@ from pepper_drake import cli
 from pepper_drake.benchmarking.batch import Task, run_tasks
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
-from pepper_drake.benchmarking.methods import METHODS, method_named
+from pepper_drake.benchmarking.methods import METHODS, get_method
 from pepper_drake.benchmarking.summary import MethodSummary, Scenes, markdown_table, summarise
 from pepper_drake.errors import InputError
 from pepper_drake.reporting.benchmark_figure import draw_benchmark
@@ -82,7 +82,7 @@ def make_case(options: Namespace, seed: int) -> Case:
 
 def make_tasks(options: Namespace) -> list[Task]:
     """All runs that the options ask for, scene by scene."""
-    methods = [method_named(letter) for letter in options.methods.split(",")]
+    methods = [get_method(letter) for letter in options.methods.split(",")]
     cases = [make_case(options, options.seed + k) for k in range(options.scenes)]
     cases[0].build()  # What is wrong with the scene is said before anything runs.
     for method in methods:
@@ -93,7 +93,7 @@ def make_tasks(options: Namespace) -> list[Task]:
 def replay(options: Namespace) -> int:
     """Runs one method on one scene again, with recording."""
     letter, _, seed = options.replay.partition(":")
-    method = method_named(letter)
+    method = get_method(letter)
     method.check()
     if not seed.isdigit():
         raise InputError(f'--replay is "{options.replay}"; give a method and a seed, as d:17')
@@ -103,7 +103,7 @@ def replay(options: Namespace) -> int:
         words = " ".join([*case.reach_options, *method.run.options])
         print(f"The same as: reach.py {words}")
     result = method.run.replay(case, folder)
-    print(f"{result.outcome}" + (f": {result.sentence}" if result.sentence else ""))
+    print(f"{result.outcome}" + (f": {result.message}" if result.message else ""))
     print(f"Results are in {folder}; open recording.html in a browser")
     return cli.EXIT_DONE if result.outcome == "reached" else cli.EXIT_FAILED
 
@@ -119,7 +119,7 @@ def save(
     )
     failing = {
         summary.method: {
-            result.case: f"{result.outcome}: {result.sentence}"
+            result.case: f"{result.outcome}: {result.message}"
             for result in results
             if result.method == summary.method and result.outcome != "reached"
         }
@@ -161,7 +161,7 @@ def main() -> int:
         print(f"Results are in {options.output}")
     for result in results:
         if result.outcome == "error":
-            print(f"{result.case} {result.method}: {result.sentence}", file=sys.stderr)
+            print(f"{result.case} {result.method}: {result.message}", file=sys.stderr)
     return cli.EXIT_FAILED if any(r.outcome == "error" for r in results) else cli.EXIT_DONE
 
 

@@ -12,17 +12,17 @@ from tqdm import tqdm
 
 from pepper_drake.cli import EXIT_DONE, make_parser, run
 from pepper_drake.errors import InputError
-from pepper_drake.learning import approximator_names
-from pepper_drake.learning.approximators import get_approximator
-from pepper_drake.learning.comparison import (
+from pepper_drake.evaluation.approximator_comparison import (
     REPORT_NUM_BASIS,
     compare,
-    give_back,
     markdown_table,
+    reproduce_demonstration,
 )
-from pepper_drake.learning.demonstration_folder import load_all
-from pepper_drake.learning.example_motions import example_demonstrations
-from pepper_drake.learning.text_files import write_atomically
+from pepper_drake.learning import approximator_names
+from pepper_drake.learning.approximators.registry import get_approximator
+from pepper_drake.learning.demonstrations.demonstration_folder import load_all
+from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
+from pepper_drake.learning.demonstrations.text_files import write_atomically
 from pepper_drake.reporting.comparison_figure import draw_comparison
 
 
@@ -70,7 +70,7 @@ def main() -> int:
 
     shown = demonstrations[0]
     middle = sorted(nums_basis)[len(nums_basis) // 2]
-    paths = {name: give_back(shown, name, middle)[0] for name in names}
+    paths = {name: reproduce_demonstration(shown, name, middle)[0] for name in names}
     table = {
         "demonstrations": [demonstration.name for demonstration in demonstrations],
         "rows": [asdict(row) for row in rows],

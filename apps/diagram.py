@@ -16,12 +16,12 @@ from argparse import ArgumentParser, ArgumentTypeError
 from pydrake.systems.framework import Diagram
 
 from pepper_drake import cli
-from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.diagrams.teaching import Teaching
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import SCENES, Scene, load_scene
-from pepper_drake.planning.control_model import shared_control_model
 from pepper_drake.reporting.diagram_graph import make_diagram_graph
 from pepper_drake.reporting.diagram_picture import save_diagram_picture
 

@@ -34,10 +34,10 @@ from typing import Any
 from tqdm import tqdm
 
 from pepper_drake import cli
-from pepper_drake.diagrams.reach_setup import prepare_scene
+from pepper_drake.diagrams.factory import prepare_scene
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.text_files import write_atomically
+from pepper_drake.learning.demonstrations.text_files import write_atomically
 from pepper_drake.models.scene import load_scene
 from pepper_drake.optimization.averaging import decay_over
 from pepper_drake.optimization.comparison import compare_methods
@@ -63,7 +63,7 @@ from pepper_drake.optimization.movement_rollouts import (
 )
 from pepper_drake.optimization.parallel import dask_cluster, processes
 from pepper_drake.optimization.problem import Problem
-from pepper_drake.optimization.ratings import Tutor, rated
+from pepper_drake.optimization.ratings import RatingCollector, rated
 from pepper_drake.optimization.search import search
 from pepper_drake.reporting.optimization_figures import draw_comparison
 from pepper_drake.reporting.optimization_report import save_search
@@ -256,7 +256,7 @@ def ask_tutor(
     problem: Problem,
 ) -> Problem:
     """Lets a tutor rate the samples of each update."""
-    tutor = Tutor(
+    tutor = RatingCollector(
         evaluate.parameters,
         options.output / "reproductions",
         options.ratings or options.output / "ratings.txt",

@@ -18,20 +18,24 @@ from pydrake.geometry import Meshcat
 from tqdm import tqdm
 
 from pepper_drake import cli
+from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.errors import InputError
-from pepper_drake.models.scene_options import add_scene_options, chosen_scene
-from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_TOP
+from pepper_drake.evaluation.marker_false_positives import count_false_positives
+from pepper_drake.evaluation.perception_evaluation import (
+    CloudStudy,
+    GoalSample,
+    PerceptionEvaluation,
+)
+from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
 from pepper_drake.reporting.perception_figures import (
     draw_clouds,
     save_clouds_figure,
     save_goal_figure,
     save_images_figure,
 )
-from pepper_drake.reporting.perception_study import CloudStudy, GoalSample, PerceptionStudy
-from pepper_drake.reporting.wrong_goals import look_for_wrong_goals
 
 _DISTANCES = (0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2)
-"""From where the marker is looked at, m."""
+"""From where the marker is looked at [m]."""
 
 
 def make_parser() -> ArgumentParser:
@@ -86,11 +90,11 @@ def main() -> int:
     # One thread, so that the times in the report are those of one core.
     cv2.setNumThreads(1)
     scene = chosen_scene(options)
-    study = PerceptionStudy(scene, options.seed)
+    study = PerceptionEvaluation(scene, options.seed)
     clouds = {"depth": study.depth(options.frames), "stereo": study.stereo(options.texture)}
     robot_points, goal_points = study.foreign_points(options.poses)
     samples = _look_at_marker(study, options)
-    wrong_goals = look_for_wrong_goals(study, options.wrong_goal_frames, options.seed)
+    wrong_goals = count_false_positives(study, options.wrong_goal_frames, options.seed)
 
     folder: Path = options.output
     folder.mkdir(parents=True, exist_ok=True)
@@ -122,7 +126,7 @@ def main() -> int:
     return cli.EXIT_DONE
 
 
-def _look_at_marker(study: PerceptionStudy, options: Namespace) -> list[GoalSample]:
+def _look_at_marker(study: PerceptionEvaluation, options: Namespace) -> list[GoalSample]:
     hidden = options.quiet or not sys.stderr.isatty()
     samples = []
     for camera in (CAMERA_TOP, CAMERA_BOTTOM):
@@ -181,7 +185,7 @@ def summary(report: dict) -> str:
         lines.append(
             f"  {name:7} {cloud['points']:6} points   rms {1000 * cloud['rms_error']:.1f} mm   "
             f"bias {1000 * largest:.1f} mm   covers {100 * cloud['coverage']:.1f} %   "
-            f"inconsistent {100 * cloud['inconsistent_points']:.2f} %   "
+            f"inconsistent {100 * cloud['outlier_share']:.2f} %   "
             f"{cloud['milliseconds']:.1f} ms"
         )
     goal = report["goal"]

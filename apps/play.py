@@ -53,10 +53,10 @@ def make_parser() -> ArgumentParser:
 def load(paths: Sequence[Path], *, from_arm: bool) -> "list[Frames]":
     """Loads what is to be played back."""
     # Imported here, while the server starts: this is most of the time until something is seen.
-    from pepper_drake.playback.bodies import frames_of
+    from pepper_drake.playback.bodies import replay_frames
     from pepper_drake.playback.loading import load_motion
 
-    return [frames_of(load_motion(path), from_arm=from_arm) for path in paths]
+    return [replay_frames(load_motion(path), from_arm=from_arm) for path in paths]
 
 
 def show_in_window(options: Namespace) -> "tuple[list[Frames], str]":

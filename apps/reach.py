@@ -22,16 +22,16 @@ from pathlib import Path
 from pydrake.geometry import Meshcat
 
 from pepper_drake import cli
-from pepper_drake.diagrams.giving_way import GivingWay
-from pepper_drake.diagrams.reach_run import ReachRun, RunOptions, save_result
-from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive, prepare_scene
+from pepper_drake.cli_scene import add_scene_options, chosen_scene
+from pepper_drake.diagrams.compliance import ComplianceConfig
+from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions, save_result
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
-from pepper_drake.models.scene_options import add_scene_options, chosen_scene
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.scene_picture import save_scene_picture
-from pepper_drake.systems.push import PushScript
+from pepper_drake.systems.guiding.external_force import ForcePulse
 
 PUSH_DURATION = 0.5
 """How long the hand is pushed [s]."""
@@ -106,9 +106,9 @@ def build(options: Namespace) -> Reaching:
             goal_motion_port=options.goal_motion is not None,
             obstacle_motion_ports=options.moving,
         ),
-        giving_way=giving_way(options),
+        compliance=compliance(options),
     )
-    config.planner.vetted = not options.unvetted
+    config.planner.collision_checked = not options.unvetted
     return Reaching(
         scene,
         make_primitive(options.demo, scene.arm),
@@ -117,13 +117,15 @@ def build(options: Namespace) -> Reaching:
     )
 
 
-def giving_way(options: Namespace) -> GivingWay | None:
+def compliance(options: Namespace) -> ComplianceConfig | None:
     """How the arm gives way to the push that the options ask for, if they do."""
     if options.push is None:
         return None
     if not all(map(math.isfinite, (*options.push, options.push_at))):
         raise InputError("--push and --push-at must be finite numbers")
-    return GivingWay(pushes=(PushScript(tuple(options.push), options.push_at, PUSH_DURATION),))
+    return ComplianceConfig(
+        pushes=(ForcePulse(tuple(options.push), options.push_at, PUSH_DURATION),)
+    )
 
 
 def main() -> int:
@@ -134,7 +136,7 @@ def main() -> int:
     meshcat = Meshcat() if options.live or not options.no_recording else None
     if options.live and meshcat is not None:
         print(f"Watch it at {meshcat.web_url()}", flush=True)
-    run = ReachRun(
+    run = ReachSimulation(
         reaching,
         RunOptions(
             meshcat=meshcat,

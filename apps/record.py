@@ -44,7 +44,7 @@ from pepper_drake.diagrams.recording import (
     record_pad,
 )
 from pepper_drake.learning import Demonstration
-from pepper_drake.learning.recording import recover
+from pepper_drake.learning.demonstrations.recording import recover
 from pepper_drake.models.guide import GUIDES, load_guide
 from pepper_drake.models.joint_script import JOINT_SCRIPTS, load_joint_script
 from pepper_drake.models.marker_script import MARKER_SCRIPTS, load_marker_script

@@ -27,19 +27,19 @@ from pepper_drake.cli import (
     run,
     stop_on_interrupt,
 )
-from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.diagrams.reproduction import ReproductionParams
-from pepper_drake.diagrams.reproduction_run import (
+from pepper_drake.diagrams.reproduction_simulation import (
     ReproductionOptions,
     ReproductionResult,
     reproduce,
 )
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.correction import learn_correction
-from pepper_drake.learning.text_files import write_atomically
+from pepper_drake.learning.demonstrations.text_files import write_atomically
+from pepper_drake.learning.dmp.correction import learn_correction
 from pepper_drake.optimization.ratings import BEST_SCORE, load_scores
-from pepper_drake.systems.push import PushScript
+from pepper_drake.systems.guiding.external_force import ForcePulse
 
 REACHED = 0.01
 """A hand nearer to its goal than this [m] has reached it."""
@@ -50,9 +50,9 @@ def main() -> int:
     arguments = parse()
     quiet_libraries()
     primitive, arm = load(arguments)
-    pushes: tuple[PushScript, ...] = ()
+    pushes: tuple[ForcePulse, ...] = ()
     if arguments.push is not None:
-        pushes = (PushScript(tuple(arguments.push), arguments.push_at, arguments.push_for),)
+        pushes = (ForcePulse(tuple(arguments.push), arguments.push_at, arguments.push_for),)
     defaults = ReproductionParams()
     params = ReproductionParams(
         stiffness=arguments.stiffness,
@@ -175,15 +175,15 @@ def make_report(
     arguments: argparse.Namespace, arm: str, result: ReproductionResult, wall_seconds: float
 ) -> dict[str, object]:
     """What came of it, in numbers."""
-    reason, sentence = "", ""
+    reason, message = "", ""
     if result.final_position_error > REACHED:
-        reason, sentence = "not_reached", "the hand did not come to its goal"
+        reason, message = "not_reached", "the hand did not come to its goal"
     elif not result.keeps_limits:
-        reason, sentence = "limit_passed", "a joint passed a limit of its position or its speed"
+        reason, message = "limit_passed", "a joint passed a limit of its position or its speed"
     return {
         "outcome": "failed" if reason else "reached",
         "reason": reason,
-        "sentence": sentence,
+        "message": message,
         "arm": arm,
         "push": arguments.push,
         "final_position_error": result.final_position_error,

@@ -32,7 +32,7 @@ from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.live.page import LivePage
 from pepper_drake.live.script import SCRIPTS, LiveScript, load_script, play
 from pepper_drake.live.session import LiveSession, Mode
-from pepper_drake.live.show import LiveShow
+from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
 
@@ -102,7 +102,7 @@ def make_session(options: Namespace, meshcat: Meshcat) -> LiveSession:
     return LiveSession(simulation, options.output)
 
 
-def run_script(show: LiveShow, script: LiveScript, options: Namespace) -> str:
+def run_script(show: LiveApp, script: LiveScript, options: Namespace) -> str:
     """Plays a script and returns what went wrong, if anything."""
     with tqdm(
         desc="acting",
@@ -126,7 +126,7 @@ def run_script(show: LiveShow, script: LiveScript, options: Namespace) -> str:
     return ""
 
 
-def run_live(show: LiveShow, seconds: float | None) -> None:
+def run_live(show: LiveApp, seconds: float | None) -> None:
     """Lets a person do what they like, until Ctrl-C or for some time."""
     session = show.session
     with contextlib.suppress(KeyboardInterrupt):
@@ -145,7 +145,7 @@ def main() -> int:
     session = make_session(options, meshcat)
     if script is not None and script.arm != session.simulation.arm:
         script = script.mirrored()
-    show = LiveShow(session, LivePage(meshcat, session.simulation.diagram.movables))
+    show = LiveApp(session, LivePage(meshcat, session.simulation.diagram.movables))
     if not options.quiet and (script is None or options.watch):
         print(f"Open {meshcat.web_url()} in a browser; Ctrl-C ends.", flush=True)
     problem = ""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.alignment import align
-from pepper_drake.learning.example_motions import example_demonstrations
+from pepper_drake.learning.demonstrations.alignment import align
+from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
 
 MEDIANS: dict[str, float] = {}
 """Median seconds by what was measured in this run."""
@@ -79,8 +79,8 @@ def pytest_terminal_summary(terminalreporter) -> None:
             lines.append(f"{what:<50} not measured: see the skipped tests")
             continue
         ratio = MEDIANS[numerator] / MEDIANS.get(denominator, 1.0)
-        verdict = "reached" if ratio <= figure else "MISSED"
-        lines.append(f"{what:<50} {ratio:10.4g}   at most {figure:<6g} {verdict}")
+        status = "reached" if ratio <= figure else "MISSED"
+        lines.append(f"{what:<50} {ratio:10.4g}   at most {figure:<6g} {status}")
     if lines:
         terminalreporter.section("ratios of medians in this run")
         for line in lines:

@@ -20,8 +20,9 @@ from pydrake.math import RigidTransform
 from tqdm import tqdm
 
 from pepper_drake import cli
-from pepper_drake.diagrams.reach_setup import SHIPPED_DEMONSTRATION
-from pepper_drake.learning import Demonstration, MovementPrimitive, ObstacleField
+from pepper_drake.diagrams.factory import SHIPPED_DEMONSTRATION
+from pepper_drake.learning import Demonstration, MovementPrimitive, PointCloudDistance
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.optimization import (
     METHODS,
     CostWeights,
@@ -35,11 +36,10 @@ from pepper_drake.optimization import (
 )
 from pepper_drake.optimization.averaging import decay_over
 from pepper_drake.optimization.kinematic_rollouts import KinematicRollouts, arm_shapes
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import shared_control_model
-from pepper_drake.planning.differential_ik import DifferentialIkParams
-from pepper_drake.planning.movement import Movement
-from pepper_drake.planning.rehearsal import ArmState, Rehearsal
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.kinematic_simulation import ArmState, KinematicSimulator
+from pepper_drake.planning.reach.movement import Movement
 
 UPDATES, SAMPLES = 7, 10
 TABLES = [(edge, top) for edge in (0.10, 0.13, 0.16) for top in (-0.12, -0.10, -0.08)]
@@ -63,7 +63,10 @@ def reports_run(primitive: MovementPrimitive, method: str, seed: int) -> tuple[f
 
 
 def around_table(
-    primitive: MovementPrimitive, table: tuple[float, float], seed: int, rehearsal: Rehearsal
+    primitive: MovementPrimitive,
+    table: tuple[float, float],
+    seed: int,
+    rehearsal: KinematicSimulator,
 ) -> dict[str, Any]:
     """Searches a way of the whole arm around a table, and performs it."""
     edge, top = table
@@ -71,7 +74,9 @@ def around_table(
     points = np.column_stack((x.ravel(), y.ravel(), np.full(x.size, top)))
     shapes, geometry = arm_shapes("right"), ArmGeometry(shared_control_model(), "right")
     begin = time.process_time()
-    task = make_task(primitive, obstacles=ObstacleField(points, extension=0.03), clearance=0.021)
+    task = make_task(
+        primitive, obstacles=PointCloudDistance(points, extension=0.03), clearance=0.021
+    )
     parameters = joint_bumps(primitive, 6, end_state=False)
     cost = CostWeights(hand_to_goal=10.0, arm_to_obstacles=10.0, deviation=0.1)
     evaluate = KinematicRollouts(parameters, task, cost, led_by="joints")
@@ -128,7 +133,7 @@ def main() -> int:
             f"  {np.median(rows[:, 1]):.3f} s, at most {rows[:, 1].max():.3f} s"
         )
     model = shared_control_model()
-    rehearsal = Rehearsal(model, ArmGeometry(model, "right"), DifferentialIkParams(), 0.4)
+    rehearsal = KinematicSimulator(model, ArmGeometry(model, "right"), DifferentialIkParams(), 0.4)
     cases = [(table, seed) for table in TABLES for seed in range(options.table_seeds)]
     rows = [
         around_table(primitive, table, seed, rehearsal)

@@ -11,24 +11,24 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource, MatrixGain
 
-from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.models.control_model import CONTROL_PERIOD, arm_joints, shared_control_model
 from pepper_drake.models.pepper import POSTURES
-from pepper_drake.perception.cloud import SurfacePoints, to_point_cloud
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import CONTROL_PERIOD, arm_joints, shared_control_model
-from pepper_drake.planning.differential_ik import (
+from pepper_drake.perception.mapping.cloud import SurfacePoints, to_point_cloud
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
     hand_key,
     make_differential_ik,
 )
-from pepper_drake.systems.arm_command import ArmCommand
-from pepper_drake.systems.canonical_system import CanonicalSystem
-from pepper_drake.systems.hand_pose_bus import HandPoseBus
-from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
-from pepper_drake.systems.orientation_transformation_system import (
+from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
+from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
+from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
+from pepper_drake.systems.primitive.orientation_transformation_system import (
     OrientationTransformationSystem,
 )
-from pepper_drake.systems.transformation_system import TransformationSystem
+from pepper_drake.systems.primitive.transformation_system import TransformationSystem
+from pepper_drake.systems.robot.arm_command import ArmCommand
 
 NUM_POINTS = 2000
 TIME_STEP = CONTROL_PERIOD
@@ -61,7 +61,7 @@ def make_controller():
     translation = builder.AddSystem(TransformationSystem(primitive, time_step=TIME_STEP))
     rotation = builder.AddSystem(OrientationTransformationSystem(primitive, time_step=TIME_STEP))
     coupling = builder.AddSystem(ObstacleCoupling(make_coupling("barrier")))
-    bus = builder.AddSystem(HandPoseBus(hand_key(arm), params.tracking_gain))
+    bus = builder.AddSystem(FeedforwardPose(hand_key(arm), params.tracking_gain))
     ik = builder.AddSystem(make_differential_ik(model, arm, params))
     command = builder.AddSystem(
         ArmCommand(

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from peers import MovementPrimitivesPeer, ProDmpPeer
 
+from pepper_drake.evaluation.approximator_comparison import trajectory_distance
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.comparison import trajectory_distance
 
 
 @pytest.fixture(scope="session")

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.models.pepper import posture_positions
 from pepper_drake.models.scene import default_pre_grasp
-from pepper_drake.planning.control_model import BODY_JOINTS, shared_control_model
-from pepper_drake.planning.differential_ik import DifferentialIkParams
-from pepper_drake.planning.reach_planner import ReachPlanner, ReachPlannerParams
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.reach_planner import ReachPlanner, ReachPlannerParams
 
 GOAL = RigidTransform([0.98, -0.11, 0.74])
 SHIFT = np.array([0.03, 0.0, 0.0])
@@ -44,28 +44,28 @@ def seen():
 
 @pytest.fixture(scope="module")
 def place(planner, seen):
-    return planner.plan_stand(base_pose=np.zeros(3), **seen).base_pose
+    return planner.plan_base_placement(base_pose=np.zeros(3), **seen).base_pose
 
 
 def test_a_place_to_stand(benchmark, planner, seen):
-    plan = benchmark(planner.plan_stand, base_pose=np.zeros(3), **seen)
-    assert plan.verdict == "clear"
+    plan = benchmark(planner.plan_base_placement, base_pose=np.zeros(3), **seen)
+    assert plan.status == "clear"
 
 
 def test_the_movement_that_was_shown(benchmark, planner, seen, place):
     plan = benchmark(planner.check_reach, base_pose=place, **seen)
-    assert plan.movement is planner.shown
+    assert plan.movement is planner.demonstrated
 
 
 def test_an_adapted_movement(benchmark, planner, seen, place):
     plan = benchmark(planner.check_reach, base_pose=place + SHIFT, **seen)
-    assert plan.verdict == "clear"
-    assert plan.movement is not planner.shown
+    assert plan.status == "clear"
+    assert plan.movement is not planner.demonstrated
 
 
 def test_whether_the_rest_is_clear(benchmark, planner, seen, place):
     plan = planner.check_reach(base_pose=place + SHIFT, **seen)
-    ahead = benchmark(planner.clearance_ahead, plan, base_pose=place + SHIFT, **seen)
+    ahead = benchmark(planner.remaining_clearance, plan, base_pose=place + SHIFT, **seen)
     assert ahead == pytest.approx(plan.clearance, abs=0.01)
 
 
@@ -74,4 +74,4 @@ def test_replanning_on_the_way(benchmark, planner, seen, place):
     again = benchmark(
         planner.replan, plan, base_pose=place + SHIFT, **seen, joint_velocity=np.zeros(5)
     )
-    assert again.verdict == "clear"
+    assert again.status == "clear"

@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.playback.run_example import make_run
+
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "playback"))
-
-from run_example import make_run  # noqa: E402
-
 PLAY = [sys.executable, str(ROOT / "apps" / "play.py")]
 
 

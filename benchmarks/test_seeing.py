@@ -4,30 +4,30 @@ import cv2
 import numpy as np
 import pytest
 
+from pepper_drake.evaluation.perception_evaluation import PerceptionEvaluation
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import load_scene
 from pepper_drake.perception import (
     CAMERA_DEPTH,
     CAMERA_TOP,
     ColorNoise,
     DepthNoise,
-    NoObstacle,
+    ExcludedSolids,
     ObstacleParameters,
     RobotSolids,
     VoxelMap,
     degrade_color,
     degrade_depth,
-    measure_goal,
+    detect_goal,
     update_obstacles,
 )
-from pepper_drake.planning.control_model import shared_control_model
-from pepper_drake.reporting.perception_study import PerceptionStudy
 
 
 @pytest.fixture(scope="module")
-def study() -> PerceptionStudy:
+def study() -> PerceptionEvaluation:
     """Pepper at the table, looking at the goal; one thread."""
     cv2.setNumThreads(1)
-    return PerceptionStudy(load_scene("table"))
+    return PerceptionEvaluation(load_scene("table"))
 
 
 def test_depth_image_into_the_map(benchmark, study):
@@ -43,8 +43,8 @@ def test_depth_image_into_the_map(benchmark, study):
 
     def step():
         ignored = [
-            NoObstacle(robot.solids, robot.poses(q), 0.02, keep_memory_within=True),
-            NoObstacle(study.marked.solids, [X_WO] * 2, 0.015),
+            ExcludedSolids(robot.solids, robot.poses(q), 0.02, keep_known_voxels=True),
+            ExcludedSolids(study.marked.solids, [X_WO] * 2, 0.015),
         ]
         frame = state["frame"]
         state["voxels"] = update_obstacles(
@@ -70,5 +70,5 @@ def test_marker_in_an_image(benchmark, study, tracked):
     X_WC = study.rig.pose(CAMERA_TOP.name)
     p_WM = (study.scene.goal.pose() @ study.marked.X_OM).translation()
     expected = p_WM if tracked else None
-    seen = benchmark(measure_goal, image, 0.0, X_WC, camera, study.marked, p_WM_expected=expected)
+    seen = benchmark(detect_goal, image, 0.0, X_WC, camera, study.marked, p_WM_expected=expected)
     assert np.linalg.norm(seen.p_WM - p_WM) < 0.02

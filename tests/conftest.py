@@ -6,8 +6,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from pydrake.math import RigidTransform, RotationMatrix
 
-from pepper_drake.planning.arm_spheres import arm_link_names
-from pepper_drake.planning.control_model import arm_joints, shared_control_model
+from pepper_drake.models.control_model import arm_joints, shared_control_model
+from pepper_drake.planning.collision.sphere_model import arm_link_names
 
 # A test must not fail because the machine is busy.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])

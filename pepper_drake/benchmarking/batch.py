@@ -10,7 +10,7 @@ from pathlib import Path
 from pepper_drake import cli
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
-from pepper_drake.benchmarking.methods import method_named
+from pepper_drake.benchmarking.methods import get_method
 
 LONGEST_RUN = 600.0
 """No run takes longer [s]; one that does is ended and counts as an error."""
@@ -31,7 +31,7 @@ class Task:
 def run_task(task: Task, folder: Path) -> MethodResult:
     """Runs a task in this process and keeps its result."""
     begin = time.perf_counter()
-    result = method_named(task.method).run(task.case)
+    result = get_method(task.method).run(task.case)
     result.method, result.case = task.method, task.case.name
     result.wall_seconds = time.perf_counter() - begin
     result.save(task.file(folder))
@@ -72,14 +72,14 @@ def run_tasks(
         process = processes.Process(target=_in_process, args=(task, folder))
         process.start()
         process.join(LONGEST_RUN)
-        sentence = f"the run ended with exit code {process.exitcode}"
+        message = f"the run ended with exit code {process.exitcode}"
         if process.is_alive():
             process.kill()
             process.join()
-            sentence = f"the run took longer than {LONGEST_RUN:g} s"
+            message = f"the run took longer than {LONGEST_RUN:g} s"
         if task.file(folder).exists():
             return MethodResult.load(task.file(folder))
-        broken = MethodResult(task.case.name, task.method, reason="broken", sentence=sentence)
+        broken = MethodResult(task.case.name, task.method, reason="broken", message=message)
         broken.save(task.file(folder))
         return broken
 
@@ -101,7 +101,7 @@ def _in_process(task: Task, folder: Path) -> None:
     try:
         run_task(task, folder)
     except Exception as error:
-        sentence = f"{type(error).__name__}: {error}".splitlines()[0]
-        MethodResult(task.case.name, task.method, reason="broken", sentence=sentence).save(
+        message = f"{type(error).__name__}: {error}".splitlines()[0]
+        MethodResult(task.case.name, task.method, reason="broken", message=message).save(
             task.file(folder)
         )

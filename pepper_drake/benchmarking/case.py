@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pepper_drake.diagrams.reach_setup import prepare_scene
+from pepper_drake.diagrams.factory import prepare_scene
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import Scene, load_scene
 

@@ -11,28 +11,33 @@ from scipy.interpolate import CubicSpline
 
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
-from pepper_drake.benchmarking.metrics import likeness, path_length, rms_jerk
-from pepper_drake.diagrams.reach_run import ReachResult, ReachRun, RunOptions, save_result
-from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.benchmarking.metrics import demonstration_distance, path_length, rms_jerk
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.diagrams.reach_simulation import (
+    ReachResult,
+    ReachSimulation,
+    RunOptions,
+    save_result,
+)
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.coupling import Coupling
-from pepper_drake.models.scene import Scene
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import (
+from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.models.control_model import (
     CONTROL_PERIOD,
     arm_joints,
     body_indices,
     shared_control_model,
 )
-from pepper_drake.reporting.reach_log import ReachLog
-from pepper_drake.systems.reach_mode import ReachMode
+from pepper_drake.models.scene import Scene
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.results.reach_log import ReachLog
 
 Array = npt.NDArray[np.float64]
 
 _STARTED = 1e-6
-"""A joint command that differs by this from the one at rest is motion, rad."""
+"""A joint command that differs by this from the one at rest is motion [rad]."""
 
 
 @dataclass(frozen=True)
@@ -42,27 +47,27 @@ class DiagramReach:
     Attributes:
         coupling: The obstacle coupling, by name or as it is; left out, it is the scene's.
         adapt: Whether the planner adapts the movement to what was seen.
-        vetted: Whether the arm starts only when the reach, played through, is clear, and stops
-            before what it sees; see `ReachPlannerParams.vetted`.
+        collision_checked: Whether the arm starts only when the reach, played through, is clear, and
+            stops before what it sees; see `ReachPlannerParams.collision_checked`.
         options: The options of `reach.py` that give the same; None if it cannot.
     """
 
     coupling: str | Coupling | None = None
     adapt: bool = False
-    vetted: bool = True
+    collision_checked: bool = True
     options: tuple[str, ...] | None = ()
 
     def __call__(self, case: Case) -> MethodResult:
         """Runs the reach, unseen."""
         scene = case.build()
-        result = ReachRun(self._build(case, scene), RunOptions(progress=False)).run()
+        result = ReachSimulation(self._build(case, scene), RunOptions(progress=False)).run()
         return measure(result, make_primitive(None, scene.arm), scene.arm)
 
     def replay(self, case: Case, folder: Path) -> MethodResult:
         """Runs the reach again and leaves `reach.py`'s folder, `recording.html` with it."""
         scene = case.build()
         options = RunOptions(meshcat=Meshcat(), record=True, progress=sys.stderr.isatty())
-        run = ReachRun(self._build(case, scene), options)
+        run = ReachSimulation(self._build(case, scene), options)
         result = run.run()
         save_result(result, folder)
         return measure(result, make_primitive(None, scene.arm), scene.arm)
@@ -77,7 +82,7 @@ class DiagramReach:
                 obstacle_motion_ports=case.moving,
             )
         )
-        config.planner.adapt, config.planner.vetted = self.adapt, self.vetted
+        config.planner.adapt, config.planner.collision_checked = self.adapt, self.collision_checked
         return Reaching(scene, make_primitive(None, scene.arm), coupling, config)
 
 
@@ -86,7 +91,7 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
 
     Args:
         result: Of the reach.
-        primitive: Learned from the demonstration, for likeness.
+        primitive: Learned from the demonstration, for demonstration_distance.
         arm: "left" or "right".
     """
     report, log = result.report, result.log
@@ -94,7 +99,7 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
     measured = MethodResult(
         outcome=outcome_of(report.outcome, float(log.clearance_m.min()), bool(moving.any())),
         reason=report.reason,
-        sentence=report.sentence,
+        message=report.message,
         planning_seconds=report.planning_seconds,
         clearance=report.minimum_clearance,
         closest_pair=report.closest_pair,
@@ -112,10 +117,12 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
         step = float(log.time_s[1] - log.time_s[0])
         measured.duration = float(log.time_s[rested] - log.time_s[first])
         held = round(CONTROL_PERIOD / step)
-        hand = without_steps(commanded_hand(log.joint_command_rad[first:], arm), held)
+        hand = interpolate_held(commanded_hand(log.joint_command_rad[first:], arm), held)
         measured.path_length = path_length(hand)
         measured.jerk = rms_jerk(hand, step)
-        measured.likeness = likeness(primitive, hand, float(log.tau_s[-1]), step)
+        measured.demonstration_distance = demonstration_distance(
+            primitive, hand, float(log.tau_s[-1]), step
+        )
     return measured
 
 
@@ -148,7 +155,7 @@ def first_motion(log: ReachLog, moving: npt.NDArray[np.bool_], arm: str, plannin
     return planning + float(log.time_s[first + int(np.argmax(away))] - log.time_s[first])
 
 
-def without_steps(positions: Array, held: int) -> Array:
+def interpolate_held(positions: Array, held: int) -> Array:
     """The smooth path (M, 3) through positions (N, 3) that were logged faster than they were given.
 
     Each is held for so many samples; what a path is like, its steps do not tell. It starts when

@@ -6,17 +6,17 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.solvers import IpoptSolver, SnoptSolver
 
-from pepper_drake.benchmarking.known_scene import KnownScene
+from pepper_drake.benchmarking.known_scene import GroundTruthScene
 from pepper_drake.models.pepper import hand_frame
 
 Array = npt.NDArray[np.float64]
 
 _TOLERANCE = 0.0005
-"""Of the hand's position along each axis, m."""
+"""Of the hand's position along each axis [m]."""
 
 
 def goal_postures(
-    known: KnownScene, base_pose: Array, rng: np.random.Generator, *, tries: int = 16
+    known: GroundTruthScene, base_pose: Array, rng: np.random.Generator, *, tries: int = 16
 ) -> list[Array]:
     """Postures (5,) [rad] in which nothing is hit, the ones with the hand turned best first.
 
@@ -41,7 +41,9 @@ def goal_postures(
     return [posture for _, posture in sorted(found, key=lambda pair: pair[0])]
 
 
-def _solve(known: KnownScene, base_pose: Array, guess: Array, *, turned: bool) -> Array | None:
+def _solve(
+    known: GroundTruthScene, base_pose: Array, guess: Array, *, turned: bool
+) -> Array | None:
     plant, hand = known.plant, known.plant.GetFrameByName(hand_frame(known.scene.arm))
     ik = InverseKinematics(plant)
     q, program = ik.q(), ik.get_mutable_prog()
@@ -68,5 +70,5 @@ def _solve(known: KnownScene, base_pose: Array, guess: Array, *, turned: bool) -
 
 
 def _angle(X_WA: RigidTransform, X_WB: RigidTransform) -> float:
-    """The angle between two directions, rad."""
+    """The angle between two directions [rad]."""
     return float(X_WA.rotation().InvertAndCompose(X_WB.rotation()).ToAngleAxis().angle())

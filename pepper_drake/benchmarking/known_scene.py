@@ -14,7 +14,8 @@ from pydrake.planning import (
     SceneGraphCollisionChecker,
 )
 
-from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.diagrams.factory import make_primitive
+from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.objects import add_scene
 from pepper_drake.models.pepper import (
     BODY_JOINTS,
@@ -24,18 +25,17 @@ from pepper_drake.models.pepper import (
     hand_frame,
 )
 from pepper_drake.models.scene import Scene
-from pepper_drake.planning.arm_spheres import arm_link_names
-from pepper_drake.planning.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.reach_plan import ReachPlannerParams
-from pepper_drake.planning.standing_places import StandingPlaces
-from pepper_drake.systems.clearance_monitor import ClearanceMonitor
+from pepper_drake.planning.collision.sphere_model import arm_link_names
+from pepper_drake.planning.reach.base_placement import BasePlacement
+from pepper_drake.planning.reach.reach_plan import ReachPlannerParams
+from pepper_drake.systems.robot.true_clearance import TrueClearance
 
 Array = npt.NDArray[np.float64]
 
 _ELBOW_YAW, _ELBOW_ROLL = 2, 3
 
 
-class KnownScene:
+class GroundTruthScene:
     """Pepper in the true scene: collisions, distances, goals, and places to stand.
 
     All but the base and the arm that reaches stay as they start. Obstacles with a path stand where
@@ -47,7 +47,7 @@ class KnownScene:
         checker: Drake's collision checker over it, with `padding` between robot and scene.
         arm_checker: The same, but the body, which stands, is not looked at.
         arm_index: (5,) where the arm's joints are among the plant's positions.
-        lower: (5,) limits of the arm's joints, rad.
+        lower: (5,) limits of the arm's joints [rad].
         upper: (5,) rad.
         X_WG: Where the hand is to be.
     """
@@ -85,7 +85,7 @@ class KnownScene:
         self.lower = np.array([joint.position_lower_limit() for joint in joints])
         self.upper = np.array([joint.position_upper_limit() for joint in joints])
         self.X_WG = scene.goal.pose() @ scene.pre_grasp()
-        self._monitor = ClearanceMonitor(
+        self._monitor = TrueClearance(
             robot=self._geometries(self.plant.GetBodyIndices(self._pepper)),
             obstacles=self._geometries(
                 self.plant.GetBodyByName(name).index() for name in self._models.obstacles
@@ -110,7 +110,7 @@ class KnownScene:
 
     @property
     def start(self) -> Array:
-        """(5,) the arm's joints at the start, rad."""
+        """(5,) the arm's joints at the start [rad]."""
         return self._start[self.arm_index]
 
     def positions(self, joints: Array, base_pose: Array) -> Array:
@@ -123,7 +123,7 @@ class KnownScene:
         """Whether nothing is nearer to the arm than the padding, and the elbow within its limits.
 
         Args:
-            joints: (5,) the arm's, rad.
+            joints: (5,) the arm's [rad].
             base_pose: (3,) x, y, yaw in W.
         """
         low, high = elbow_roll_limits(float(joints[_ELBOW_YAW]), self.scene.arm)
@@ -141,11 +141,11 @@ class KnownScene:
             if robots and not checker.IsCollisionFilteredBetween(one, other):
                 checker.SetCollisionFilteredBetween(one, other, True)
 
-    def places_to_stand(self) -> Iterator[Array]:
+    def candidate_base_poses(self) -> Iterator[Array]:
         """The base poses (3,) that our own planner would try here, if it knew everything."""
         scene, params = self.scene, ReachPlannerParams()
         shown_goal = make_primitive(None, scene.arm).goal
-        places = StandingPlaces(
+        places = BasePlacement(
             shared_control_model(), scene.arm, scene.pre_grasp(), shown_goal, params
         )
 
@@ -189,9 +189,9 @@ class KnownScene:
         """The least true distance between Pepper and an obstacle along a path.
 
         Args:
-            path: (N, 5) the arm's joints from when it may start, rad.
+            path: (N, 5) the arm's joints from when it may start [rad].
             base_pose: (3,) x, y, yaw in W.
-            time_step: Of the path, s.
+            time_step: Of the path [s].
 
         Returns:
             The distance [m], at most 0.1, and the names of the two shapes.

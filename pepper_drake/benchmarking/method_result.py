@@ -25,7 +25,7 @@ class MethodResult:
     outcome: str = "error"
     """One of `OUTCOMES`."""
     reason: str = ""
-    sentence: str = ""
+    message: str = ""
     first_motion_seconds: float | None = None
     """From when the arm may start to its first command: computing time and periods waited."""
     planning_seconds: float | None = None
@@ -35,7 +35,7 @@ class MethodResult:
     path_length: float | None = None
     jerk: float | None = None
     """Root mean square of the commanded hand's [m/s³]."""
-    likeness: float | None = None
+    demonstration_distance: float | None = None
     """Distance to the demonstration, equation 4.1."""
     clearance: float | None = None
     """Least true distance between Pepper and an obstacle, cut at 0.1."""

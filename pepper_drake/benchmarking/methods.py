@@ -71,7 +71,9 @@ METHODS: tuple[Method, ...] = (
         "the report's method",
         "the hand pushed by the cloud's points, equation 2.7; nothing that stops it",
         DiagramReach(
-            coupling="report", vetted=False, options=("--coupling", "report", "--unvetted")
+            coupling="report",
+            collision_checked=False,
+            options=("--coupling", "report", "--unvetted"),
         ),
     ),
     Method(
@@ -91,7 +93,7 @@ METHODS: tuple[Method, ...] = (
         "movement_primitives' coupling",
         "the hand pushed by the cloud's nearest point, by that package's function; nothing that "
         "stops it",
-        DiagramReach(coupling=PackageCoupling(), vetted=False, options=None),
+        DiagramReach(coupling=PackageCoupling(), collision_checked=False, options=None),
         needs="movement_primitives",
     ),
     Method(
@@ -112,7 +114,7 @@ METHODS: tuple[Method, ...] = (
 )
 
 
-def method_named(letter: str) -> Method:
+def get_method(letter: str) -> Method:
     """Returns the method of a letter.
 
     Raises:

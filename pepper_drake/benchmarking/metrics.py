@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import savgol_filter
 
+from pepper_drake.evaluation.approximator_comparison import trajectory_distance
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.comparison import trajectory_distance
 
 Array = npt.NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def rms_jerk(positions: Array, time_step: float) -> float:
     return float(np.sqrt(np.mean(np.sum(jerk**2, axis=1))))
 
 
-def likeness(
+def demonstration_distance(
     primitive: MovementPrimitive, positions: Array, duration: float, time_step: float = 0.01
 ) -> float:
     """How far a path is from what the demonstration would look like here, equation 4.1 [m].

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.learning.coupling import Field, Push, ReportCoupling
+from pepper_drake.learning.dmp.coupling import CouplingOutput, Field, ReportCoupling
 
 Array = npt.NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class PackageCoupling(ReportCoupling):
         goal: Array,
         goal_clearance: float,
         tau: float,
-    ) -> Push:
+    ) -> CouplingOutput:
         """Returns the package's coupling term; see `learning.coupling.Coupling`."""
         from movement_primitives.dmp import obstacle_avoidance_acceleration_3d
 
@@ -51,4 +51,6 @@ class PackageCoupling(ReportCoupling):
                     )
                 coupling[k] = np.nan_to_num(push)
         shape = state.shape[:-2]
-        return Push(coupling.reshape(*shape, 3), np.zeros(shape), field.distance(state[..., 0, :]))
+        return CouplingOutput(
+            coupling.reshape(*shape, 3), np.zeros(shape), field.distance(state[..., 0, :])
+        )

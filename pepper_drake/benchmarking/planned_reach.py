@@ -24,34 +24,34 @@ import numpy.typing as npt
 
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.goal_search import goal_postures
-from pepper_drake.benchmarking.known_scene import KnownScene
+from pepper_drake.benchmarking.known_scene import GroundTruthScene
 from pepper_drake.benchmarking.method_result import MethodResult
-from pepper_drake.benchmarking.metrics import likeness, path_length, rms_jerk
+from pepper_drake.benchmarking.metrics import demonstration_distance, path_length, rms_jerk
 from pepper_drake.benchmarking.planned_reach_page import record_motion
 from pepper_drake.benchmarking.rrt_connect import rrt_connect, seed_ompl
 from pepper_drake.benchmarking.timed_path import timed_path
 from pepper_drake.benchmarking.trajectory_optimization import optimized_motion
-from pepper_drake.diagrams.reach_setup import make_primitive
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import shared_control_model
-from pepper_drake.reporting.reach_report import pose_error
+from pepper_drake.diagrams.factory import make_primitive
+from pepper_drake.models.control_model import shared_control_model
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.results.reach_report import pose_error
 
 Array = npt.NDArray[np.float64]
 
 _STEP = 0.01
 _PATIENCE = 0.25
-"""Between the waiting times that are tried, s."""
+"""Between the waiting times that are tried [s]."""
 _PADDINGS = (0.010, 0.003)
 """What is kept between the arm and the scene: more, if that can be had [m]."""
 _LONGEST_SEARCH = 60.0
-"""With each padding; of computing time, after which no further place to stand is tried, s."""
+"""With each padding; of computing time, after which no further place to stand is tried [s]."""
 _HOLDING = 1.0
-"""How long the hand stays at its goal, s."""
+"""How long the hand stays at its goal [s]."""
 _TOLERANCE = 0.010
-"""Of the hand at its goal, m."""
+"""Of the hand at its goal [m]."""
 
-Motions = Callable[[KnownScene, Array, int], Iterator[Array]]
-"""Yields motions (N, 5) from a place to stand (3,) and a seed, every 10 ms, rad."""
+Motions = Callable[[GroundTruthScene, Array, int], Iterator[Array]]
+"""Yields motions (N, 5) from a place to stand (3,) and a seed, every 10 ms [rad]."""
 
 
 class _Found(NamedTuple):
@@ -63,7 +63,7 @@ class _Found(NamedTuple):
     seconds: float
 
 
-def rrt_motions(known: KnownScene, base_pose: Array, seed: int) -> Iterator[Array]:
+def rrt_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
     """One motion by RRT-Connect to whichever goal posture is found first."""
     seed_ompl(seed)
     goals = goal_postures(known, base_pose, np.random.default_rng(seed))
@@ -73,7 +73,7 @@ def rrt_motions(known: KnownScene, base_pose: Array, seed: int) -> Iterator[Arra
         yield motion
 
 
-def optimized_motions(known: KnownScene, base_pose: Array, seed: int) -> Iterator[Array]:
+def optimized_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
     """One motion by trajectory optimisation to each goal posture."""
     for goal in goal_postures(known, base_pose, np.random.default_rng(seed)):
         yield optimized_motion(known, base_pose, goal)
@@ -105,26 +105,26 @@ class PlannedReach:
             result.save(folder / "report.json")
         return result
 
-    def _run(self, case: Case) -> tuple[MethodResult, KnownScene, _Found | None]:
+    def _run(self, case: Case) -> tuple[MethodResult, GroundTruthScene, _Found | None]:
         begin = time.perf_counter()
         scene = case.build()
         for padding in _PADDINGS:
-            known = KnownScene(scene, padding=padding)
+            known = GroundTruthScene(scene, padding=padding)
             found = self._search(known, case.seed)
             if found is not None:
                 break
         result = MethodResult(planning_seconds=time.perf_counter() - begin)
         if found is None:
             result.outcome, result.reason = "refused", "no_clear_path"
-            result.sentence = "no way was found from any place to stand"
+            result.message = "no way was found from any place to stand"
         else:
             _measure(result, known, found)
         return result, known, found
 
-    def _search(self, known: KnownScene, seed: int) -> _Found | None:
+    def _search(self, known: GroundTruthScene, seed: int) -> _Found | None:
         """The first motion from any place that touches nothing and ends at the goal."""
         quiet, begin = known.quiet_after, time.process_time()
-        for place in known.places_to_stand():
+        for place in known.candidate_base_poses():
             if time.process_time() - begin > _LONGEST_SEARCH:
                 break
             for moment in (0.0, quiet) if quiet else (0.0,):
@@ -135,7 +135,7 @@ class PlannedReach:
         return None
 
     def _search_from(
-        self, known: KnownScene, place: Array, moment: float, seed: int
+        self, known: GroundTruthScene, place: Array, moment: float, seed: int
     ) -> _Found | None:
         """The same from one place, planned with the obstacles where they are at a moment."""
         known.set_time(moment)
@@ -152,7 +152,7 @@ class PlannedReach:
         return None
 
 
-def _whole(known: KnownScene, motion: Array, waiting: float) -> Array:
+def _whole(known: GroundTruthScene, motion: Array, waiting: float) -> Array:
     """All that the arm does: wait, move, and hold until nothing moves any more."""
     before = np.repeat(motion[:1], round(waiting / _STEP), axis=0)
     held = max(_HOLDING, known.quiet_after - waiting - len(motion) * _STEP)
@@ -160,7 +160,7 @@ def _whole(known: KnownScene, motion: Array, waiting: float) -> Array:
     return np.concatenate((before, motion, after))
 
 
-def _measure(result: MethodResult, known: KnownScene, found: _Found) -> None:
+def _measure(result: MethodResult, known: GroundTruthScene, found: _Found) -> None:
     """Fills in the numbers of a motion that reaches."""
     arm = known.scene.arm
     result.outcome = "reached"
@@ -177,4 +177,6 @@ def _measure(result: MethodResult, known: KnownScene, found: _Found) -> None:
     hand = np.array([geometry.hand_pose(q).translation() for q in joints])
     result.path_length = path_length(hand)
     result.jerk = rms_jerk(hand, _STEP)
-    result.likeness = likeness(make_primitive(None, arm), hand, moved, _STEP)
+    result.demonstration_distance = demonstration_distance(
+        make_primitive(None, arm), hand, moved, _STEP
+    )

@@ -6,8 +6,8 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
-from pepper_drake.benchmarking.known_scene import KnownScene
-from pepper_drake.diagrams.reach_run import frame_view
+from pepper_drake.benchmarking.known_scene import GroundTruthScene
+from pepper_drake.diagrams.reach_simulation import frame_view
 from pepper_drake.models.objects import add_scene
 from pepper_drake.models.pepper import add_pepper
 
@@ -18,7 +18,7 @@ _STRIDE = 3
 """Of the motion's samples, which are 10 ms apart, one in so many is shown."""
 
 
-def record_motion(known: KnownScene, motion: Array, base_pose: Array) -> str:
+def record_motion(known: GroundTruthScene, motion: Array, base_pose: Array) -> str:
     """Returns a stand-alone page that plays a motion (N, 5) of the arm [rad] in its scene."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlant(MultibodyPlantConfig(time_step=0.0), builder)

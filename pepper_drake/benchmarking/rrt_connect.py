@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.benchmarking.known_scene import KnownScene
+from pepper_drake.benchmarking.known_scene import GroundTruthScene
 
 Array = npt.NDArray[np.float64]
 
@@ -27,18 +27,18 @@ def seed_ompl(seed: int) -> None:
 
 
 def rrt_connect(
-    known: KnownScene, base_pose: Array, goals: list[Array], *, seconds: float = 5.0
+    known: GroundTruthScene, base_pose: Array, goals: list[Array], *, seconds: float = 5.0
 ) -> Array | None:
     """Plans from the arm's start to one of some postures.
 
     Args:
         known: The scene.
         base_pose: (3,) x, y, yaw in W.
-        goals: Postures (5,), rad.
+        goals: Postures (5,) [rad].
         seconds: Longest time to search.
 
     Returns:
-        Corners (K, 5) of the path after OMPL's simplification and smoothing, rad; None if it finds
+        Corners (K, 5) of the path after OMPL's simplification and smoothing [rad]; None if it finds
         none.
     """
     from ompl import base, geometric

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from pepper_drake.benchmarking.method_result import OUTCOMES, MethodResult
-from pepper_drake.benchmarking.methods import method_named
+from pepper_drake.benchmarking.methods import get_method
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Scenes:
     @classmethod
     def of(cls, results: Sequence[MethodResult]) -> Self:
         """The scenes of these results."""
-        asked = any(method_named(result.method).knows_all for result in results)
+        asked = any(get_method(result.method).knows_all for result in results)
         return cls(
             frozenset(result.case for result in results),
             frozenset(solvable(results)) if asked else None,
@@ -87,7 +87,7 @@ class MethodSummary:
         rates: By outcome, of the scenes that count; see `Scenes`.
         touched_elsewhere: Of the others, which no method solved.
         medians: By field of `MethodResult`, over the runs that reached; NaN if none did.
-        first_motion_90: 90th percentile of the time to first motion, s, likewise.
+        first_motion_90: 90th percentile of the time to first motion [s], likewise.
     """
 
     method: str
@@ -103,7 +103,7 @@ _MEDIANS = (
     "duration",
     "path_length",
     "jerk",
-    "likeness",
+    "demonstration_distance",
     "clearance",
     "position_error",
     "orientation_error",
@@ -156,19 +156,19 @@ def markdown_table(summaries: Sequence[MethodSummary]) -> str:
     """The summaries as a table in Markdown that is as readable in a terminal."""
     header = [
         *("method", "scenes", "reached", "touched", "refused", "failed"),
-        *("first motion (90 %) [ms]", "way [m]", "jerk [m/s³]", "likeness 4.1 [m]"),
+        *("first motion (90 %) [ms]", "way [m]", "jerk [m/s³]", "demonstration_distance 4.1 [m]"),
         "clearance [mm]",
     ]
     rows = [
         [
-            f"{summary.method}: {method_named(summary.method).name}",
+            f"{summary.method}: {get_method(summary.method).name}",
             str(summary.rates["reached"].total),
             *(str(summary.rates[name]) for name in ("reached", "touched", "refused", "failed")),
             f"{_number(summary.medians['first_motion_seconds'], 1000, 0)}"
             f" ({_number(summary.first_motion_90, 1000, 0)})",
             _number(summary.medians["path_length"], 1, 2),
             _number(summary.medians["jerk"], 1, 1),
-            _number(summary.medians["likeness"], 1, 3),
+            _number(summary.medians["demonstration_distance"], 1, 3),
             _number(summary.medians["clearance"], 1000, 0),
         ]
         for summary in summaries

@@ -5,8 +5,8 @@ import numpy.typing as npt
 from pydrake.multibody.optimization import Toppra
 from pydrake.trajectories import PathParameterizedTrajectory, PiecewisePolynomial
 
-from pepper_drake.planning.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.differential_ik import DifferentialIkParams
+from pepper_drake.models.control_model import arm_joints, shared_control_model
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 
 Array = npt.NDArray[np.float64]
 

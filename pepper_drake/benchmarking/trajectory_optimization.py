@@ -7,9 +7,9 @@ from pydrake.planning import KinematicTrajectoryOptimization
 from pydrake.solvers import SnoptSolver, SolverOptions
 from pydrake.trajectories import BsplineTrajectory
 
-from pepper_drake.benchmarking.known_scene import KnownScene
-from pepper_drake.planning.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.differential_ik import DifferentialIkParams
+from pepper_drake.benchmarking.known_scene import GroundTruthScene
+from pepper_drake.models.control_model import arm_joints, shared_control_model
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 
 Array = npt.NDArray[np.float64]
 
@@ -19,14 +19,14 @@ _CHECKED = 25
 _DURATIONS = (0.5, 6.0)
 _BEYOND_PADDING = 0.001
 _INFLUENCE = 0.03
-"""How much nearer than this, beyond the padding, things must be to matter to the solver, m."""
+"""How much nearer than this, beyond the padding, things must be to matter to the solver [m]."""
 _MAJOR_ITERATIONS = 100
 _SECONDS = 5.0
 """Longest time for one solution; the solver's usual one is below a second."""
 
 
 def optimized_motion(
-    known: KnownScene, base_pose: Array, goal: Array, *, time_step: float = 0.01
+    known: GroundTruthScene, base_pose: Array, goal: Array, *, time_step: float = 0.01
 ) -> Array:
     """Joints (N, 5) every time step from the arm's start to a posture, from rest to rest [rad].
 
@@ -36,7 +36,7 @@ def optimized_motion(
     Args:
         known: The scene.
         base_pose: (3,) x, y, yaw in W.
-        goal: Posture (5,), rad.
+        goal: Posture (5,) [rad].
         time_step: s.
 
     Returns:

@@ -9,55 +9,55 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from pepper_drake.diagrams.perceiving import add_perception
+from pepper_drake.diagrams.head_perception import add_perception
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.coupling import Coupling
-from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
-from pepper_drake.models.scene import Scene
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import (
+from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.models.control_model import (
     BODY_JOINTS,
     arm_joints,
     body_indices,
     shared_control_model,
 )
-from pepper_drake.planning.differential_ik import (
+from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
+from pepper_drake.models.scene import Scene
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
     hand_key,
     make_differential_ik,
 )
-from pepper_drake.systems.arm_command import ArmCommand
-from pepper_drake.systems.arm_mode import ArmModeSwitch
-from pepper_drake.systems.canonical_system import CanonicalSystem
-from pepper_drake.systems.guide_target import GuideTarget
-from pepper_drake.systems.hand_goal import HandGoal
-from pepper_drake.systems.hand_guide import HandGuide
-from pepper_drake.systems.hand_pose_bus import HandPoseBus
-from pepper_drake.systems.joint_command_merge import JointCommandMerge
-from pepper_drake.systems.motion_recorder import MotionRecorder
-from pepper_drake.systems.nominal_posture import NominalPosture
-from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
-from pepper_drake.systems.orientation_transformation_system import (
+from pepper_drake.systems.guiding.guide_target import GuideTarget
+from pepper_drake.systems.guiding.hand_guide import HandGuide
+from pepper_drake.systems.guiding.motion_recorder import MotionRecorder
+from pepper_drake.systems.guiding.velocity_guide import VelocityGuide
+from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
+from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
+from pepper_drake.systems.primitive.hand_goal_pose import HandGoalPose
+from pepper_drake.systems.primitive.nominal_posture import NominalPosture
+from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
+from pepper_drake.systems.primitive.orientation_transformation_system import (
     OrientationTransformationSystem,
 )
-from pepper_drake.systems.safety_monitor import SafetyMonitor
-from pepper_drake.systems.seen_clearance import SeenClearance
-from pepper_drake.systems.smooth_follower import SmoothFollower
-from pepper_drake.systems.transformation_system import TransformationSystem
-from pepper_drake.systems.velocity_guide import VelocityGuide
+from pepper_drake.systems.primitive.transformation_system import TransformationSystem
+from pepper_drake.systems.robot.arm_command import ArmCommand
+from pepper_drake.systems.robot.arm_mode_switch import ArmModeSwitch
+from pepper_drake.systems.robot.cloud_clearance import CloudClearance
+from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
+from pepper_drake.systems.robot.reference_filter import ReferenceFilter
+from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 
 Vector = npt.NDArray[np.float64]
 
 PUBLISH_PERIOD = 1 / 32
-"""Between two frames, s."""
+"""Between two frames [s]."""
 
 _STAYS = [[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
 """A path of nowhere: it puts an object on rails, and a port moves it."""
 
 
-def with_movables(scene: Scene, names: Collection[str] = ()) -> Scene:
+def with_movable_objects(scene: Scene, names: Collection[str] = ()) -> Scene:
     """Returns the scene with the goal object and some obstacles on rails.
 
     Args:
@@ -133,7 +133,7 @@ class LiveTeaching(Diagram):
             meshcat: Where to show it, if anywhere.
         """
         super().__init__()
-        self.scene = scene = with_movables(scene)
+        self.scene = scene = with_movable_objects(scene)
         self.arm = scene.arm
         self._ik_params = ik or DifferentialIkParams()
         self._minimum_clearance = minimum_clearance
@@ -181,7 +181,7 @@ class LiveTeaching(Diagram):
         """What moves the goal object and the obstacles to where they are wanted."""
         self.movables = [moving.name for moving in self.station.scene_models.moving]
         for name in self.movables:
-            follower = self._builder.AddNamedSystem(f"{name}_mover", SmoothFollower(3))
+            follower = self._builder.AddNamedSystem(f"{name}_mover", ReferenceFilter(3))
             self._builder.Connect(
                 follower.desired_state_output, self.station.GetInputPort(f"{name}.desired_state")
             )
@@ -273,7 +273,7 @@ class LiveTeaching(Diagram):
 
     def _add_goal(self) -> None:
         self.hand_goal = self._builder.AddNamedSystem(
-            "hand_goal", HandGoal(self.scene.pre_grasp(), time_step=self._ik_params.time_step)
+            "hand_goal", HandGoalPose(self.scene.pre_grasp(), time_step=self._ik_params.time_step)
         )
         self._connect(self.perception.object_pose, self.hand_goal, "object_pose")
         self._connect(self._out("torso_pose"), self.hand_goal, "torso_pose")
@@ -300,7 +300,7 @@ class LiveTeaching(Diagram):
         if self.perception.cloud_source is None:
             return
         clearance = builder.AddNamedSystem(
-            "seen_clearance", SeenClearance(ArmGeometry(self._model, self.arm))
+            "seen_clearance", CloudClearance(ArmGeometry(self._model, self.arm))
         )
         self._connect(self.perception.cloud_source.GetOutputPort("cloud_torso"), clearance, "cloud")
         self._connect(self.arm_mode.moving_output, clearance, "active")
@@ -361,7 +361,7 @@ class LiveTeaching(Diagram):
         """From the hand's next pose to the arm's joint velocities."""
         builder, model, params = self._builder, self._model, self._ik_params
         bus = builder.AddNamedSystem(
-            "hand_pose_bus", HandPoseBus(hand_key(self.arm), params.tracking_gain)
+            "hand_pose_bus", FeedforwardPose(hand_key(self.arm), params.tracking_gain)
         )
         for name in ("position", "next_position"):
             self._connect(self.translation.GetOutputPort(name), bus, name)

@@ -10,9 +10,9 @@ from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import AffineSystem, MatrixGain
 
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS, add_pepper, arm_group
-from pepper_drake.planning.control_model import shared_control_model
-from pepper_drake.systems.robot_kinematics import RobotKinematics
+from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
 
 LIMP = PdControllerGains(p=1e-6, d=0.2)
 """NAOqi's stiffness zero: no position control, what is left is the friction of the gears."""

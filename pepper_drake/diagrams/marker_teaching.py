@@ -22,23 +22,27 @@ from pepper_drake.diagrams.recording import (
 )
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration
-from pepper_drake.learning.workspace_map import Sightings, WorkspaceMap, sighted_motion
-from pepper_drake.models.marker_script import FACING, MarkerScript
-from pepper_drake.perception.camera import CAMERA_BOTTOM, CAMERA_TOP, make_render_cameras
-from pepper_drake.perception.goal import MarkedObject
-from pepper_drake.perception.noise import ColorNoise
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import (
+from pepper_drake.learning.demonstrations.workspace_map import (
+    Sightings,
+    WorkspaceMap,
+    sighted_motion,
+)
+from pepper_drake.models.control_model import (
     BODY_JOINTS,
     arm_joints,
     shared_control_model,
 )
-from pepper_drake.planning.differential_ik import DifferentialIkParams
-from pepper_drake.planning.rehearsal import ArmState, HandPath, Rehearsal
-from pepper_drake.systems.camera_model import CameraModel
-from pepper_drake.systems.marker_tracker import MarkerTracker
-from pepper_drake.systems.moving_marker import MovingMarker
-from pepper_drake.systems.scripted_guide import GuidePath
+from pepper_drake.models.marker_script import FACING, MarkerScript
+from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP, make_render_cameras
+from pepper_drake.perception.cameras.noise import ColorNoise
+from pepper_drake.perception.goal.detection import MarkedObject
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.kinematic_simulation import ArmState, HandPath, KinematicSimulator
+from pepper_drake.systems.guiding.scripted_guide import GuidePath
+from pepper_drake.systems.sensing.camera_model import CameraModel
+from pepper_drake.systems.sensing.marker_tracker import MarkerTracker
+from pepper_drake.systems.sensing.moving_marker import MovingMarker
 
 Vector = npt.NDArray[np.float64]
 
@@ -219,7 +223,7 @@ def _followed(
     count = len(wanted.times)
     nominal = np.tile(start, (count, 1))
     ik = DifferentialIkParams(time_step=float(wanted.times[1] - wanted.times[0]))
-    rehearsal = Rehearsal(model, geometry, ik, settle=0.0)
+    rehearsal = KinematicSimulator(model, geometry, ik, settle=0.0)
     joints = rehearsal.track(
         ArmState(start, np.zeros(5)),
         HandPath(wanted.positions, wanted.rotations, nominal, count - 1),

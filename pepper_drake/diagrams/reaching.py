@@ -10,8 +10,8 @@ from pydrake.systems.primitives import (
     VectorLogSink,
 )
 
-from pepper_drake.diagrams.giving_way import (
-    GivingWay,
+from pepper_drake.diagrams.compliance import (
+    ComplianceConfig,
     add_hand_force,
     add_pushes,
     add_tracking,
@@ -19,51 +19,51 @@ from pepper_drake.diagrams.giving_way import (
 )
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.coupling import Coupling
-from pepper_drake.models.objects import GOAL_OBJECT
-from pepper_drake.models.pepper import JOINT_GROUPS, arm_group
-from pepper_drake.models.scene import Scene
-from pepper_drake.perception.camera import CAMERA_DEPTH
-from pepper_drake.perception.goal import MarkedObject
-from pepper_drake.perception.goal_filter import GoalFilterParameters
-from pepper_drake.perception.solids import RobotSolids
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import (
+from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.models.control_model import (
     BODY_JOINTS,
     arm_joints,
     body_indices,
     shared_control_model,
 )
-from pepper_drake.planning.differential_ik import (
+from pepper_drake.models.objects import GOAL_OBJECT
+from pepper_drake.models.pepper import JOINT_GROUPS, arm_group
+from pepper_drake.models.scene import Scene
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.goal.detection import MarkedObject
+from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
+from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
     hand_key,
     make_differential_ik,
 )
-from pepper_drake.planning.reach_planner import ReachPlanner, ReachPlannerParams
-from pepper_drake.systems.arm_command import ArmCommand
-from pepper_drake.systems.base_driver import BaseDriver
-from pepper_drake.systems.canonical_system import CanonicalSystem
-from pepper_drake.systems.clearance_monitor import ClearanceMonitor
-from pepper_drake.systems.depth_point_cloud_source import DepthPointCloudSource
-from pepper_drake.systems.goal_estimator import GoalEstimator
-from pepper_drake.systems.hand_goal import HandGoal
-from pepper_drake.systems.hand_pose_bus import HandPoseBus
-from pepper_drake.systems.joint_command_merge import JointCommandMerge
-from pepper_drake.systems.look_at import LookAt
-from pepper_drake.systems.nominal_posture import NominalPosture
-from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
-from pepper_drake.systems.orientation_transformation_system import (
+from pepper_drake.planning.reach.reach_planner import ReachPlanner, ReachPlannerParams
+from pepper_drake.planning.reach.reach_state import ReachTiming
+from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
+from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
+from pepper_drake.systems.primitive.hand_goal_pose import HandGoalPose
+from pepper_drake.systems.primitive.nominal_posture import NominalPosture
+from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
+from pepper_drake.systems.primitive.orientation_transformation_system import (
     OrientationTransformationSystem,
 )
-from pepper_drake.systems.reach_progress import ReachTiming
+from pepper_drake.systems.primitive.transformation_system import TransformationSystem
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
-from pepper_drake.systems.safety_monitor import SafetyMonitor
-from pepper_drake.systems.seen_clearance import SeenClearance
-from pepper_drake.systems.transformation_system import TransformationSystem
-from pepper_drake.systems.triggered_path import TriggeredPath
+from pepper_drake.systems.robot.arm_command import ArmCommand
+from pepper_drake.systems.robot.base_position_controller import BasePositionController
+from pepper_drake.systems.robot.cloud_clearance import CloudClearance
+from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
+from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
+from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
+from pepper_drake.systems.robot.true_clearance import TrueClearance
+from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
+from pepper_drake.systems.sensing.gaze_controller import GazeController
+from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
 _IMAGE_POLL = 0.05
-"""Time between looks for new images, s: they come every 0.2 s, and each look copies the state."""
+"""Time between looks for new images [s]: they come every 0.2 s, and each look copies the state."""
 
 
 @dataclass
@@ -75,11 +75,11 @@ class ReachingConfig:
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
     minimum_clearance: float = 0.002
-    """Distance of the arm to the cloud at which the safety monitor stops it, m."""
-    giving_way: GivingWay | None = None
+    """Distance of the arm to the cloud at which the safety monitor stops it [m]."""
+    compliance: ComplianceConfig | None = None
     """How the reaching arm gives way when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
-    """Period of all logs, s."""
+    """Period of all logs [s]."""
 
 
 class Reaching(Diagram):
@@ -131,7 +131,7 @@ class Reaching(Diagram):
             GoalEstimator(
                 marked,
                 # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
-                parameters=GoalFilterParameters(hand_on_angle=0.01, hold_seconds=5.0),
+                parameters=GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0),
                 period=_IMAGE_POLL,
                 latency=0.04,
                 expects_noise=self.config.station.noise,
@@ -178,9 +178,9 @@ class Reaching(Diagram):
 
         self.look_at = builder.AddNamedSystem(
             "look_at",
-            LookAt(
+            GazeController(
                 marked.X_OM.translation(),
-                companion=CAMERA_DEPTH,
+                secondary_camera=CAMERA_DEPTH,
                 radius=marked.marker_size / np.sqrt(2),
                 side=1.0 if self.scene.arm == "left" else -1.0,
                 max_velocity=2.5,
@@ -213,7 +213,7 @@ class Reaching(Diagram):
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
         self.hand_goal = builder.AddNamedSystem(
-            "hand_goal", HandGoal(self.scene.pre_grasp(), time_step=self.config.ik.time_step)
+            "hand_goal", HandGoalPose(self.scene.pre_grasp(), time_step=self.config.ik.time_step)
         )
         self._connect(self.object_pose, self.hand_goal, "object_pose")
         self._connect(station.GetOutputPort("torso_pose"), self.hand_goal, "torso_pose")
@@ -238,9 +238,9 @@ class Reaching(Diagram):
         self.performed = self.supervisor.GetOutputPort("primitive")
         self._connect(self.supervisor.GetOutputPort("X_OG"), self.hand_goal, "X_OG")
         self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
-        self._connect(self.active, self.look_at, "watchful")
+        self._connect(self.active, self.look_at, "scan_enabled")
 
-        driver = builder.AddNamedSystem("base_driver", BaseDriver())
+        driver = builder.AddNamedSystem("base_driver", BasePositionController())
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
         builder.Connect(station.GetOutputPort("base_pose"), driver.base_pose_input)
         builder.Connect(
@@ -298,23 +298,23 @@ class Reaching(Diagram):
             self._connect(goal, self.coupling, "goal_position")
             self._connect(self.canonical.GetOutputPort("tau"), self.coupling, "tau")
         acting: list[System] = [] if self.coupling is None else [self.coupling]
-        if self.config.giving_way is not None:
-            acting.append(self._add_giving_way(self.config.giving_way))
+        if self.config.compliance is not None:
+            acting.append(self._add_giving_way(self.config.compliance))
         connect_couplings(builder, acting, self.canonical, self.translation)
 
-    def _add_giving_way(self, giving_way: GivingWay) -> System:
+    def _add_giving_way(self, compliance: ComplianceConfig) -> System:
         """A soft arm, a movement that waits for it, and what pushes at its hand."""
         builder, station, arm = self._builder, self.station, self.scene.arm
-        station.set_stiffness(arm_group(arm), giving_way.stiffness)
+        station.set_stiffness(arm_group(arm), compliance.stiffness)
         force = add_hand_force(builder, station.plant, arm, station.GetInputPort("applied_forces"))
         self.logs["push"] = LogVectorOutput(
-            add_pushes(builder, giving_way.pushes, self.active, force),
+            add_pushes(builder, compliance.pushes, self.active, force),
             builder,
             self.config.log_period,
         )
         tracking = add_tracking(
             builder,
-            giving_way.tracking,
+            compliance.tracking,
             self.config.ik.time_step,
             desired_position=self.translation.GetOutputPort("position"),
             measured_position=station.GetOutputPort(f"{arm}_hand_position"),
@@ -327,7 +327,7 @@ class Reaching(Diagram):
         builder, station, arm = self._builder, self.station, self.scene.arm
         model, params = station.control_model, self.config.ik
         bus = builder.AddNamedSystem(
-            "hand_pose_bus", HandPoseBus(hand_key(arm), params.tracking_gain)
+            "hand_pose_bus", FeedforwardPose(hand_key(arm), params.tracking_gain)
         )
         for name in ("position", "next_position"):
             self._connect(self.translation.GetOutputPort(name), bus, name)
@@ -394,7 +394,7 @@ class Reaching(Diagram):
         self._connect(head.get_output_port(), self.look_at, "head_position")
 
         self.seen_clearance = builder.AddNamedSystem(
-            "seen_clearance", SeenClearance(self.geometry, time_step=0.05)
+            "seen_clearance", CloudClearance(self.geometry, time_step=0.05)
         )
         self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud")
         self._connect(self.active, self.seen_clearance, "active")
@@ -415,7 +415,7 @@ class Reaching(Diagram):
         )
         self._connect(merge.get_output_port(), self.safety, "joint_position_command")
         self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
-        if self.config.planner.vetted and self.coupling is not None:
+        if self.config.planner.collision_checked and self.coupling is not None:
             self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
         self._connect(self.safety.GetOutputPort("stop_reason"), self.supervisor, "stop_reason")
         builder.Connect(
@@ -429,7 +429,7 @@ class Reaching(Diagram):
             port = f"{moving.name}.desired_state"
             if self.station.HasInputPort(port):
                 name = "goal_motion" if moving.name == GOAL_OBJECT else f"{moving.name}_motion"
-                path = self._builder.AddNamedSystem(name, TriggeredPath(moving.path))
+                path = self._builder.AddNamedSystem(name, TriggeredTrajectory(moving.path))
                 self._builder.Connect(self.active, path.trigger_input)
                 self._connect(path.get_output_port(), self.station, port)
 
@@ -438,7 +438,7 @@ class Reaching(Diagram):
         builder, station = self._builder, self.station
         self.clearance = builder.AddNamedSystem(
             "clearance_monitor",
-            ClearanceMonitor(
+            TrueClearance(
                 robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
             ),
         )

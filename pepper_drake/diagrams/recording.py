@@ -17,19 +17,19 @@ from tqdm import tqdm
 from pepper_drake.diagrams.teaching import Teaching
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.learning import Demonstration
-from pepper_drake.learning.recording import RecordingWriter, without_rest
+from pepper_drake.learning.demonstrations.recording import RecordingWriter, without_rest
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.guide import GuideScript
 from pepper_drake.models.joint_script import JointScript
 from pepper_drake.models.pad_script import PadScript
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.models.scene import make_pose
 from pepper_drake.models.teaching_script import TeachingScript
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import shared_control_model
-from pepper_drake.systems.gamepad_velocity import GamepadState, GamepadVelocity
-from pepper_drake.systems.scripted_gamepad import ScriptedGamepad
-from pepper_drake.systems.scripted_guide import GuidePath, ScriptedGuide
-from pepper_drake.systems.velocity_guide import VelocityGuide
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.systems.guiding.gamepad_velocity import GamepadState, GamepadVelocity
+from pepper_drake.systems.guiding.scripted_gamepad import ScriptedGamepad
+from pepper_drake.systems.guiding.scripted_guide import GuidePath, ScriptedGuide
+from pepper_drake.systems.guiding.velocity_guide import VelocityGuide
 
 Vector = npt.NDArray[np.float64]
 

@@ -14,28 +14,28 @@ from pydrake.systems.primitives import (
     VectorLogSink,
 )
 
-from pepper_drake.diagrams.giving_way import add_hand_force, add_tracking, connect_couplings
+from pepper_drake.diagrams.compliance import add_hand_force, add_tracking, connect_couplings
 from pepper_drake.diagrams.lone_pepper import LonePepper, add_lone_pepper
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.coupling import Coupling
-from pepper_drake.learning.tracking_coupling import TrackingCoupling
-from pepper_drake.planning.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.differential_ik import (
+from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
+from pepper_drake.models.control_model import arm_joints, shared_control_model
+from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
     hand_key,
     make_differential_ik,
 )
-from pepper_drake.systems.arm_command import ArmCommand
-from pepper_drake.systems.canonical_system import CanonicalSystem
-from pepper_drake.systems.hand_pose_bus import HandPoseBus
-from pepper_drake.systems.joint_servo import JointServo
-from pepper_drake.systems.nominal_posture import NominalPosture
-from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
-from pepper_drake.systems.orientation_transformation_system import (
+from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
+from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
+from pepper_drake.systems.primitive.nominal_posture import NominalPosture
+from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
+from pepper_drake.systems.primitive.orientation_transformation_system import (
     OrientationTransformationSystem,
 )
-from pepper_drake.systems.transformation_system import TransformationSystem
+from pepper_drake.systems.primitive.transformation_system import TransformationSystem
+from pepper_drake.systems.robot.arm_command import ArmCommand
+from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
 
 Vector = npt.NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class ReproductionParams:
     """Of each arm joint [N m/rad]."""
     damping: float = 2.0
     """Of each arm joint [N m s/rad]."""
-    tracking: TrackingCoupling | None = field(default_factory=TrackingCoupling)
+    tracking: PhaseStopping | None = field(default_factory=PhaseStopping)
     """How the movement waits for a hand that is pushed; None for one that does not."""
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     plant_time_step: float = 0.002
@@ -177,7 +177,7 @@ class Reproduction(Diagram):
     def _add_couplings(self, coupling: Coupling | None) -> None:
         """What obstacles and what the hand's own deviation do to phase and position."""
         builder = self._builder
-        stubborn = TrackingCoupling(stopping=0.0, pull=0.0)
+        stubborn = PhaseStopping(stopping=0.0, pull=0.0)
         tracking = add_tracking(
             builder,
             self.params.tracking or stubborn,
@@ -206,7 +206,7 @@ class Reproduction(Diagram):
         builder, arm, params = self._builder, self.arm, self.params.ik
         model = shared_control_model()
         bus = builder.AddNamedSystem(
-            "hand_pose_bus", HandPoseBus(hand_key(arm), params.tracking_gain)
+            "hand_pose_bus", FeedforwardPose(hand_key(arm), params.tracking_gain)
         )
         for system, name in ((self._translation, "position"), (self._rotation, "orientation")):
             for port in (name, f"next_{name}"):
@@ -236,7 +236,7 @@ class Reproduction(Diagram):
         builder.ConnectInput("active", command.GetInputPort("active"))
         self._connect(ik.get_output_port(), command, "desired_velocity")
         self._connect(self._robot.arm_position, command, "measured_position")
-        servo = builder.AddNamedSystem("joint_servo", JointServo(5, params.time_step))
+        servo = builder.AddNamedSystem("joint_servo", JointCommandInterpolator(5, params.time_step))
         builder.Connect(command.GetOutputPort("position_command"), servo.command_input)
         builder.Connect(servo.get_output_port(), self._robot.arm_target)
         self._log("joint_command", command.GetOutputPort("position_command"))

@@ -15,27 +15,27 @@ from pydrake.systems.primitives import (
     TrajectorySource,
 )
 
-from pepper_drake.diagrams.background_renderer import BackgroundRenderer
 from pepper_drake.diagrams.stereo_camera import StereoCamera
+from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
 from pepper_drake.models.objects import SceneModels, add_scene
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper
 from pepper_drake.models.scene import Scene
-from pepper_drake.perception.camera import (
+from pepper_drake.perception.cameras.camera import (
     CAMERA_BOTTOM,
     CAMERA_DEPTH,
     CAMERA_TOP,
     CameraIntrinsics,
 )
-from pepper_drake.perception.noise import ColorNoise, DepthNoise
-from pepper_drake.perception.obstacles import ObstacleParameters
-from pepper_drake.perception.solids import RobotSolids
-from pepper_drake.perception.stereo import STEREO_CLOUD
-from pepper_drake.planning.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
-from pepper_drake.systems.background_sensor import BackgroundSensor
-from pepper_drake.systems.base_servo import BaseServo
-from pepper_drake.systems.camera_model import CameraModel
-from pepper_drake.systems.joint_servo import JointServo
-from pepper_drake.systems.robot_kinematics import RobotKinematics
+from pepper_drake.perception.cameras.noise import ColorNoise, DepthNoise
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
+from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.perception.stereo.matching import STEREO_CLOUD
+from pepper_drake.systems.robot.base_velocity_controller import BaseVelocityController
+from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
+from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
+from pepper_drake.systems.sensing.async_renderer import AsyncRenderer
+from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
+from pepper_drake.systems.sensing.camera_model import CameraModel
 
 RENDERER = "vtk"
 _STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
@@ -54,15 +54,15 @@ class StationConfig:
     """How the simulated robot is built."""
 
     time_step: float = 0.005
-    """Step of the physics, s."""
+    """Step of the physics [s]."""
     command_period: float = CONTROL_PERIOD
-    """Period at which joint commands arrive, s."""
+    """Period at which joint commands arrive [s]."""
     cameras: bool = True
     """Whether the cameras exist; without them a run is several times faster."""
     camera_period: float = 0.2
-    """Time between images of each camera, s."""
+    """Time between images of each camera [s]."""
     camera_latency: float = 0.15
-    """From an image's capture until it is out, s; assumed for images that come over a network."""
+    """From an image's capture until it is out [s]; assumed for images that come over a network."""
     noise: bool = True
     """Whether the cameras have the noise of the real ones."""
     stereo: bool = False
@@ -147,7 +147,7 @@ class PepperStation(Diagram):
         super().__init__()
         self.config = config
         self.control_model = model
-        self.renderer: BackgroundRenderer | None = None
+        self.renderer: AsyncRenderer | None = None
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
         self.obstacle_parameters = ObstacleParameters()
         builder = DiagramBuilder()
@@ -264,13 +264,13 @@ class PepperStation(Diagram):
         """Turns joint and base commands into the desired state of the plant's servos."""
         plant, config = self.plant, self.config
         joints = builder.AddNamedSystem(
-            "joint_servo", JointServo(len(BODY_JOINTS), config.command_period)
+            "joint_servo", JointCommandInterpolator(len(BODY_JOINTS), config.command_period)
         )
         builder.ExportInput(joints.get_input_port(), "joint_position_command")
         start = scene.robot.positions()
         base = builder.AddNamedSystem(
             "base_servo",
-            BaseServo(
+            BaseVelocityController(
                 [start[name] for name in JOINT_GROUPS["base"]], time_step=config.command_period
             ),
         )
@@ -325,7 +325,7 @@ class PepperStation(Diagram):
         }
         if not config.stereo:
             plan["camera_depth"] = (CAMERA_DEPTH, "depth", half)
-        self.renderer = renderer = BackgroundRenderer(
+        self.renderer = renderer = AsyncRenderer(
             scene, {name: (camera, kind) for name, (camera, kind, _) in plan.items()}
         )
         positions = builder.AddNamedSystem(
@@ -336,7 +336,7 @@ class PepperStation(Diagram):
         for number, (name, (camera, kind, offset)) in enumerate(plan.items()):
             sensor = builder.AddNamedSystem(
                 f"{name}_sensor",
-                BackgroundSensor(functools.partial(renderer.render, name), plant.num_positions()),
+                AsyncRgbdSensor(functools.partial(renderer.render, name), plant.num_positions()),
             )
             builder.Connect(positions.get_output_port(), sensor.get_input_port())
             noise: ColorNoise | DepthNoise

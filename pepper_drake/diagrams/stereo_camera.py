@@ -4,13 +4,13 @@ from pydrake.geometry import FrameId
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.sensors import RgbdSensor
 
-from pepper_drake.perception.camera import CAMERA_DEPTH, HeadCamera, make_render_cameras
-from pepper_drake.perception.noise import ColorNoise
-from pepper_drake.perception.solids import RobotSolids
-from pepper_drake.perception.stereo import make_stereo_cameras
-from pepper_drake.systems.camera_model import CameraModel
-from pepper_drake.systems.projected_pattern import ProjectedPattern
-from pepper_drake.systems.stereo_depth import StereoDepth
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, HeadCamera, make_render_cameras
+from pepper_drake.perception.cameras.noise import ColorNoise
+from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.perception.stereo.matching import make_stereo_cameras
+from pepper_drake.systems.sensing.camera_model import CameraModel
+from pepper_drake.systems.sensing.projected_pattern import ProjectedPattern
+from pepper_drake.systems.sensing.stereo_depth import StereoDepth
 
 
 class StereoCamera(Diagram):
@@ -38,8 +38,8 @@ class StereoCamera(Diagram):
         head: The head's frame in the scene graph.
         renderer_name: Name of the render engine.
         robot: The robot's shapes, to mask its own body.
-        period: Time between pairs of images, s.
-        offset: Time of the first pair, s.
+        period: Time between pairs of images [s].
+        offset: Time of the first pair [s].
         noise: Of both cameras.
         pattern: Whether a projector throws a pattern on the scene: bare walls match nothing.
         seed: Of noise and pattern.

@@ -11,8 +11,8 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from pepper_drake.diagrams.lone_pepper import LIMP, add_lone_pepper
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
-from pepper_drake.systems.hand_guide import HandGuide, HandGuideParams
-from pepper_drake.systems.motion_recorder import MotionRecorder
+from pepper_drake.systems.guiding.hand_guide import HandGuide, HandGuideParams
+from pepper_drake.systems.guiding.motion_recorder import MotionRecorder
 
 _HELD = PdControllerGains(p=40.0, d=3.0)
 """A person's hold on the joints that are dragged: they follow within the motors' rated efforts."""

@@ -1,38 +1,33 @@
 """Demonstrations to movement primitives, as plain functions and dataclasses."""
 
-from pepper_drake.learning import (
-    forcing_regression as forcing_regression,
+from pepper_drake.learning.approximators import forcing_regression as forcing_regression
+from pepper_drake.learning.approximators import gmr as gmr
+from pepper_drake.learning.approximators import lwpr as lwpr
+from pepper_drake.learning.approximators import trajectory_regression as trajectory_regression
+from pepper_drake.learning.approximators.registry import approximator_names
+from pepper_drake.learning.demonstrations.alignment import align
+from pepper_drake.learning.demonstrations.demonstration import TORSO_HEIGHT, Demonstration
+from pepper_drake.learning.demonstrations.demonstration_folder import load_all
+from pepper_drake.learning.dmp.bimanual import BimanualPrimitive
+from pepper_drake.learning.dmp.coupling import BarrierCoupling, ReportCoupling, make_coupling
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+from pepper_drake.learning.dmp.primitive import MovementPrimitive, Path3D
+from pepper_drake.learning.dmp.rhythmic import RhythmicPrimitive, fit_rhythmic
+from pepper_drake.learning.dmp.rollout import PathBatch
+from pepper_drake.learning.probabilistic.ds_gmr import DsGmr, fit_ds_gmr
+from pepper_drake.learning.probabilistic.gaussian_mixture import (
+    GaussianMixture,
+    fit_gaussian_mixture,
 )
-from pepper_drake.learning import (
-    gmr as gmr,
-)
-from pepper_drake.learning import (
-    lwpr as lwpr,
-)
-from pepper_drake.learning import (
-    trajectory_regression as trajectory_regression,
-)
-from pepper_drake.learning.alignment import align
-from pepper_drake.learning.approximators import approximator_names
-from pepper_drake.learning.bimanual import BimanualPrimitive
-from pepper_drake.learning.coupling import BarrierCoupling, ReportCoupling, make_coupling
-from pepper_drake.learning.demonstration import TORSO_HEIGHT, Demonstration
-from pepper_drake.learning.demonstration_folder import load_all
-from pepper_drake.learning.ds_gmr import DsGmr, fit_ds_gmr
-from pepper_drake.learning.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
-from pepper_drake.learning.modulated_ds import ModulatedSystem, fit_modulated_system
-from pepper_drake.learning.obstacle_field import ObstacleField
-from pepper_drake.learning.primitive import MovementPrimitive, Path3D
-from pepper_drake.learning.promp import ProMP, fit_promp
-from pepper_drake.learning.rhythmic import RhythmicPrimitive, fit_rhythmic
-from pepper_drake.learning.rollout import PathBatch
-from pepper_drake.learning.spread import Spread, spread_along
-from pepper_drake.learning.tp_gmm import (
+from pepper_drake.learning.probabilistic.modulated_ds import ModulatedSystem, fit_modulated_system
+from pepper_drake.learning.probabilistic.promp import ProMP, fit_promp
+from pepper_drake.learning.probabilistic.tp_gmm import (
     TaskFrame,
     TaskParameterizedMixture,
     fit_task_parameterized,
     start_and_goal,
 )
+from pepper_drake.learning.probabilistic.variability import Spread, variability_along
 
 __all__ = [
     "TORSO_HEIGHT",
@@ -43,9 +38,9 @@ __all__ = [
     "GaussianMixture",
     "ModulatedSystem",
     "MovementPrimitive",
-    "ObstacleField",
     "Path3D",
     "PathBatch",
+    "PointCloudDistance",
     "ProMP",
     "ReportCoupling",
     "RhythmicPrimitive",
@@ -62,6 +57,6 @@ __all__ = [
     "fit_task_parameterized",
     "load_all",
     "make_coupling",
-    "spread_along",
     "start_and_goal",
+    "variability_along",
 ]

@@ -17,18 +17,18 @@ _GUIDE, _PULL = Rgba(0.1, 0.7, 0.3, 0.8), Rgba(0.1, 0.7, 0.3, 0.6)
 _PUSH = Rgba(0.95, 0.2, 0.1)
 
 _FAR = 0.3
-"""At this distance from the hand the cloud is as blue as it gets, m."""
+"""At this distance from the hand the cloud is as blue as it gets [m]."""
 _MOVED = 0.003
-"""A goal that moved by less has not moved, m."""
+"""A goal that moved by less has not moved [m]."""
 _ARROW = 0.04
-"""Length of the coupling's arrow for each m/s², m."""
+"""Length of the coupling's arrow for each m/s² [m]."""
 _LONGEST_ARROW = 0.3
 _OUTSIDE = 0.07
 """Where the arrow begins: outside the hand, m from its control frame."""
 _HEAD = 0.035
 _POINT_SPACING = 0.005
 _RADII = (0.004, 0.0025)
-"""Of paths, m: what Pepper does lies as a thicker, translucent tube about what it was shown."""
+"""Of paths [m]: what Pepper does lies as a thicker, translucent tube about what it was shown."""
 _PATH_PERIOD, _CLOUD_PERIOD = 4, 6
 """Paths and cloud are drawn in every so manieth frame."""
 
@@ -42,7 +42,7 @@ def tube(points: Vector, radius: float, sides: int = 6) -> tuple[Vector, npt.NDA
         sides: Of its cross-section.
 
     Returns:
-        Vertices (N sides, 3), m, and triangles (2 (N - 1) sides, 3).
+        Vertices (N sides, 3) [m], and triangles (2 (N - 1) sides, 3).
     """
     tangents = np.gradient(points, axis=0)
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)

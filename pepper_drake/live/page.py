@@ -8,7 +8,7 @@ import numpy.typing as npt
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from pepper_drake.systems.gamepad_velocity import (
+from pepper_drake.systems.guiding.gamepad_velocity import (
     GamepadParams,
     GamepadState,
     gamepad_velocity,
@@ -50,7 +50,7 @@ HAND_SLIDERS = (
 
 _AXES = ("ahead", "to the left", "up")
 _FARTHEST = 0.2
-"""How far objects can be moved, m."""
+"""How far objects can be moved [m]."""
 
 _TITLE = (
     "<style>"

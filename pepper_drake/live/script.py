@@ -10,12 +10,12 @@ import numpy as np
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.live.page import BUTTONS
 from pepper_drake.live.session import Mode
-from pepper_drake.live.show import LiveShow
+from pepper_drake.live.show import LiveApp
 from pepper_drake.models.guide import ViaPoint
 from pepper_drake.models.pepper import MODELS_DIR
 from pepper_drake.models.scene import make_pose
 from pepper_drake.models.typed_yaml import load_yaml
-from pepper_drake.systems.scripted_guide import GuidePath
+from pepper_drake.systems.guiding.scripted_guide import GuidePath
 
 SCRIPTS_DIR = MODELS_DIR / "sessions"
 SCRIPTS = ("story",)
@@ -84,7 +84,7 @@ def load_script(name_or_path: str) -> LiveScript:
     return script
 
 
-def play(show: LiveShow, script: LiveScript, tell: Callable[[str], None]) -> None:
+def play(show: LiveApp, script: LiveScript, tell: Callable[[str], None]) -> None:
     """Does what a script says, on the page itself.
 
     Args:
@@ -113,7 +113,7 @@ def play(show: LiveShow, script: LiveScript, tell: Callable[[str], None]) -> Non
             tell(f"{session.simulation.time:6.2f} s  {session.status}")
 
 
-def _lead(show: LiveShow, step: ScriptStep) -> None:
+def _lead(show: LiveApp, step: ScriptStep) -> None:
     """Leads the hand from where it is through via points."""
     session = show.session
     path = GuidePath(
@@ -126,7 +126,7 @@ def _lead(show: LiveShow, step: ScriptStep) -> None:
         show.step()
 
 
-def _wait(show: LiveShow, step: ScriptStep) -> None:
+def _wait(show: LiveApp, step: ScriptStep) -> None:
     session = show.session
     end = session.simulation.time + step.wait
     while session.simulation.time < end and (not step.until or session.mode != step.until):

@@ -11,30 +11,30 @@ import numpy.typing as npt
 from pepper_drake.diagrams.live_teaching import PUBLISH_PERIOD
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.recording import (
+from pepper_drake.learning.demonstrations.recording import (
     RecordingWriter,
     recorded_demonstration,
     without_rest,
 )
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.live.way_back import WayBack
-from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
-from pepper_drake.systems.arm_mode import ArmMode
+from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason
+from pepper_drake.systems.robot.arm_mode_switch import ArmMode
 
 Vector = npt.NDArray[np.float64]
 
 _SHORTEST_WAY = 0.03
-"""A recording in which the hand goes less far is no movement, m."""
+"""A recording in which the hand goes less far is no movement [m]."""
 _ARRIVED = 0.006
-"""The hand is at its goal within this, m."""
+"""The hand is at its goal within this [m]."""
 _LONGEST = 2.5
 """After so many durations of the movement it is over, wherever the hand is."""
 _AT_START = 0.015
-"""The arm is back at the start within this, rad."""
+"""The arm is back at the start within this [rad]."""
 _PATIENCE = 3.0
-"""How long the arm, back at the start, waits for what it takes to reach, s."""
+"""How long the arm, back at the start, waits for what it takes to reach [s]."""
 _NOTICE = 4.0
-"""How long it is told what came of a button, s."""
+"""How long it is told what came of a button [s]."""
 
 
 class Mode(StrEnum):

@@ -14,7 +14,7 @@ _HINT_PERIOD = 1.0
 _LIMP = (Mode.GUIDED, Mode.RECORDED)
 
 
-class LiveShow:
+class LiveApp:
     """Puts a session, its page and its drawing together, frame by frame.
 
     Attributes:

@@ -12,22 +12,22 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, System
 
-from pepper_drake.diagrams.live_teaching import PUBLISH_PERIOD, LiveTeaching, with_movables
-from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.diagrams.live_teaching import PUBLISH_PERIOD, LiveTeaching, with_movable_objects
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
-from pepper_drake.perception.cloud_points import cloud_points
-from pepper_drake.planning.command_check import StopReason
-from pepper_drake.systems.arm_mode import ArmMode
+from pepper_drake.perception.mapping.cloud_points import cloud_points
+from pepper_drake.planning.ik.command_check import StopReason
+from pepper_drake.systems.robot.arm_mode_switch import ArmMode
 
 Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Pace:
+class SimulationRate:
     """How fast a session ran: over what time, s, and how many frames it showed."""
 
     simulated_seconds: float = 0.0
@@ -75,7 +75,7 @@ class LiveSimulation:
             realtime: Whether it runs no faster than real time.
         """
         self.diagram = LiveTeaching(
-            with_movables(scene, movables),
+            with_movable_objects(scene, movables),
             make_primitive(None, scene.arm),
             make_coupling(coupling or scene.coupling),
             station=station,
@@ -113,9 +113,9 @@ class LiveSimulation:
         return float(self.simulator.get_context().get_time())
 
     @property
-    def pace(self) -> Pace:
+    def pace(self) -> SimulationRate:
         """How fast it has run since it was made, all included."""
-        return Pace(self.time, time.perf_counter() - self._began, self._frames)
+        return SimulationRate(self.time, time.perf_counter() - self._began, self._frames)
 
     def advance(self) -> None:
         """Simulates up to the next frame.
@@ -127,9 +127,9 @@ class LiveSimulation:
         try:
             self.simulator.AdvanceTo(self._frames * PUBLISH_PERIOD)
         except RuntimeError as error:
-            sentence = str(error).splitlines()[0]
+            message = str(error).splitlines()[0]
             raise PepperDrakeError(
-                f"the simulation cannot go on at {self.time:.2f} s: {sentence}"
+                f"the simulation cannot go on at {self.time:.2f} s: {message}"
             ) from None
 
     def torso_pose(self) -> RigidTransform:

@@ -89,7 +89,7 @@ def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
         body = plant.AddRigidBody(obstacle.name, model, _inertia())
         _register_obstacle(plant, body, obstacle)
         if obstacle.path:
-            moving.append(_put_on_rails(plant, body, obstacle.pose(), obstacle.path))
+            moving.append(_add_prismatic_joints(plant, body, obstacle.pose(), obstacle.path))
         else:
             plant.WeldFrames(plant.world_frame(), body.body_frame(), obstacle.pose())
 
@@ -97,7 +97,7 @@ def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
     goal_body = plant.AddRigidBody(GOAL_OBJECT, goal_model, _inertia())
     _register_goal(plant, goal_body, scene.goal)
     if scene.goal.path:
-        moving.append(_put_on_rails(plant, goal_body, scene.goal.pose(), scene.goal.path))
+        moving.append(_add_prismatic_joints(plant, goal_body, scene.goal.pose(), scene.goal.path))
     else:
         plant.WeldFrames(plant.world_frame(), goal_body.body_frame(), scene.goal.pose())
     return SceneModels(
@@ -151,7 +151,7 @@ def _register_goal(plant: MultibodyPlant, body: RigidBody, goal: GoalObject) -> 
     plant.RegisterVisualGeometry(body, GeometryInstance(X_OM, mesh, "marker"))
 
 
-def _put_on_rails(
+def _add_prismatic_joints(
     plant: MultibodyPlant, body: RigidBody, X_WB: RigidTransform, path: Sequence[Sequence[float]]
 ) -> MovingObject:
     """Hangs a body on three actuated prismatic joints along the world's axes."""

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.optimization.outcome import Outcome
 
 Array = npt.NDArray[np.float64]
@@ -40,7 +40,7 @@ class Task:
     goal: Array
     demonstrated: Array
     jerk: float
-    obstacles: ObstacleField | None = None
+    obstacles: PointCloudDistance | None = None
     clearance: float = 0.02
     hand_radius: float = HAND_RADIUS
 
@@ -64,12 +64,12 @@ def hand_to_obstacles(outcome: Outcome, task: Task) -> Array:
     if task.obstacles is None:
         raise InputError("cost: hand_to_obstacles needs obstacles")
     gaps = task.obstacles.distance(outcome.positions) - task.hand_radius
-    return shortage(gaps, task.clearance)
+    return violation(gaps, task.clearance)
 
 
 def arm_to_obstacles(outcome: Outcome, task: Task) -> Array:
     """What any part of the arm lacks of the clearance, at its worst and on average [m]."""
-    return shortage(outcome.arm_gaps, task.clearance)
+    return violation(outcome.arm_gaps, task.clearance)
 
 
 def deviation(outcome: Outcome, task: Task) -> Array:
@@ -99,7 +99,7 @@ def joint_limits(outcome: Outcome, task: Task) -> Array:
     return depth.sum(axis=2) / depth.shape[1]
 
 
-def shortage(gaps: Array, clearance: float) -> Array:
+def violation(gaps: Array, clearance: float) -> Array:
     """Returns (S, N): what gaps (S, N) lack, as a mean, and once more where it is worst [m]."""
     lacking = np.maximum(0.0, clearance - gaps)
     costs = lacking / lacking.shape[1]

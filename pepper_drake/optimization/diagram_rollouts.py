@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.diagrams.reach_run import ReachResult, ReachRun, RunOptions
-from pepper_drake.diagrams.reach_setup import make_coupling
+from pepper_drake.diagrams.factory import make_coupling
+from pepper_drake.diagrams.reach_simulation import ReachResult, ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.learning import MovementPrimitive
@@ -15,7 +15,7 @@ from pepper_drake.optimization.cost import Cost
 from pepper_drake.optimization.cost_terms import Task
 from pepper_drake.optimization.outcome import Outcome
 from pepper_drake.optimization.parameters import MovementParameters
-from pepper_drake.systems.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachMode
 
 Array = npt.NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class DiagramRollouts:
             make_coupling(self.scene.coupling),
             config,
         )
-        return ReachRun(reaching, RunOptions(progress=False)).run()
+        return ReachSimulation(reaching, RunOptions(progress=False)).run()
 
 
 def outcome_of(result: ReachResult) -> Outcome:

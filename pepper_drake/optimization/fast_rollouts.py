@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.rollout import PathBatch, number_of_steps, undisturbed_motions
+from pepper_drake.learning.dmp.rollout import PathBatch, number_of_steps, undisturbed_motions
 from pepper_drake.optimization.cost import Cost, terms_of
 from pepper_drake.optimization.cost_terms import Task
 from pepper_drake.optimization.outcome import Outcome

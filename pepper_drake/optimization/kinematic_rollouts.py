@@ -8,21 +8,21 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.obstacle_field import ObstacleField
-from pepper_drake.learning.rollout import number_of_steps
-from pepper_drake.optimization.arm_tracking import track_ways
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+from pepper_drake.learning.dmp.rollout import number_of_steps
+from pepper_drake.models.control_model import CommandLimits, arm_joints, shared_control_model
 from pepper_drake.optimization.cost import Cost, terms_of
 from pepper_drake.optimization.cost_terms import Task
 from pepper_drake.optimization.fast_rollouts import roll_out
 from pepper_drake.optimization.outcome import Outcome
 from pepper_drake.optimization.parameters import MovementParameters
-from pepper_drake.planning.adapted_movement import primitive_of_joint_path
-from pepper_drake.planning.arm_kinematics import ArmKinematics, arm_kinematics
-from pepper_drake.planning.arm_shapes import ArmShapes
-from pepper_drake.planning.control_model import CommandLimits, arm_joints, shared_control_model
-from pepper_drake.planning.distance_grid import DistanceGrid, sample
-from pepper_drake.planning.joint_paths import needed_duration
-from pepper_drake.planning.surroundings import GRID_CAP, arm_region
+from pepper_drake.planning.collision.arm_collision_checker import GRID_CAP, arm_region
+from pepper_drake.planning.collision.arm_kinematics import ArmKinematics, arm_kinematics
+from pepper_drake.planning.collision.distance_grid import DistanceGrid, sample
+from pepper_drake.planning.collision.exact_distance import ExactDistance
+from pepper_drake.planning.ik.batch_ik import batch_inverse_kinematics
+from pepper_drake.planning.reach.movement_from_path import fit_primitive_to_joint_path
+from pepper_drake.planning.trajectories.joint_trajectories import minimum_duration
 
 Array = npt.NDArray[np.float64]
 
@@ -30,7 +30,7 @@ SPEED_FRACTION = 0.5
 """Of the joints' rated speed that may be used."""
 
 GRID_ERROR = 0.005
-"""What gaps are taken to be smaller than the grid says, m."""
+"""What gaps are taken to be smaller than the grid says [m]."""
 
 
 class KinematicRollouts:
@@ -110,7 +110,7 @@ class KinematicRollouts:
         if self.led_by == "joints":
             return times, np.clip(nominal, limits.position_lower, limits.position_upper)
         ways = roll_out(parameters, samples, self.time_step).positions
-        return times, track_ways(kinematics, limits, ways, nominal, self.time_step)
+        return times, batch_inverse_kinematics(kinematics, limits, ways, nominal, self.time_step)
 
     def primitive_at(self, parameters: Array) -> MovementPrimitive:
         """Returns a primitive of what the whole arm does with parameters (n,).
@@ -120,9 +120,9 @@ class KinematicRollouts:
         """
         times, joints = self.joints(parameters[None])
         kinematics, limits = arm_and_limits(self.arm)
-        needed = float(needed_duration(joints[0], limits.velocity, limits.acceleration))
+        needed = float(minimum_duration(joints[0], limits.velocity, limits.acceleration))
         name = self.parameters.primitive.name
-        return primitive_of_joint_path(kinematics, joints[0], max(times[-1], needed), name)
+        return fit_primitive_to_joint_path(kinematics, joints[0], max(times[-1], needed), name)
 
     def measure(self, parameters: Array) -> dict[str, float]:
         """Returns the terms of the cost of parameters (n,), before the weights.
@@ -146,7 +146,7 @@ class KinematicRollouts:
         return self._grid
 
 
-def distance_grid(arm: str, field: ObstacleField) -> DistanceGrid:
+def distance_grid(arm: str, field: PointCloudDistance) -> DistanceGrid:
     """Returns the distances to obstacles in T where an arm can be."""
     region = arm_region(arm)
 
@@ -190,6 +190,6 @@ def arm_and_limits(arm: str) -> tuple[ArmKinematics, CommandLimits]:
 
 
 @lru_cache(maxsize=2)
-def arm_shapes(arm: str) -> ArmShapes:
+def arm_shapes(arm: str) -> ExactDistance:
     """Returns an arm's shapes; made once in a process."""
-    return ArmShapes(shared_control_model(), arm_and_limits(arm)[0])
+    return ExactDistance(shared_control_model(), arm_and_limits(arm)[0])

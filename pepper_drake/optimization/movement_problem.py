@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.obstacle_field import ObstacleField
-from pepper_drake.learning.text_files import read_text
+from pepper_drake.learning.demonstrations.text_files import read_text
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.optimization.cost_terms import HAND_RADIUS, Task
 from pepper_drake.optimization.outcome import Outcome
 from pepper_drake.optimization.parameters import MovementParameters
@@ -30,7 +30,7 @@ def make_task(
     primitive: MovementPrimitive,
     *,
     goal: npt.ArrayLike | None = None,
-    obstacles: npt.ArrayLike | ObstacleField | None = None,
+    obstacles: npt.ArrayLike | PointCloudDistance | None = None,
     clearance: float = CLEARANCE,
     hand_radius: float = HAND_RADIUS,
 ) -> Task:
@@ -56,7 +56,11 @@ def make_task(
     jerk = float(np.mean(np.sum(shown.jerks**2, axis=2)))
     field = None
     if obstacles is not None:
-        field = obstacles if isinstance(obstacles, ObstacleField) else ObstacleField(obstacles)
+        field = (
+            obstacles
+            if isinstance(obstacles, PointCloudDistance)
+            else PointCloudDistance(obstacles)
+        )
     return Task(target, path.positions, max(jerk, 1e-12), field, clearance, hand_radius)
 
 

@@ -12,12 +12,12 @@ import numpy.typing as npt
 from scipy.interpolate import BSpline
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.approximators import LinearForcingModel
+from pepper_drake.learning.approximators.registry import LinearForcingModel
+from pepper_drake.learning.dmp.posture import PostureProfile
+from pepper_drake.learning.dmp.primitive import MovementPrimitive
+from pepper_drake.learning.dmp.rollout import response_matrix
+from pepper_drake.learning.dmp.scaling import scaled, scaling_matrix, unscaled
 from pepper_drake.learning.phase import gate, phase_at
-from pepper_drake.learning.posture import PostureProfile
-from pepper_drake.learning.primitive import MovementPrimitive
-from pepper_drake.learning.rollout import response_matrix
-from pepper_drake.learning.scaling import scaled, scaling_matrix, unscaled
 
 Array = npt.NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.text_files import read_text, write_atomically
+from pepper_drake.learning.demonstrations.text_files import read_text, write_atomically
 from pepper_drake.optimization.parameters import MovementParameters
 from pepper_drake.optimization.problem import Evaluate
 from pepper_drake.reporting.optimization_figures import draw_reproductions
@@ -25,7 +25,7 @@ def rating_cost(scores: npt.ArrayLike) -> Array:
 
 
 @dataclass
-class Tutor:
+class RatingCollector:
     """Shows reproductions and collects scores.
 
     Each reproduction is left as a primitive, to be performed, and those of an update are drawn in
@@ -98,7 +98,7 @@ class Tutor:
             question = f"A number from 0 to {BEST_SCORE:g}, please: "
 
 
-def rated(evaluate: Evaluate, tutor: Tutor, weight: float) -> Evaluate:
+def rated(evaluate: Evaluate, tutor: RatingCollector, weight: float) -> Evaluate:
     """Returns an evaluator that adds the tutor's rating to what another one gives."""
 
     def evaluate_and_rate(samples: Array) -> Array:

@@ -1,30 +1,47 @@
 """Images to geometry, as plain functions: cameras, markers, goal, clouds, memory, stereo."""
 
-from pepper_drake.perception.camera import (
+from pepper_drake.perception.cameras.camera import (
     CAMERA_BOTTOM,
     CAMERA_DEPTH,
     CAMERA_TOP,
     CameraIntrinsics,
     HeadCamera,
 )
-from pepper_drake.perception.cloud import CloudParameters, SurfacePoints, to_point_cloud
-from pepper_drake.perception.cloud_points import cloud_points, make_cloud
-from pepper_drake.perception.evaluate import CloudReport, TrueSurfaces, evaluate_cloud
-from pepper_drake.perception.gaze import choose_camera, look_at, share_gaze
-from pepper_drake.perception.goal import MarkedObject, measure_goal
-from pepper_drake.perception.goal_filter import (
+from pepper_drake.perception.cameras.noise import (
+    ColorNoise,
+    DepthNoise,
+    degrade_color,
+    degrade_depth,
+)
+from pepper_drake.perception.cloud_evaluation import CloudReport, TrueSurfaces, evaluate_cloud
+from pepper_drake.perception.gaze.head_aiming import aim_for_two_cameras, choose_camera, look_at
+from pepper_drake.perception.goal.detection import MarkedObject, detect_goal
+from pepper_drake.perception.goal.imm_filter import (
     GoalFilterParameters,
     GoalMeasurement,
     GoalState,
-    filter_goal,
+    update_goal,
 )
-from pepper_drake.perception.marker import detect_markers, marker_poses
-from pepper_drake.perception.noise import ColorNoise, DepthNoise, degrade_color, degrade_depth
-from pepper_drake.perception.obstacles import NoObstacle, ObstacleParameters, update_obstacles
-from pepper_drake.perception.solids import RobotSolids, Solid
-from pepper_drake.perception.stereo import StereoParameters, make_stereo_cameras
-from pepper_drake.perception.voxel_map import VoxelMap, VoxelMapParameters
-from pepper_drake.perception.watch import Watch, keep_watch
+from pepper_drake.perception.goal.marker import detect_markers, marker_poses
+from pepper_drake.perception.mapping.cloud import CloudParameters, SurfacePoints, to_point_cloud
+from pepper_drake.perception.mapping.cloud_points import cloud_points, make_cloud
+from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
+    DynamicObstacleTracker,
+    update_tracker,
+)
+from pepper_drake.perception.mapping.obstacle_map import (
+    ExcludedSolids,
+    ObstacleParameters,
+    update_obstacles,
+)
+from pepper_drake.perception.mapping.solids import RobotSolids, Solid
+from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
+from pepper_drake.perception.stereo.matching import StereoParameters, make_stereo_cameras
+
+# Names of release 0.1, kept for one release.
+measure_goal = detect_goal
+Watch = DynamicObstacleTracker
+keep_watch = update_tracker
 
 __all__ = [
     "CAMERA_BOTTOM",
@@ -35,12 +52,13 @@ __all__ = [
     "CloudReport",
     "ColorNoise",
     "DepthNoise",
+    "DynamicObstacleTracker",
+    "ExcludedSolids",
     "GoalFilterParameters",
     "GoalMeasurement",
     "GoalState",
     "HeadCamera",
     "MarkedObject",
-    "NoObstacle",
     "ObstacleParameters",
     "RobotSolids",
     "Solid",
@@ -50,20 +68,22 @@ __all__ = [
     "VoxelMap",
     "VoxelMapParameters",
     "Watch",
+    "aim_for_two_cameras",
     "choose_camera",
     "cloud_points",
     "degrade_color",
     "degrade_depth",
+    "detect_goal",
     "detect_markers",
     "evaluate_cloud",
-    "filter_goal",
     "keep_watch",
     "look_at",
     "make_cloud",
     "make_stereo_cameras",
     "marker_poses",
     "measure_goal",
-    "share_gaze",
     "to_point_cloud",
+    "update_goal",
     "update_obstacles",
+    "update_tracker",
 ]

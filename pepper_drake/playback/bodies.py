@@ -182,7 +182,7 @@ class RecordedModel:
         return tuple(parts)
 
 
-def frames_of(motion: Motion, *, from_arm: bool = False) -> Frames:
+def replay_frames(motion: Motion, *, from_arm: bool = False) -> Frames:
     """Computes where everything was, 30 times a second.
 
     Args:

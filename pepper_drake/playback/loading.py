@@ -10,10 +10,10 @@ from pepper_drake.errors import InputError
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import ARMS, BODY_JOINTS, JOINT_GROUPS, arm_group
 from pepper_drake.models.scene import Scene, load_scene
+from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.playback.motion import Motion, Signal, Vector
-from pepper_drake.reporting.log_files import array_names, check_rows, read_arrays
-from pepper_drake.reporting.reach_log import ReachLog
-from pepper_drake.systems.reach_mode import ReachMode
+from pepper_drake.results.log_files import array_names, check_rows, read_arrays
+from pepper_drake.results.reach_log import ReachLog
 
 LOG, REPORT, SCENE = "log.npz", "report.json", "scene.yaml"
 TRANSLATION, PRIMITIVE = "translation.txt", "primitive.yaml"
@@ -192,7 +192,7 @@ def _load_report(path: Path) -> dict[str, Any]:
 
 def _load_demonstration(path: Path, name: str) -> Motion:
     # Imported here: learning brings SciPy, and a run needs none.
-    from pepper_drake.learning.demonstration import Demonstration
+    from pepper_drake.learning.demonstrations.demonstration import Demonstration
 
     demo = Demonstration.load(path)
     joints = demo.joints if demo.joints is not None else np.zeros((len(demo.times), 0))
@@ -214,7 +214,7 @@ def _load_demonstration(path: Path, name: str) -> Motion:
 
 
 def _load_primitive(path: Path) -> Motion:
-    from pepper_drake.learning.primitive import MovementPrimitive
+    from pepper_drake.learning.dmp.primitive import MovementPrimitive
 
     primitive = MovementPrimitive.load(path)
     rollout = primitive.rollout()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pepper_drake.errors import InputError
-from pepper_drake.playback.bodies import Frames, frames_of
+from pepper_drake.playback.bodies import Frames, replay_frames
 from pepper_drake.playback.drawing import Command, draw
 from pepper_drake.playback.loading import load_motion
 
@@ -86,7 +86,7 @@ def show(
 
     several = [paths] if isinstance(paths, str | Path) else paths
     motions = [load_motion(path) for path in several]
-    commands = draw([frames_of(motion, from_arm=from_arm) for motion in motions])
+    commands = draw([replay_frames(motion, from_arm=from_arm) for motion in motions])
     page = standalone_page(commands, ", ".join(motion.name for motion in motions))
     return HTML(
         f'<div style="height: {height}px; resize: vertical; overflow: hidden">'

@@ -11,7 +11,7 @@ from tqdm import tqdm
 from pepper_drake.errors import InputError
 from pepper_drake.playback.bodies import FRAME_RATE, Frames, RecordedModel
 from pepper_drake.playback.drawing import run_color
-from pepper_drake.reporting.scene_picture import Bystander
+from pepper_drake.reporting.scene_picture import ExternalCamera
 
 Image = npt.NDArray[np.uint8]
 
@@ -73,7 +73,7 @@ class _FilmedRun:
             float(model.positions(np.array([motion.times[-1]]))[0, model.column(name)])
             for name in ("BaseX", "BaseY", "BaseYaw")
         ]
-        self._bystander = Bystander(
+        self._bystander = ExternalCamera(
             motion.scene,
             motion.arm,
             np.array(base),

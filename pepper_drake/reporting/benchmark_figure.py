@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from pepper_drake.benchmarking.method_result import MethodResult
-from pepper_drake.benchmarking.methods import method_named
+from pepper_drake.benchmarking.methods import get_method
 from pepper_drake.benchmarking.summary import MethodSummary, Scenes
 
 _COLORS = {
@@ -22,7 +22,7 @@ _PANELS = (
     ("first_motion_seconds", "time to first motion [s]", "log"),
     ("path_length", "way of the hand [m]", "linear"),
     ("jerk", "jerk of the hand, rms [m/s³]", "log"),
-    ("likeness", "likeness, equation 4.1 [m]", "linear"),
+    ("demonstration_distance", "demonstration_distance, equation 4.1 [m]", "linear"),
     ("clearance", "least clearance, at most 0.1 [m]", "linear"),
 )
 
@@ -85,6 +85,6 @@ def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary], whole: str) -
 
 
 def _label(axes: Axes, summaries: Sequence[MethodSummary]) -> None:
-    names = [f"{summary.method}: {method_named(summary.method).name}" for summary in summaries]
+    names = [f"{summary.method}: {get_method(summary.method).name}" for summary in summaries]
     axes.set_yticks(np.arange(1, len(names) + 1), names, fontsize=8)
     axes.invert_yaxis()

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import CubicHermiteSpline
 
-from pepper_drake.learning.comparison import ComparisonRow
-from pepper_drake.learning.demonstration import Demonstration
-from pepper_drake.learning.primitive import Path3D
+from pepper_drake.evaluation.approximator_comparison import ComparisonRow
+from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.dmp.primitive import Path3D
 
 
 def draw_comparison(

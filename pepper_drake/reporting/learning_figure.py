@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from pepper_drake.learning.approximators import ForcingModel
-from pepper_drake.learning.attractor import forcing_target
-from pepper_drake.learning.demonstration import Demonstration
-from pepper_drake.learning.gaussian_forcing import GaussianForcing
-from pepper_drake.learning.local_lines import LocalLines
+from pepper_drake.learning.approximators.gaussian_forcing import GaussianForcing
+from pepper_drake.learning.approximators.local_lines import LocalLines
+from pepper_drake.learning.approximators.registry import ForcingModel
+from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.dmp.primitive import MovementPrimitive, Path3D, motion_sample
+from pepper_drake.learning.dmp.transformation import forcing_target
 from pepper_drake.learning.phase import phase_at
-from pepper_drake.learning.primitive import MovementPrimitive, Path3D, motion_sample
 
 Array = npt.NDArray[np.float64]
 

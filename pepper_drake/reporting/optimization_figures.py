@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from pepper_drake.learning.primitive import MovementPrimitive
+from pepper_drake.learning.dmp.primitive import MovementPrimitive
 
 Array = npt.NDArray[np.float64]
 

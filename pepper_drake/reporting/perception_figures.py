@@ -11,11 +11,11 @@ from pydrake.geometry import Meshcat, Rgba
 from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
 
-from pepper_drake.perception.evaluate import COVERED_WITHIN
-from pepper_drake.reporting.perception_study import CloudStudy, GoalSample
+from pepper_drake.evaluation.perception_evaluation import CloudStudy, GoalSample
+from pepper_drake.perception.cloud_evaluation import COVERED_WITHIN
 
 _SIDE_BY_SIDE = 1.6
-"""Distance between the clouds that are shown beside each other, m."""
+"""Distance between the clouds that are shown beside each other [m]."""
 
 
 def save_images_figure(studies: Mapping[str, CloudStudy], folder: Path) -> Path:

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pepper_drake.reporting.reach_log import ReachLog
-from pepper_drake.systems.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.results.reach_log import ReachLog
 
 _MODE_COLORS = {
     ReachMode.LOOKING: "#e8f1fa",

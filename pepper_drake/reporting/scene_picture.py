@@ -42,7 +42,7 @@ def look_at(p_WC: Vector, p_WP: Vector) -> RigidTransform:
     return RigidTransform(RotationMatrix(np.column_stack((right, down, forward))), p_WC)
 
 
-class Bystander:
+class ExternalCamera:
     """Someone beside the robot, on the reaching arm's side, who sees the shapes made for people.
 
     Attributes:
@@ -128,7 +128,7 @@ def save_scene_picture(
         width: Pixels.
         height: Pixels.
     """
-    bystander = Bystander(scene, scene.arm, base_pose, width=width, height=height)
+    bystander = ExternalCamera(scene, scene.arm, base_pose, width=width, height=height)
     cv2.imwrite(str(path), bystander.picture(positions))
 
 

@@ -21,19 +21,19 @@ from pydrake.systems.framework import (
 )
 from scipy.spatial import cKDTree
 
-from pepper_drake.perception.cloud_points import cloud_points
-from pepper_drake.planning.command_check import STOP_SENTENCES, StopReason
-from pepper_drake.planning.control_model import BODY_JOINTS
-from pepper_drake.planning.movement import Movement
-from pepper_drake.planning.reach_planner import ReachPlanner, ReachVerdict
-from pepper_drake.systems.reach_mode import ReachMode
-from pepper_drake.systems.reach_progress import ReachProgress, ReachTiming
-from pepper_drake.systems.reach_reaction import ReachReaction, Sight
+from pepper_drake.models.control_model import BODY_JOINTS
+from pepper_drake.perception.mapping.cloud_points import cloud_points
+from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason
+from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_planner import PlanStatus, ReachPlanner
+from pepper_drake.planning.reach.reach_state import ReachState, ReachTiming
+from pepper_drake.planning.reach.replanner import Observation, ReachReplanner
 
 Vector = npt.NDArray[np.float64]
 
 _NEAR = 0.6
-"""What moves farther from the goal than this is not waited for, m."""
+"""What moves farther from the goal than this is not waited for [m]."""
 
 
 class ReachSupervisor(LeafSystem):
@@ -83,9 +83,9 @@ class ReachSupervisor(LeafSystem):
     `stop_reason` (1; the safety monitor's `StopReason`).
     Outputs: `active` (1), the number of the movement while one runs, else 0; `primitive`,
     `coupling_law` and `X_OG`, abstract, of that movement (see `planning.movement`); `base_goal`
-    (3), NaN for "stay"; `resting_head` (2), head yaw and pitch while the goal is searched for, rad;
-    `mode` (1), a `ReachMode`; `progress`, the whole `ReachProgress`.
-    State: `ReachProgress` (abstract), at `time_step`.
+    (3), NaN for "stay"; `resting_head` (2), head yaw and pitch while the goal is searched for [rad];
+    `mode` (1), a `ReachMode`; `progress`, the whole `ReachState`.
+    State: `ReachState` (abstract), at `time_step`.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class ReachSupervisor(LeafSystem):
     ) -> None:
         super().__init__()
         self._planner, self._timing, self._time_step = planner, timing, time_step
-        self._reaction = ReachReaction(planner, timing)
+        self._reaction = ReachReplanner(planner, timing)
         self._ports: dict[str, InputPort] = {
             name: self.DeclareAbstractInputPort(name, value)
             for name, value in (
@@ -118,7 +118,7 @@ class ReachSupervisor(LeafSystem):
             ("stop_reason", 1),
         ):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
-        self._progress = self.DeclareAbstractState(Value[object](ReachProgress()))
+        self._progress = self.DeclareAbstractState(Value[object](ReachState()))
         state = {self.abstract_state_ticket(self._progress)}
         self.DeclareVectorOutputPort("active", 1, self._calc_active, prerequisites_of_calc=state)
         self.DeclareVectorOutputPort(
@@ -133,14 +133,14 @@ class ReachSupervisor(LeafSystem):
         self.DeclareVectorOutputPort("mode", 1, self._calc_mode, prerequisites_of_calc=state)
         self.DeclareAbstractOutputPort(
             "progress",
-            lambda: Value[object](ReachProgress()),
+            lambda: Value[object](ReachState()),
             self._calc_progress,
             prerequisites_of_calc=state,
         )
         for name, model, part in (
-            ("primitive", planner.shown.primitive, lambda movement: movement.primitive),
-            ("coupling_law", planner.shown.coupling, lambda movement: movement.coupling),
-            ("X_OG", planner.shown.X_OG, lambda movement: movement.X_OG),
+            ("primitive", planner.demonstrated.primitive, lambda movement: movement.primitive),
+            ("coupling_law", planner.demonstrated.coupling, lambda movement: movement.coupling),
+            ("X_OG", planner.demonstrated.X_OG, lambda movement: movement.X_OG),
         ):
             self._declare_movement_output(name, model, part, state)
         self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
@@ -151,7 +151,7 @@ class ReachSupervisor(LeafSystem):
         """Declares an output for a part of the movement."""
 
         def calc(context: Context, output: Value) -> None:
-            output.set_value(part(self.progress(context).movement or self._planner.shown))
+            output.set_value(part(self.progress(context).movement or self._planner.demonstrated))
 
         # Of any type: a coupling may be None.
         typed = isinstance(model, RigidTransform)
@@ -162,7 +162,7 @@ class ReachSupervisor(LeafSystem):
             prerequisites_of_calc=state,
         )
 
-    def progress(self, context: Context) -> ReachProgress:
+    def progress(self, context: Context) -> ReachState:
         """The present state in this context."""
         return context.get_abstract_state(int(self._progress)).get_value()
 
@@ -177,7 +177,7 @@ class ReachSupervisor(LeafSystem):
         state.get_mutable_abstract_state(int(self._progress)).set_value(after)
         return EventStatus.Succeeded()
 
-    def _next(self, context: Context, progress: ReachProgress) -> ReachProgress:
+    def _next(self, context: Context, progress: ReachState) -> ReachState:
         """The mode after this tick."""
         if progress.mode in (ReachMode.DONE, ReachMode.FAILED):
             return progress
@@ -203,7 +203,7 @@ class ReachSupervisor(LeafSystem):
         }[progress.mode]
         return step(context, progress, time)
 
-    def _look(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+    def _look(self, context: Context, progress: ReachState, time: float) -> ReachState:
         timing = self._timing
         if self._scalar(context, "goal_valid") < 0.5:
             if time - progress.since > timing.goal_timeout:
@@ -234,12 +234,10 @@ class ReachSupervisor(LeafSystem):
             "cloud_W": cloud_points(self._ports["cloud"].Eval(context)),
         }
 
-    def _choose_place(
-        self, context: Context, progress: ReachProgress, time: float
-    ) -> ReachProgress:
-        plan = self._planner.plan_stand(**self._seen(context))
-        if plan.verdict != ReachVerdict.CLEAR:
-            return progress.fail(time, plan.verdict.value, plan.sentence)
+    def _choose_place(self, context: Context, progress: ReachState, time: float) -> ReachState:
+        plan = self._planner.plan_base_placement(**self._seen(context))
+        if plan.status != PlanStatus.CLEAR:
+            return progress.fail(time, plan.status.value, plan.message)
         x, y, yaw = plan.base_pose
         driving = progress.to(ReachMode.DRIVING, time)
         return replace(
@@ -250,14 +248,14 @@ class ReachSupervisor(LeafSystem):
             plan=None,
         )
 
-    def _drive(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+    def _drive(self, context: Context, progress: ReachState, time: float) -> ReachState:
         if self._scalar(context, "arrived") > 0.5 and time - progress.since > self._time_step:
             return progress.to(ReachMode.SETTLING, time)
         if time - progress.since > self._timing.driving_timeout:
             return progress.fail(time, "drive_failed", "the base did not get to where it can reach")
         return progress
 
-    def _settle(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+    def _settle(self, context: Context, progress: ReachState, time: float) -> ReachState:
         """Plans while the robot settles, and confirms the plan with the last look."""
         timing, settled = self._timing, time - progress.since
         is_over = settled >= timing.settling - 0.5 * self._time_step
@@ -275,59 +273,59 @@ class ReachSupervisor(LeafSystem):
                 return replace(starting, movements=1, begun=time, planning_seconds=waited)
         plan = self._planner.check_reach(**seen, movement=progress.planned)
         progress = replace(progress, planning_seconds=perf_counter() - begin, checked=time)
-        if plan.verdict == ReachVerdict.CLEAR:
-            known, X_WO = cKDTree(seen["cloud_W"]), RigidTransform(seen["X_WO"])
-            return replace(progress, plan=plan, known=known, X_WO=X_WO)
+        if plan.status == PlanStatus.CLEAR:
+            planned_cloud, X_WO = cKDTree(seen["cloud_W"]), RigidTransform(seen["X_WO"])
+            return replace(progress, plan=plan, planned_cloud=planned_cloud, X_WO=X_WO)
         if not is_over:
             return replace(progress, plan=None)  # From near more is to be seen.
         if progress.places < timing.places:
             return self._choose_place(context, progress, time)
-        return progress.fail(time, plan.verdict.value, plan.sentence)
+        return progress.fail(time, plan.status.value, plan.message)
 
-    def _is_confirmed(self, progress: ReachProgress, seen: dict[str, Any]) -> bool:
+    def _is_confirmed(self, progress: ReachState, seen: dict[str, Any]) -> bool:
         """Whether what is seen now agrees with a plan."""
         plan = progress.plan
         assert plan is not None
-        if plan.joint_path is None or not plan.vetted:
+        if plan.joint_path is None or not plan.collision_checked:
             return True
         moved = progress.X_WO.translation() - seen["X_WO"].translation()
         same_goal = float(np.linalg.norm(moved)) <= self._timing.goal_moved
         return same_goal and self._reaction.is_free(plan, seen)
 
     def _hand_distance(self, context: Context, name: str) -> float:
-        """Distance of the hand to the point in T at an input port, m."""
+        """Distance of the hand to the point in T at an input port [m]."""
         p_TH = self._ports["hand_pose"].Eval(context).translation()
         return float(np.linalg.norm(self._ports[name].Eval(context) - p_TH))
 
-    def _look_ahead(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
-        """Holds a new cloud against the rest of the movement; see `ReachReaction`."""
+    def _look_ahead(self, context: Context, progress: ReachState, time: float) -> ReachState:
+        """Holds a new cloud against the rest of the movement; see `ReachReplanner`."""
         cloud_time = self._scalar(context, "cloud_time")
         plan, commands = progress.plan, self._ports["arm_position_command"]
         if plan is None or plan.joint_path is None or cloud_time == progress.cloud_time:
             return progress
         progress = replace(progress, cloud_time=cloud_time)
-        if not (plan.vetted and commands.HasValue(context)):
+        if not (plan.collision_checked and commands.HasValue(context)):
             return progress
         seen = self._seen(context)
         seen["joint_position"] = seen["joint_position"].copy()
         seen["joint_position"][self._planner.arm_in_body] = commands.Eval(context)
-        coming = self._coming(context, seen["X_WO"].translation())
+        predicted_points = self._coming(context, seen["X_WO"].translation())
         velocity = self._ports["arm_velocity_command"].Eval(context)
-        return self._reaction(progress, Sight(seen, coming, velocity, time))
+        return self._reaction(progress, Observation(seen, predicted_points, velocity, time))
 
     def _coming(self, context: Context, goal: Vector) -> Vector:
-        """Where what moves near the goal will be soon (P, 3), m."""
+        """Where what moves near the goal will be soon (P, 3) [m]."""
         port = self._ports["approaching"]
         if not port.HasValue(context):
             return np.zeros((0, 3))
         points = cloud_points(port.Eval(context))
         return points[np.sum((points - goal) ** 2, axis=1) < _NEAR**2]
 
-    def _reach(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+    def _reach(self, context: Context, progress: ReachState, time: float) -> ReachState:
         progress = self._look_ahead(context, progress, time)
         timing = self._timing
-        if progress.blocked is not None:
-            if time - progress.begun > timing.patience:
+        if progress.suspended_plan is not None:
+            if time - progress.begun > timing.blocked_timeout:
                 return progress.fail(
                     time, "no_clear_path", "something came in the way and has not gone"
                 )
@@ -362,7 +360,7 @@ class ReachSupervisor(LeafSystem):
             return replace(progress, still_since=np.nan)
         return progress
 
-    def _hold(self, context: Context, progress: ReachProgress, time: float) -> ReachProgress:
+    def _hold(self, context: Context, progress: ReachState, time: float) -> ReachState:
         moved = self._look_ahead(context, progress, time)
         if moved.movements > progress.movements:
             return moved.to(ReachMode.REACHING, time)
@@ -380,7 +378,7 @@ class ReachSupervisor(LeafSystem):
         output.SetFromVector(np.array(self.progress(context).base_goal))
 
     def _calc_resting_head(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(search_gaze(context.get_time()))
+        output.SetFromVector(head_search_pattern(context.get_time()))
 
     def _calc_mode(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, float(self.progress(context).mode))
@@ -389,18 +387,18 @@ class ReachSupervisor(LeafSystem):
         output.set_value(self.progress(context))
 
 
-def search_gaze(time: float) -> Vector:
+def head_search_pattern(time: float) -> Vector:
     """Where the head looks while the goal is searched for.
 
     Args:
-        time: Since the search began, s.
+        time: Since the search began [s].
 
     Returns:
-        Head yaw and pitch (2,), rad: first ahead at the height of tables, then sweeping to the
+        Head yaw and pitch (2,) [rad]: first ahead at the height of tables, then sweeping to the
         left and right, by turns at that height and above it.
     """
-    patience, sweep, period = 1.5, np.radians(60), 6.0
+    blocked_timeout, sweep, period = 1.5, np.radians(60), 6.0
     pitches = (0.25, -0.1)  # Tables, then what is higher.
-    swept = max(time - patience, 0.0)
+    swept = max(time - blocked_timeout, 0.0)
     pitch = pitches[int(swept / period) % len(pitches)]
     return np.array([sweep * np.sin(2 * np.pi * swept / period), pitch])

@@ -57,7 +57,7 @@ def test_a_bad_option_is_one_sentence(arguments, words, run, tmp_path, monkeypat
 
 def test_a_benchmark_leaves_table_numbers_and_plots_and_goes_on_where_it_was(run, tmp_path):
     # One scene is there already; the other is run, in a process of its own.
-    MethodResult("free_seed_0", "g", "touched", sentence="a link touched").save(
+    MethodResult("free_seed_0", "g", "touched", message="a link touched").save(
         tmp_path / "results" / "free_seed_0" / "g.json"
     )
     options = ("--scene", "free", "--scenes", 2, "--methods", "g", "--output", tmp_path)

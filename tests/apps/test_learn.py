@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.example_motions import example_demonstrations
+from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
 
 APP = Path(__file__).parents[2] / "apps" / "learn.py"
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from pepper_drake.diagrams.reach_setup import SHIPPED_DEMONSTRATION
+from pepper_drake.diagrams.factory import SHIPPED_DEMONSTRATION
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.example_motions import example_demonstrations
+from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
 from pepper_drake.optimization import History
 
 APP = Path(__file__).parents[2] / "apps" / "optimize.py"

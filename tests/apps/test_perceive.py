@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pepper_drake import cli
-from pepper_drake.reporting.perception_study import GoalSample
+from pepper_drake.evaluation.perception_evaluation import GoalSample
 
 APP = Path(__file__).parents[2] / "apps" / "perceive.py"
 
@@ -50,7 +50,7 @@ def test_it_leaves_a_report_figures_and_a_page(app, monkeypatch, capsys, tmp_pat
             "rms_error",
             "bias",
             "coverage",
-            "inconsistent_points",
+            "outlier_share",
             "robot_points",
             "goal_points",
             "milliseconds",
@@ -94,5 +94,5 @@ def test_a_marker_that_was_never_found_is_said_so(app):
     assert report["goal"]["position_error"]["median"] is None
     json.dumps(report, allow_nan=False)
     cloud = {"points": 0, "rms_error": 0.0, "bias": {"x": 0.0}, "coverage": 0.0}
-    cloud |= {"inconsistent_points": 0.0, "milliseconds": 1.0}
+    cloud |= {"outlier_share": 0.0, "milliseconds": 1.0}
     assert "never found" in app.summary(report | {"depth": cloud, "stereo": cloud})

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.playback.run_example import make_run
+
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "playback"))
 
-from run_example import make_run  # noqa: E402
 
 APP = ROOT / "apps" / "play.py"
 REACH = ROOT / "pepper_drake" / "models" / "demonstrations" / "reach"
@@ -82,7 +83,7 @@ def test_playing_a_run_back_needs_no_simulation(two_runs, taken):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("arguments", "message"),
     [
         ((), "no RUN to play back"),
         (("nowhere", "--html", "page.html"), "nothing to play back; give the folder of a run"),
@@ -93,7 +94,7 @@ def test_playing_a_run_back_needs_no_simulation(two_runs, taken):
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_2(
-    tmp_path, taken, capsys, monkeypatch, arguments, sentence
+    tmp_path, taken, capsys, monkeypatch, arguments, message
 ):
     (tmp_path / "log.npz").write_text("in the way")
     texts = [taken if argument == "TAKEN" else str(argument) for argument in arguments]
@@ -105,4 +106,4 @@ def test_bad_input_is_one_sentence_and_exit_code_2(
     assert output.out == ""
     assert output.err.startswith("error: ")
     assert output.err.count("\n") == 1
-    assert sentence in output.err
+    assert message in output.err

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from pepper_drake import cli
-from pepper_drake.benchmarking.methods import method_named
-from pepper_drake.diagrams.reach_run import ReachRun
-from pepper_drake.diagrams.reach_setup import make_coupling
+from pepper_drake.benchmarking.methods import get_method
+from pepper_drake.diagrams.factory import make_coupling
+from pepper_drake.diagrams.reach_simulation import ReachSimulation
 from pepper_drake.diagrams.reaching import ReachingConfig
 from pepper_drake.models.scene import load_scene, save_scene
-from pepper_drake.reporting.reach_log import ReachLog
-from pepper_drake.systems.reach_mode import ReachMode
-from pepper_drake.systems.reach_progress import ReachTiming
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_state import ReachTiming
+from pepper_drake.results.reach_log import ReachLog
 
 APP = Path(__file__).parents[2] / "apps" / "reach.py"
 FREE = """\
@@ -192,11 +192,11 @@ def test_a_bad_file_of_any_name_is_one_line_on_standard_error(
 
 @pytest.mark.parametrize("letter", ["a", "b"])
 def test_the_options_that_the_benchmark_names_build_what_it_runs(letter, app, monkeypatch):
-    method = method_named(letter).run
+    method = get_method(letter).run
     monkeypatch.setattr(app, "Reaching", lambda *parts: parts)
     _, _, coupling, config = app.build(app.make_parser().parse_args([*method.options]))
     assert coupling == make_coupling(method.coupling)
-    assert coupling is None or config.planner.vetted == method.vetted
+    assert coupling is None or config.planner.collision_checked == method.collision_checked
 
 
 def check_arm_never_moved(log):
@@ -255,14 +255,14 @@ class Pushed(NamedTuple):
     printed: str
     error: str
     folder: Path
-    run: ReachRun
+    run: ReachSimulation
 
 
 @pytest.fixture(scope="module")
 def pushed(tmp_path_factory):
     runs, folder = [], tmp_path_factory.mktemp("pushed")
 
-    class KeptRun(ReachRun):
+    class KeptRun(ReachSimulation):
         def __init__(self, *arguments):
             super().__init__(*arguments)
             runs.append(self)
@@ -274,7 +274,7 @@ def pushed(tmp_path_factory):
     ):
         module = load_app()
         patch.setattr(cli, "quiet_libraries", lambda: None)
-        patch.setattr(module, "ReachRun", KeptRun)
+        patch.setattr(module, "ReachSimulation", KeptRun)
         arguments = ("--scene", "free", "--push", "0", "0", "5", "--output", str(folder))
         patch.setattr(sys, "argv", ["reach.py", *arguments])
         with pytest.raises(SystemExit) as end:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pepper_drake.diagrams.reach_setup import SHIPPED_DEMONSTRATION
+from pepper_drake.diagrams.factory import SHIPPED_DEMONSTRATION
 from pepper_drake.learning import Demonstration, MovementPrimitive
 
 APP = Path(__file__).parents[2] / "apps" / "reproduce.py"

@@ -47,7 +47,7 @@ def test_a_run_that_breaks_down_is_an_error_with_a_sentence_and_is_tried_again(t
     for _ in range(2):
         results = run_tasks([bad, good], tmp_path, jobs=2)
         assert [result.outcome for result in results] == ["error", "refused"]
-        assert "nowhere.yaml" in results[0].sentence
+        assert "nowhere.yaml" in results[0].message
 
 
 def test_a_file_that_is_no_result_is_said_at_once(tmp_path):
@@ -60,14 +60,14 @@ def test_a_file_that_is_no_result_is_said_at_once(tmp_path):
 
 def test_an_unknown_letter_is_answered_with_those_there_are():
     with pytest.raises(InputError, match=r'"q".*d \(ours, adapted\)'):
-        methods.method_named("q")
+        methods.get_method("q")
 
 
 def test_a_method_whose_package_is_missing_says_how_to_get_it():
     method = methods.Method("z", "", "", Fixed(), needs="no_such_package")
     with pytest.raises(InputError, match=r"method z needs no_such_package: run .*bench"):
         method.check()
-    methods.method_named("a").check()
+    methods.get_method("a").check()
 
 
 def test_letters_are_different_and_the_briefs_methods_are_there():

@@ -6,14 +6,14 @@ from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import (
     commanded_hand,
     first_motion,
+    interpolate_held,
     outcome_of,
-    without_steps,
 )
-from pepper_drake.benchmarking.methods import method_named
+from pepper_drake.benchmarking.methods import get_method
 from pepper_drake.benchmarking.metrics import rms_jerk
+from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
 from pepper_drake.models.pepper import BODY_JOINTS
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import arm_joints, body_indices, shared_control_model
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
 
 
 @pytest.mark.parametrize(
@@ -32,14 +32,16 @@ def test_touching_counts_before_all_else(report, clearance, started, outcome):
 
 
 @pytest.mark.parametrize(
-    ("letter", "vetted"), [("b", False), ("c", True), ("d", True), ("e", False)]
+    ("letter", "collision_checked"), [("b", False), ("c", True), ("d", True), ("e", False)]
 )
-def test_couplings_of_others_start_as_their_authors_have_them(letter, vetted, monkeypatch):
+def test_couplings_of_others_start_as_their_authors_have_them(
+    letter, collision_checked, monkeypatch
+):
     monkeypatch.setattr(diagram_reach, "Reaching", lambda *parts: parts)
     case = Case(0, "free")
-    _, _, coupling, config = method_named(letter).run._build(case, case.build())
+    _, _, coupling, config = get_method(letter).run._build(case, case.build())
     assert coupling is not None
-    assert config.planner.vetted == vetted
+    assert config.planner.collision_checked == collision_checked
 
 
 class Log:
@@ -73,7 +75,7 @@ def test_a_path_is_measured_without_the_steps_in_which_it_was_commanded():
     path = np.stack([np.sin(times), np.cos(times), 0.1 * times**3], axis=1)
     held = np.repeat(path, 2, axis=0)
     fine = np.arange(0.0, 2.0 - 0.02 + 1e-9, 0.01)
-    smooth = without_steps(np.concatenate((held[:1].repeat(7, axis=0), held)), 2)
+    smooth = interpolate_held(np.concatenate((held[:1].repeat(7, axis=0), held)), 2)
     expected = np.stack([np.sin(fine), np.cos(fine), 0.1 * fine**3], axis=1)
     np.testing.assert_allclose(smooth, expected, atol=1e-6)
     # Of sin and cos the third derivative has length 1, of 0.1 t³ it is 0.6.
@@ -84,4 +86,4 @@ def test_a_path_is_measured_without_the_steps_in_which_it_was_commanded():
 @pytest.mark.parametrize("count", [1, 6])
 def test_a_hand_that_rests_has_no_steps(count):
     resting = np.ones((count, 3))
-    np.testing.assert_array_equal(without_steps(resting, 2)[0], np.ones(3))
+    np.testing.assert_array_equal(interpolate_held(resting, 2)[0], np.ones(3))

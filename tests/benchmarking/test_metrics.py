@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from pepper_drake.benchmarking.metrics import likeness, path_length, rms_jerk
-from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.benchmarking.metrics import demonstration_distance, path_length, rms_jerk
+from pepper_drake.diagrams.factory import make_primitive
 
 
 def test_the_length_of_a_path_is_the_sum_of_its_steps():
@@ -41,13 +41,13 @@ def undisturbed(primitive, shift=0.0, step=0.01):
 def test_the_demonstrated_movement_is_like_itself_elsewhere_and_with_rest_after_it(primitive):
     times, positions = undisturbed(primitive, shift=np.array([0.05, -0.1, 0.02]))
     rested = np.concatenate((positions, np.repeat(positions[-1:], 120, axis=0)))
-    assert likeness(primitive, positions, times[-1]) < 1e-4
-    assert likeness(primitive, rested, times[-1]) < 1e-4
+    assert demonstration_distance(primitive, positions, times[-1]) < 1e-4
+    assert demonstration_distance(primitive, rested, times[-1]) < 1e-4
 
 
 def test_likeness_does_not_ask_how_fast(primitive):
     _, positions = undisturbed(primitive)
-    assert likeness(primitive, positions, 2 * primitive.duration, 0.02) < 1e-4
+    assert demonstration_distance(primitive, positions, 2 * primitive.duration, 0.02) < 1e-4
 
 
 def test_likeness_is_equation_4_1(primitive):
@@ -56,4 +56,6 @@ def test_likeness_is_equation_4_1(primitive):
     bump = 0.01 * np.sin(np.pi * times / times[-1]) ** 2
     positions[:, 2] += bump
     by_hand = np.sqrt(np.sum(bump**2)) / 3
-    assert likeness(primitive, positions, times[-1]) == pytest.approx(by_hand, rel=0.02)
+    assert demonstration_distance(primitive, positions, times[-1]) == pytest.approx(
+        by_hand, rel=0.02
+    )

@@ -3,22 +3,22 @@ import pytest
 
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.goal_search import goal_postures
-from pepper_drake.benchmarking.known_scene import KnownScene
+from pepper_drake.benchmarking.known_scene import GroundTruthScene
 from pepper_drake.benchmarking.planned_reach import PlannedReach, optimized_motions, rrt_motions
 from pepper_drake.benchmarking.timed_path import timed_path
+from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.scene import Obstacle, load_scene, save_scene
-from pepper_drake.planning.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.differential_ik import DifferentialIkParams
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 
 
 @pytest.fixture(scope="module")
 def free():
-    return KnownScene(load_scene("free"))
+    return GroundTruthScene(load_scene("free"))
 
 
 @pytest.fixture(scope="module")
 def place(free):
-    return next(free.places_to_stand())
+    return next(free.candidate_base_poses())
 
 
 def test_at_rest_the_robot_touches_nothing_where_it_may_stand(free, place):
@@ -65,7 +65,7 @@ def crossing():
             path=[[1.0, 0.0, 0.0, 0.0], [2.0, 0.0, -1.0, 0.0]],
         )
     )
-    return KnownScene(scene)
+    return GroundTruthScene(scene)
 
 
 def test_clearance_knows_where_an_obstacle_is_when(crossing):

@@ -3,12 +3,12 @@ import pytest
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
-from pepper_drake.diagrams.live_teaching import LiveTeaching, with_movables
-from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.diagrams.factory import make_primitive
+from pepper_drake.diagrams.live_teaching import LiveTeaching, with_movable_objects
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.models.scene import SCENES_DIR, load_scene
-from pepper_drake.systems.arm_mode import ArmMode
+from pepper_drake.systems.robot.arm_mode_switch import ArmMode
 
 SCENE = SCENES_DIR / "teach.yaml"
 
@@ -49,13 +49,13 @@ class Pepper:
 def test_what_has_a_path_or_is_named_can_be_moved():
     scene = load_scene("table")
     assert scene.goal.path == []
-    moved = with_movables(scene, ["mug"])
+    moved = with_movable_objects(scene, ["mug"])
     assert [o.name for o in moved.obstacles if o.path] == ["mug"]
     assert moved.goal.path
     assert scene.goal.path == []
     with pytest.raises(InputError, match=r'no obstacle "spoon".*mug'):
-        with_movables(scene, ["spoon"])
-    assert [o.name for o in with_movables(load_scene(SCENE)).obstacles if o.path] == ["ball"]
+        with_movable_objects(scene, ["spoon"])
+    assert [o.name for o in with_movable_objects(load_scene(SCENE)).obstacles if o.path] == ["ball"]
 
 
 @pytest.mark.parametrize("arm", ["right", "left"])

@@ -6,11 +6,11 @@ from pepper_drake.diagrams.marker_teaching import follow, record_marker, watch
 from pepper_drake.diagrams.recording import RecordOptions
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration
-from pepper_drake.learning.workspace_map import WorkspaceMap
+from pepper_drake.learning.demonstrations.workspace_map import WorkspaceMap
 from pepper_drake.models.guide import ViaPoint
 from pepper_drake.models.marker_script import load_marker_script
 from pepper_drake.models.pepper import JOINT_GROUPS, posture_positions
-from pepper_drake.systems.scripted_guide import GuidePath
+from pepper_drake.systems.guiding.scripted_guide import GuidePath
 
 
 @pytest.fixture

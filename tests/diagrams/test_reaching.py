@@ -5,15 +5,15 @@ from pydrake.perception import PointCloud
 from pydrake.systems.analysis import InitializeParams, Simulator
 from pydrake.systems.framework import BusValue, PortDataType
 
-from pepper_drake.diagrams.reach_run import ReachRun, RunOptions, measure_cloud
-from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive, prepare_scene
+from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions, measure_cloud
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import load_scene
-from pepper_drake.planning.control_model import shared_control_model
-from pepper_drake.planning.differential_ik import hand_key
-from pepper_drake.systems.reach_mode import ReachMode
+from pepper_drake.planning.ik.differential_ik import hand_key
+from pepper_drake.planning.reach.reach_mode import ReachMode
 
 
 def make_reaching(name, arm):
@@ -54,7 +54,7 @@ def outputs(reaching, root):
 
 @pytest.mark.render
 def test_a_whole_reach_with_the_left_arm_in_which_no_cached_value_is_ever_stale():
-    run = ReachRun(make_reaching("table", "left"), RunOptions(progress=False))
+    run = ReachSimulation(make_reaching("table", "left"), RunOptions(progress=False))
     reaching = run.reaching
     checked = dict.fromkeys(ReachMode, 0)
     last = -1.0
@@ -88,9 +88,9 @@ def test_an_arm_withdraws_as_it_was_played_and_reaches_when_the_way_is_free(monk
     config = ReachingConfig(station=StationConfig(seed=355, obstacle_motion_ports=True))
     coupling = make_coupling(scene.coupling)
     reaching = Reaching(scene, make_primitive(None, scene.arm), coupling, config)
-    run = ReachRun(reaching, RunOptions(progress=False))
+    run = ReachSimulation(reaching, RunOptions(progress=False))
     withdrawals = []
-    withdraw = reaching.planner.withdraw
+    withdraw = reaching.planner.plan_retreat
 
     def withdraw_and_note(plan, **seen):
         withdrawals.append((root_time(), withdraw(plan, **seen)))
@@ -99,7 +99,7 @@ def test_an_arm_withdraws_as_it_was_played_and_reaches_when_the_way_is_free(monk
     def root_time():
         return run.simulator.get_context().get_time()
 
-    monkeypatch.setattr(reaching.planner, "withdraw", withdraw_and_note)
+    monkeypatch.setattr(reaching.planner, "plan_retreat", withdraw_and_note)
     off = []
 
     def check(root):
@@ -168,7 +168,7 @@ def test_a_cloud_is_measured_against_the_true_surfaces():
 def test_a_solver_that_gives_up_is_an_outcome_and_not_a_traceback(monkeypatch):
     scene = load_scene("free")
     reaching = Reaching(scene, make_primitive(None, scene.arm), None, ReachingConfig())
-    run = ReachRun(reaching, RunOptions(progress=False))
+    run = ReachSimulation(reaching, RunOptions(progress=False))
     run.simulator.AdvanceTo(0.05)
 
     def give_up(context, state):
@@ -178,14 +178,14 @@ def test_a_solver_that_gives_up_is_an_outcome_and_not_a_traceback(monkeypatch):
     report = run.run().report
     assert report.outcome == "failed"
     assert report.reason == "simulation_failed"
-    assert report.sentence.endswith("The SAP solver failed to converge.")
+    assert report.message.endswith("The SAP solver failed to converge.")
 
 
 def test_the_safety_monitor_hears_how_near_the_arm_is_only_where_a_coupling_is_vetted():
     scene = load_scene("free")
-    for coupling, vetted, hears in (("barrier", True, True), ("report", False, False)):
+    for coupling, collision_checked, hears in (("barrier", True, True), ("report", False, False)):
         config = ReachingConfig()
-        config.planner.vetted = vetted
+        config.planner.collision_checked = collision_checked
         primitive = make_primitive(None, scene.arm)
         reaching = Reaching(scene, primitive, make_coupling(coupling), config)
         port = reaching.safety.GetInputPort("clearance")

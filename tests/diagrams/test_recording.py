@@ -15,12 +15,12 @@ from pepper_drake.diagrams.recording import (
 from pepper_drake.diagrams.teaching import Teaching
 from pepper_drake.errors import PepperDrakeError
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.recording import PARTIAL
+from pepper_drake.learning.demonstrations.recording import PARTIAL
 from pepper_drake.models.guide import load_guide
 from pepper_drake.models.joint_script import load_joint_script
 from pepper_drake.models.pad_script import load_pad_script
 from pepper_drake.models.pepper import add_pepper, posture_positions, set_joint_positions
-from pepper_drake.systems.scripted_guide import GuidePath, ScriptedGuide
+from pepper_drake.systems.guiding.scripted_guide import GuidePath, ScriptedGuide
 
 
 @pytest.fixture(scope="module")

@@ -6,16 +6,16 @@ from pydrake.common.value import Value
 from pydrake.perception import PointCloud
 from pydrake.systems.analysis import Simulator
 
-from pepper_drake.diagrams.reach_setup import make_coupling, make_primitive
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.reproduction import Reproduction, ReproductionParams
-from pepper_drake.diagrams.reproduction_run import (
+from pepper_drake.diagrams.reproduction_simulation import (
     ReproductionOptions,
     reproduce,
     start_positions,
 )
 from pepper_drake.errors import InputError
-from pepper_drake.learning.correction import learn_correction
-from pepper_drake.systems.push import PushScript
+from pepper_drake.learning.dmp.correction import learn_correction
+from pepper_drake.systems.guiding.external_force import ForcePulse
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def distances(positions, path):
 
 
 def push(force, start=1.5, duration=0.5, **options):
-    return ReproductionOptions(pushes=(PushScript(force, start, duration),), **options)
+    return ReproductionOptions(pushes=(ForcePulse(force, start, duration),), **options)
 
 
 def test_unpushed_the_hand_follows_the_primitive_and_nothing_waits(primitive, undisturbed):

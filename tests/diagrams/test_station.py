@@ -4,9 +4,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
 from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.models.control_model import BODY_JOINTS, body_indices, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper
 from pepper_drake.models.scene import load_scene
-from pepper_drake.planning.control_model import BODY_JOINTS, body_indices, shared_control_model
 
 
 def make_scene():

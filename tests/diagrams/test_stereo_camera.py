@@ -4,12 +4,12 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import load_scene
-from pepper_drake.perception.camera import pixel_rays
-from pepper_drake.perception.solids import RobotSolids
-from pepper_drake.planning.control_model import shared_control_model
-from pepper_drake.systems.depth_point_cloud_source import DepthPointCloudSource
-from pepper_drake.systems.robot_kinematics import RobotKinematics
+from pepper_drake.perception.cameras.camera import pixel_rays
+from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
+from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
 
 pytestmark = pytest.mark.render
 

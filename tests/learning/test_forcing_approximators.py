@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.approximators import (
+from pepper_drake.learning.approximators.gaussian_forcing import GaussianForcing, even_basis
+from pepper_drake.learning.approximators.registry import (
     ForcingData,
     ForcingModel,
     LinearForcingModel,
@@ -12,7 +13,6 @@ from pepper_drake.learning.approximators import (
     fade_out,
     get_approximator,
 )
-from pepper_drake.learning.gaussian_forcing import GaussianForcing, even_basis
 from pepper_drake.learning.least_squares import RIDGE, ridge_regression, ridge_solver
 from pepper_drake.learning.phase import phase_at
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pepper_drake.learning import MovementPrimitive, ReportCoupling
-from pepper_drake.learning.example_motions import example_demonstrations
-from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 
 dmp = pytest.importorskip(
     "movement_primitives.dmp", reason="movement_primitives is not installed: .[test] has it"
@@ -33,7 +33,7 @@ def test_equation_2_7_is_theirs(seed):
     obstacle, position, velocity = rng.standard_normal((3, 3))
     theirs = dmp.CouplingTermObstacleAvoidance3D(obstacle, gamma=20.0, beta=3.0)
     push = ReportCoupling(gamma=20.0, beta=3.0).push(
-        ObstacleField(obstacle[None]),
+        PointCloudDistance(obstacle[None]),
         np.stack((position, velocity)),
         np.zeros(3),
         np.ones(3),

@@ -6,7 +6,7 @@ from pydrake.geometry import Meshcat, MeshcatParams
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.live.page import LivePage
 from pepper_drake.live.session import LiveSession
-from pepper_drake.live.show import LiveShow
+from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
 
@@ -35,4 +35,4 @@ def meshcat():
 def show(tmp_path, meshcat):
     """A session on its page."""
     session = _make_session(tmp_path, meshcat=meshcat)
-    return LiveShow(session, LivePage(meshcat, session.simulation.diagram.movables))
+    return LiveApp(session, LivePage(meshcat, session.simulation.diagram.movables))

@@ -2,10 +2,10 @@ import time
 
 import numpy as np
 import pytest
-from clients import ProtocolClient
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.live.page import BUTTONS, LivePage
+from tests.live.clients import ProtocolClient
 
 
 @pytest.fixture

@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 import pytest
-from clients import BrowserClient, ProtocolClient, find_browser
 
 from pepper_drake.live.session import Mode
+from tests.live.clients import BrowserClient, ProtocolClient, find_browser
 
 UP = "hand up PgDn PgUp"
 

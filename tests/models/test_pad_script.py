@@ -3,7 +3,11 @@ import pytest
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.pad_script import PAD_SCRIPTS, PadScript, PadStep, load_pad_script
-from pepper_drake.systems.gamepad_velocity import GamepadParams, GamepadState, gamepad_velocity
+from pepper_drake.systems.guiding.gamepad_velocity import (
+    GamepadParams,
+    GamepadState,
+    gamepad_velocity,
+)
 
 GOOD = """\
 rest: 0.2

@@ -220,7 +220,7 @@ def test_postures_are_inside_the_limits_and_touch_nothing(robot, posture):
     assert min(distances) > 0.003
 
 
-def surface_points(shape):
+def sample_surface(shape):
     """Corners and rims of a shape: where its convex hull is farthest out."""
     turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
@@ -261,7 +261,7 @@ def test_what_cameras_see_lies_within_a_centimetre_of_the_collision_shapes(robot
             p_BP = np.array(
                 [
                     inspector.GetPoseInFrame(visual) @ p
-                    for p in surface_points(inspector.GetShape(visual))
+                    for p in sample_surface(inspector.GetShape(visual))
                 ]
             )
             outside = [
@@ -284,7 +284,7 @@ def test_the_head_does_not_hide_the_view_of_its_own_cameras(robot):
         for g in inspector.GetGeometries(
             plant.GetBodyFrameIdOrThrow(head.index()), Role.kPerception
         )
-        for p in surface_points(inspector.GetShape(g))
+        for p in sample_surface(inspector.GetShape(g))
     )
     assert front < 0.0514  # the rearmost camera's lens
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.example_motions import example_demonstrations
+from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
 from pepper_drake.optimization import Problem
 
 DEMONSTRATION = example_demonstrations(2)[1]  # It never rests, not even at its ends.

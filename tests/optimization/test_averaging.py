@@ -7,8 +7,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.optimization import Problem, RewardWeightedAveraging
 from pepper_drake.optimization.averaging import averaged, decay_over
 from pepper_drake.optimization.weighting import best, exponential_weights, normalized
-
-from .conftest import bowl
+from tests.optimization.conftest import bowl
 
 
 def test_one_update_of_equation_3_1_worked_by_hand():

@@ -4,8 +4,7 @@ import pytest
 
 from pepper_drake.errors import InputError
 from pepper_drake.optimization import CmaEs
-
-from .conftest import bowl
+from tests.optimization.conftest import bowl
 
 
 def test_it_is_the_package_with_our_random_numbers():

@@ -3,8 +3,7 @@ import pytest
 
 from pepper_drake.optimization import compare_methods, make_optimizer, search
 from pepper_drake.reporting.optimization_figures import draw_comparison
-
-from .conftest import bowl
+from tests.optimization.conftest import bowl
 
 
 def test_methods_side_by_side():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.optimization import (
     TERMS,
     CostFunction,
@@ -16,7 +16,7 @@ from pepper_drake.optimization import (
     parse_cost,
 )
 from pepper_drake.optimization.cost import terms_of
-from pepper_drake.optimization.cost_terms import shortage
+from pepper_drake.optimization.cost_terms import violation
 from pepper_drake.optimization.movement_problem import load_movement, load_points
 
 TIMES = 0.1 * np.arange(5)
@@ -49,13 +49,13 @@ def test_deviation_is_the_mean_distance_at_the_same_time():
 
 
 def test_a_shortage_counts_on_average_and_at_its_worst():
-    costs = shortage(np.array([[0.05, 0.015, 0.0, -0.01]]), 0.02)
+    costs = violation(np.array([[0.05, 0.015, 0.0, -0.01]]), 0.02)
     assert costs[0] == pytest.approx([0.0, 0.00125, 0.005, 0.0075 + 0.03])
-    assert shortage(np.full((1, 3), 0.02), 0.02).sum() == 0.0
+    assert violation(np.full((1, 3), 0.02), 0.02).sum() == 0.0
 
 
 def test_the_hand_is_a_sphere_among_obstacles():
-    field = ObstacleField([[0.2, 0.0, 0.0]], extension=0.0)
+    field = PointCloudDistance([[0.2, 0.0, 0.0]], extension=0.0)
     costs = TERMS["hand_to_obstacles"](
         straight(offset=0.06), task(obstacles=field, hand_radius=0.05)
     )
@@ -70,7 +70,9 @@ def test_the_arm_among_obstacles_and_joints_near_their_limits():
     outcome = straight(
         arm_gaps=lambda: gaps, joints=joints, joint_limits=np.array([[-1.0] * 2, [1.0] * 2])
     )
-    costs = TERMS["arm_to_obstacles"](outcome, task(obstacles=ObstacleField([[9.0, 9.0, 9.0]])))
+    costs = TERMS["arm_to_obstacles"](
+        outcome, task(obstacles=PointCloudDistance([[9.0, 9.0, 9.0]]))
+    )
     assert costs.sum(axis=1) == pytest.approx([0.0, 0.02 + 0.004])
     assert TERMS["joint_limits"](outcome, task()).sum(axis=1) == pytest.approx([0.5, 1.0])
 

@@ -3,11 +3,11 @@ import pickle
 import numpy as np
 import pytest
 
-from pepper_drake.diagrams.reach_setup import make_primitive
+from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.models.scene import load_scene
 from pepper_drake.optimization import CostWeights, make_task, smooth_bumps
 from pepper_drake.optimization.diagram_rollouts import DiagramRollouts, outcome_of
-from pepper_drake.systems.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachMode
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pepper_drake.diagrams.reach_setup import SHIPPED_DEMONSTRATION
+from pepper_drake.diagrams.factory import SHIPPED_DEMONSTRATION
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.obstacle_field import ObstacleField
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.pepper import elbow_roll_limits
 from pepper_drake.optimization import (
     CostWeights,
@@ -18,15 +19,14 @@ from pepper_drake.optimization import (
     search,
     smooth_bumps,
 )
-from pepper_drake.optimization.arm_tracking import track_ways
 from pepper_drake.optimization.kinematic_rollouts import (
     GRID_ERROR,
     KinematicRollouts,
     arm_and_limits,
     arm_shapes,
 )
-from pepper_drake.planning.arm_geometry import ArmGeometry
-from pepper_drake.planning.control_model import shared_control_model
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.batch_ik import batch_inverse_kinematics
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def table(edge=0.15, top=-0.08):
     """A table's top, through which the demonstration passes with the arm."""
     x, y = np.meshgrid(np.arange(edge, 0.6, 0.02), np.arange(-0.7, 0.3, 0.02))
     points = np.column_stack((x.ravel(), y.ravel(), np.full(x.size, top)))
-    return ObstacleField(points, extension=0.03)
+    return PointCloudDistance(points, extension=0.03)
 
 
 def test_the_hand_follows_and_the_joints_keep_their_limits(reach):
@@ -48,7 +48,7 @@ def test_the_hand_follows_and_the_joints_keep_their_limits(reach):
     way, nominal = path.positions, path.joints
     aside = np.multiply.outer(np.linspace(0, 1, len(way)), [0.0, 0.03, 0.02])
     ways = np.stack((way, way + aside, way * 3.0))
-    joints = track_ways(kinematics, limits, ways, np.stack([nominal] * 3), step)
+    joints = batch_inverse_kinematics(kinematics, limits, ways, np.stack([nominal] * 3), step)
     hands = kinematics.poses(joints.reshape(-1, 5)).hand_position.reshape(ways.shape)
     assert np.abs(hands[0] - ways[0]).max() < 0.001
     assert np.abs(hands[1] - ways[1]).max() < 0.003

@@ -6,8 +6,7 @@ from pepper_drake.optimization.natural_actor_critic import (
     EpisodicNaturalActorCritic,
     natural_gradient,
 )
-
-from .conftest import bowl
+from tests.optimization.conftest import bowl
 
 
 def test_the_natural_gradient_of_a_linear_return_is_sigma_times_the_gradient():

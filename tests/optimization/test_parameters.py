@@ -3,12 +3,11 @@ import pytest
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.dmp.scaling import SCALINGS
 from pepper_drake.learning.phase import phase_at
-from pepper_drake.learning.scaling import SCALINGS
 from pepper_drake.optimization import all_weights, smooth_bumps
 from pepper_drake.optimization.fast_rollouts import roll_out
-
-from .conftest import DEMONSTRATION
+from tests.optimization.conftest import DEMONSTRATION
 
 
 def test_parameters_of_zero_are_the_primitive(primitive):

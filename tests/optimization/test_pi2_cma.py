@@ -4,8 +4,7 @@ import pytest
 from pepper_drake.errors import InputError
 from pepper_drake.optimization import Pi2Cma
 from pepper_drake.optimization.pi2_cma import path_integral_weights, weighted_covariance
-
-from .conftest import bowl
+from tests.optimization.conftest import bowl
 
 
 def test_weights_of_two_steps_worked_by_hand():

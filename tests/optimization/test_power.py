@@ -4,8 +4,7 @@ import pytest
 from pepper_drake.errors import InputError
 from pepper_drake.optimization import Problem, make_optimizer
 from pepper_drake.optimization.power import Power, policy_step
-
-from .conftest import bowl
+from tests.optimization.conftest import bowl
 
 
 def test_equation_d_6_is_a_weighted_regression_of_the_actions():

@@ -4,13 +4,15 @@ import pytest
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.optimization import all_weights
-from pepper_drake.optimization.ratings import Tutor, load_scores, rated, rating_cost
+from pepper_drake.optimization.ratings import RatingCollector, load_scores, rated, rating_cost
 
 
 @pytest.fixture
 def make_tutor(primitive, tmp_path):
     def make(**more):
-        return Tutor(all_weights(primitive), tmp_path / "shown", tmp_path / "scores.txt", **more)
+        return RatingCollector(
+            all_weights(primitive), tmp_path / "shown", tmp_path / "scores.txt", **more
+        )
 
     return make
 

@@ -21,8 +21,7 @@ from pepper_drake.optimization import (
     search,
     smooth_bumps,
 )
-
-from .conftest import bowl
+from tests.optimization.conftest import bowl
 
 
 @pytest.fixture(scope="module")

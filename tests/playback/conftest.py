@@ -1,7 +1,8 @@
 """Runs to play back, made once."""
 
 import pytest
-from run_example import make_run
+
+from tests.playback.run_example import make_run
 
 
 @pytest.fixture(scope="session")

@@ -7,8 +7,8 @@ import numpy as np
 
 from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.models.scene import load_scene, save_scene
-from pepper_drake.reporting.reach_log import ReachLog
-from pepper_drake.systems.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.results.reach_log import ReachLog
 
 BASE_POSE = (0.6, 0.02, 0.1)
 GOAL_RISE = 0.08

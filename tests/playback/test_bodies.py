@@ -5,20 +5,20 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from run_example import BASE_POSE, GOAL_RISE
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration
 from pepper_drake.models.pepper import MODELS_DIR, PEPPER_URDF
-from pepper_drake.playback.bodies import RecordedModel, frames_of
+from pepper_drake.playback.bodies import RecordedModel, replay_frames
 from pepper_drake.playback.loading import load_motion
+from tests.playback.run_example import BASE_POSE, GOAL_RISE
 
 REACH = MODELS_DIR / "demonstrations" / "reach"
 
 
 @pytest.fixture(scope="module")
 def high(runs):
-    return frames_of(load_motion(runs[1]))
+    return replay_frames(load_motion(runs[1]))
 
 
 def named(frames, name):
@@ -84,7 +84,7 @@ def test_only_shapes_made_for_people_are_shown(high):
 
 
 def test_the_way_of_the_hand_begins_with_the_arm(runs, high):
-    whole, arm_only = high, frames_of(load_motion(runs[1]), from_arm=True)
+    whole, arm_only = high, replay_frames(load_motion(runs[1]), from_arm=True)
     assert arm_only.clock[0] == pytest.approx(1.0)
     assert len(arm_only.times) < len(whole.times)
     np.testing.assert_allclose(arm_only.hand_W, whole.hand_W, atol=1e-12)
@@ -116,10 +116,10 @@ def test_a_hand_without_an_arm_is_a_ball_with_axes_on_the_recorded_way():
     demo = Demonstration.load(REACH)
     motion = load_motion(REACH)
     bare = replace(motion, positions={}, hand_T=demo.positions, hand_rotations_T=demo.rotations)
-    frames = frames_of(bare)
+    frames = replay_frames(bare)
     hand = named(frames, "hand")
     assert [part.name for part in hand.parts] == ["hand", "x_axis", "y_axis", "z_axis"]
-    with_arm = frames_of(motion)
+    with_arm = replay_frames(motion)
     np.testing.assert_allclose(hand.translations[-1], with_arm.hand_W[-1], atol=2e-3)
     (X_WH,) = RecordedModel(motion).frame_poses("r_hand_effector", demo.times[-1:])
     turn = X_WH.rotation().ToQuaternion().wxyz()
@@ -130,4 +130,4 @@ def test_an_unknown_joint_is_named(runs):
     motion = load_motion(runs[0])
     strange = replace(motion, positions={"ThirdElbow": np.zeros(len(motion.times))})
     with pytest.raises(InputError, match='no joint "ThirdElbow"'):
-        frames_of(strange)
+        replay_frames(strange)

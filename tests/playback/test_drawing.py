@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pydrake.geometry import Capsule, Cylinder, Ellipsoid, HalfSpace
 
-from pepper_drake.playback.bodies import frames_of
+from pepper_drake.playback.bodies import replay_frames
 from pepper_drake.playback.drawing import RUN_COLORS, draw, key_frames, run_color
 from pepper_drake.playback.loading import load_motion
 from pepper_drake.playback.meshcat_shapes import hex_color, meshcat_object
@@ -17,7 +17,7 @@ from pepper_drake.playback.meshcat_shapes import hex_color, meshcat_object
 
 @pytest.fixture(scope="module")
 def frames(runs):
-    return [frames_of(load_motion(run)) for run in runs]
+    return [replay_frames(load_motion(run)) for run in runs]
 
 
 @pytest.fixture(scope="module")

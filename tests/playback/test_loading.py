@@ -9,7 +9,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.models.pepper import BODY_JOINTS, MODELS_DIR
 from pepper_drake.playback.loading import load_motion
-from pepper_drake.reporting.reach_log import ReachLog
+from pepper_drake.results.reach_log import ReachLog
 
 REACH = MODELS_DIR / "demonstrations" / "reach"
 
@@ -62,7 +62,7 @@ def _lacking(run, name):
 
 
 @pytest.mark.parametrize(
-    ("spoil", "sentence"),
+    ("spoil", "message"),
     [
         (lambda run: _written(run, "log.npz", "PK, but cut off"), r"log\.npz: this is no log"),
         (lambda run: _lacking(run, "object_offset_m"), r"log\.npz: the log lacks object_offset_m"),
@@ -81,9 +81,9 @@ def _lacking(run, name):
         (lambda run: _written(run, "report.json", "{}"), r"report\.json: the report says no"),
     ],
 )
-def test_what_is_broken_is_named_in_one_sentence(run, spoil, sentence):
+def test_what_is_broken_is_named_in_one_sentence(run, spoil, message):
     spoil(run)
-    with pytest.raises(InputError, match=sentence) as info:
+    with pytest.raises(InputError, match=message) as info:
         load_motion(run)
     assert "\n" not in str(info.value)
 

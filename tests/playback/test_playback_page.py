@@ -6,7 +6,7 @@ import pytest
 import umsgpack
 
 from pepper_drake.errors import InputError
-from pepper_drake.playback.bodies import frames_of
+from pepper_drake.playback.bodies import replay_frames
 from pepper_drake.playback.drawing import draw
 from pepper_drake.playback.loading import load_motion
 from pepper_drake.playback.page import show, standalone_page
@@ -18,7 +18,7 @@ def messages(page):
 
 
 def test_a_page_holds_the_viewer_all_shapes_and_the_animation(runs):
-    commands = draw([frames_of(load_motion(run)) for run in runs])
+    commands = draw([replay_frames(load_motion(run)) for run in runs])
     page = standalone_page(commands, "low & <high>")
     assert "MeshCat" in page
     assert "<title>low &amp; &lt;high&gt;</title>" in page

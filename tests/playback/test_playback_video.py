@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pepper_drake.errors import InputError
-from pepper_drake.playback.bodies import frames_of
+from pepper_drake.playback.bodies import replay_frames
 from pepper_drake.playback.loading import load_motion
 from pepper_drake.playback.video import write_video
 
@@ -20,7 +20,7 @@ def frames_in(path):
 
 def brief(run, count):
     """The last frames of a run."""
-    frames = frames_of(load_motion(run))
+    frames = replay_frames(load_motion(run))
     return replace(frames, times=frames.times[:count], clock=frames.clock[-count:])
 
 

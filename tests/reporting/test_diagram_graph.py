@@ -13,7 +13,7 @@ from pydrake.systems.primitives import (
 from pydrake.trajectories import PiecewisePolynomial
 
 from pepper_drake.reporting.diagram_graph import INPUTS, OUTPUTS, make_diagram_graph
-from pepper_drake.systems.triggered_path import TriggeredPath
+from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 
 
 def inner_loop():
@@ -91,8 +91,11 @@ def test_signals_are_the_outputs_in_use_each_once():
 def test_classes_are_named_and_told_apart_by_whose_they_are(name):
     builder = DiagramBuilder()
     path = PiecewisePolynomial.FirstOrderHold([0.0, 1.0], np.array([[0.0, 1.0]]))
-    triggered = builder.AddNamedSystem("path", TriggeredPath(path))
+    triggered = builder.AddNamedSystem("path", TriggeredTrajectory(path))
     gain = builder.AddNamedSystem("gain", Gain(1.0, 2))
     builder.Connect(triggered.get_output_port(), gain.get_input_port())
     node = make_diagram_graph(builder.Build()).nodes[name]
-    assert (node.kind, node.own) == {"gain": ("Gain", False), "path": ("TriggeredPath", True)}[name]
+    assert (node.kind, node.own) == {
+        "gain": ("Gain", False),
+        "path": ("TriggeredTrajectory", True),
+    }[name]

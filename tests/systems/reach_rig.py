@@ -7,14 +7,14 @@ from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
 from pydrake.systems.analysis import Simulator
 
-from pepper_drake.diagrams.reach_setup import make_primitive
-from pepper_drake.learning.coupling import BarrierCoupling
-from pepper_drake.planning.command_check import StopReason
-from pepper_drake.planning.control_model import BODY_JOINTS
-from pepper_drake.planning.movement import Movement
-from pepper_drake.planning.reach_planner import ReachPlan, ReachVerdict
-from pepper_drake.systems.reach_mode import ReachMode
-from pepper_drake.systems.reach_progress import ReachTiming
+from pepper_drake.diagrams.factory import make_primitive
+from pepper_drake.learning.dmp.coupling import BarrierCoupling
+from pepper_drake.models.control_model import BODY_JOINTS
+from pepper_drake.planning.ik.command_check import StopReason
+from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_planner import PlanStatus, ReachPlan
+from pepper_drake.planning.reach.reach_state import ReachTiming
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 
 STAND = np.array([0.55, -0.05, 0.1])
@@ -37,8 +37,8 @@ SHOWN = Movement(make_primitive(None, "right"), BarrierCoupling(), RigidTransfor
 ADAPTED = Movement(make_primitive(None, "left"), None, RigidTransform([0, 0, 0.1]))
 
 
-def plan(verdict=ReachVerdict.CLEAR, sentence=""):
-    return ReachPlan(verdict, sentence, STAND, movement=ADAPTED)
+def plan(status=PlanStatus.CLEAR, message=""):
+    return ReachPlan(status, message, STAND, movement=ADAPTED)
 
 
 @dataclass
@@ -48,10 +48,10 @@ class FakePlanner:
     stand: ReachPlan = field(default_factory=plan)
     reach: ReachPlan = field(default_factory=plan)
     asked: list = field(default_factory=list)
-    shown: Movement = SHOWN
+    demonstrated: Movement = SHOWN
 
-    def plan_stand(self, **arguments):
-        self.asked.append(("plan_stand", arguments))
+    def plan_base_placement(self, **arguments):
+        self.asked.append(("plan_base_placement", arguments))
         return self.stand
 
     def check_reach(self, **arguments):
@@ -117,7 +117,7 @@ class Rig:
     def failed(self, reason):
         self.until(ReachMode.FAILED)
         assert self.progress.reason == reason
-        assert self.progress.sentence
+        assert self.progress.message
         np.testing.assert_array_equal(self.value("active"), [0.0])
         return self
 
@@ -128,11 +128,11 @@ class Blocked(FakePlanner):
     arm_in_body = np.arange(5)
     ahead = 0.02
     detour = ReachPlan(
-        ReachVerdict.CLEAR, "", STAND, clearance=0.02, joint_path=np.zeros((9, 5)), movement=SHOWN
+        PlanStatus.CLEAR, "", STAND, clearance=0.02, joint_path=np.zeros((9, 5)), movement=SHOWN
     )
 
     back = ReachPlan(
-        ReachVerdict.OUT_OF_REACH,
+        PlanStatus.OUT_OF_REACH,
         "",
         STAND,
         clearance=0.05,
@@ -140,12 +140,12 @@ class Blocked(FakePlanner):
         movement=SHOWN,
     )
 
-    def withdraw(self, plan, **seen):
-        self.asked.append(("withdraw", seen))
+    def plan_retreat(self, plan, **seen):
+        self.asked.append(("plan_retreat", seen))
         return self.back
 
-    def clearance_ahead(self, plan, **seen):
-        self.asked.append(("clearance_ahead", seen))
+    def remaining_clearance(self, plan, **seen):
+        self.asked.append(("remaining_clearance", seen))
         return self.ahead
 
     def replan(self, plan, **seen):
@@ -155,7 +155,7 @@ class Blocked(FakePlanner):
 
 def way():
     return ReachPlan(
-        ReachVerdict.CLEAR, "", STAND, clearance=0.02, joint_path=np.ones((9, 5)), movement=SHOWN
+        PlanStatus.CLEAR, "", STAND, clearance=0.02, joint_path=np.ones((9, 5)), movement=SHOWN
     )
 
 

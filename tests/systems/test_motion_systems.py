@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from motion_example import STEP, learn, make_cloud
 from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
@@ -13,10 +12,13 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning import rotations as so3
-from pepper_drake.systems.canonical_system import CanonicalSystem
-from pepper_drake.systems.obstacle_coupling import ObstacleCoupling
-from pepper_drake.systems.orientation_transformation_system import OrientationTransformationSystem
-from pepper_drake.systems.transformation_system import TransformationSystem
+from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
+from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
+from pepper_drake.systems.primitive.orientation_transformation_system import (
+    OrientationTransformationSystem,
+)
+from pepper_drake.systems.primitive.transformation_system import TransformationSystem
+from tests.systems.motion_example import STEP, learn, make_cloud
 
 
 @pytest.fixture(scope="module")

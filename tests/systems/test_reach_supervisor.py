@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
-from reach_rig import (
+
+from pepper_drake.planning.ik.command_check import StopReason
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_planner import PlanStatus
+from pepper_drake.systems.reach_supervisor import head_search_pattern
+from tests.systems.reach_rig import (
     ADAPTED,
     CLOUD,
     P_TG,
@@ -17,11 +22,6 @@ from reach_rig import (
     way,
 )
 
-from pepper_drake.planning.command_check import StopReason
-from pepper_drake.planning.reach_planner import ReachVerdict
-from pepper_drake.systems.reach_mode import ReachMode
-from pepper_drake.systems.reach_supervisor import search_gaze
-
 
 def test_the_whole_reach_when_all_goes_well():
     rig = Rig()
@@ -35,7 +35,7 @@ def test_the_whole_reach_when_all_goes_well():
     rig.until(ReachMode.DONE)
     np.testing.assert_array_equal(rig.value("active"), [1.0])
     assert rig.modes == list(ReachMode)[: ReachMode.DONE + 1]
-    assert rig.progress.reason == rig.progress.sentence == ""
+    assert rig.progress.reason == rig.progress.message == ""
 
 
 def test_each_mode_lasts_as_long_as_its_timing_says():
@@ -60,7 +60,7 @@ def test_each_mode_lasts_as_long_as_its_timing_says():
 
 def test_the_planner_is_asked_with_what_was_measured_and_seen():
     rig = Rig().until(ReachMode.REACHING)
-    assert [name for name, _ in rig.planner.asked] == ["plan_stand", "check_reach"]
+    assert [name for name, _ in rig.planner.asked] == ["plan_base_placement", "check_reach"]
     for _, arguments in rig.planner.asked:
         np.testing.assert_array_equal(arguments["base_pose"], [0.1, 0.2, 0.3])
         np.testing.assert_array_equal(arguments["joint_position"], np.arange(15) / 100)
@@ -96,14 +96,14 @@ def test_a_cloud_that_comes_late_is_waited_for():
 
 
 @pytest.mark.parametrize(
-    "verdict",
-    [ReachVerdict.OUT_OF_REACH, ReachVerdict.NO_CLEAR_PATH, ReachVerdict.NO_STANDING_ROOM],
+    "status",
+    [PlanStatus.OUT_OF_REACH, PlanStatus.NO_CLEAR_PATH, PlanStatus.NO_STANDING_ROOM],
 )
 @pytest.mark.parametrize("when", ["stand", "reach"])
-def test_a_reach_that_the_planner_refuses_never_starts(verdict, when):
-    rig = Rig(FakePlanner(**{when: plan(verdict, "the planner's own words")}))
-    rig.failed(verdict.value)
-    assert rig.progress.sentence == "the planner's own words"
+def test_a_reach_that_the_planner_refuses_never_starts(status, when):
+    rig = Rig(FakePlanner(**{when: plan(status, "the planner's own words")}))
+    rig.failed(status.value)
+    assert rig.progress.message == "the planner's own words"
     assert not rig.was_active
     assert (ReachMode.DRIVING in rig.modes) == (when == "reach")
 
@@ -143,7 +143,7 @@ def test_a_hand_that_stays_away_from_its_goal():
     rig = Rig().until(ReachMode.REACHING)
     rig.set(hand_pose=RigidTransform(P_TG + np.array([0.0, 0.03, 0.04])))
     rig.failed("not_reached")
-    assert "50 mm" in rig.progress.sentence
+    assert "50 mm" in rig.progress.message
 
 
 def test_a_hand_just_outside_the_tolerance_is_accepted_when_the_time_is_over():
@@ -190,14 +190,14 @@ def test_nothing_is_fed_through():
 
 def test_the_search_begins_ahead_and_sweeps_to_both_sides_without_a_jump():
     times = np.arange(0, 12, 0.05)
-    gaze = np.array([search_gaze(time) for time in times])
+    gaze = np.array([head_search_pattern(time) for time in times])
     assert np.all(gaze[times <= 1.5, 0] == 0)
     assert gaze[:, 0].max() > 0.9
     assert gaze[:, 0].min() < -0.9
     # The head turns with at most 1.2 rad/s, of its rated 7.3.
     assert np.abs(np.diff(gaze[:, 0])).max() < 1.2 * 0.05
     rig = Rig().advance(3.0)
-    np.testing.assert_array_equal(rig.value("resting_head"), search_gaze(3.0))
+    np.testing.assert_array_equal(rig.value("resting_head"), head_search_pattern(3.0))
 
 
 def test_the_planned_movement_is_known_a_tick_before_it_begins():
@@ -222,19 +222,19 @@ def test_before_the_plan_it_is_the_movement_that_was_shown():
 
 def test_a_plan_is_confirmed_by_the_last_look_before_the_arm_starts():
     rig = settled(Blocked(reach=way()))
-    assert [name for name, _ in rig.planner.asked] == ["clearance_ahead"]
+    assert [name for name, _ in rig.planner.asked] == ["remaining_clearance"]
     assert rig.progress.planning_seconds < 0.1
 
 
 def test_a_goal_that_moved_meanwhile_is_planned_for_anew():
     moved = RigidTransform(X_WO.translation() + [0.0, 0.01, 0.0])
     rig = settled(Blocked(reach=way()), object_pose=moved)
-    assert [name for name, _ in rig.planner.asked] == ["check_reach", "clearance_ahead"]
+    assert [name for name, _ in rig.planner.asked] == ["check_reach", "remaining_clearance"]
 
 
 def test_what_the_last_look_shows_in_the_way_is_planned_around():
     planner = Blocked(reach=way())
     looks = iter([0.0, 0.02, 0.02, 0.02])
-    planner.clearance_ahead = lambda plan, **seen: next(looks)
+    planner.remaining_clearance = lambda plan, **seen: next(looks)
     rig = settled(planner)
     assert [name for name, _ in rig.planner.asked] == ["check_reach"]

@@ -1,1 +1,1 @@
-"""Demonstrations: files of many kinds, what was recorded, and whether it can be right."""
+"""Demonstrations: recording, files of many kinds, checking, alignment."""

@@ -1,0 +1,112 @@
+"""Runs a fixed set of reaches and holds their outcomes against those of an earlier commit.
+
+    python benchmarks/golden_runs.py --write benchmarks/golden_runs.json
+    python benchmarks/golden_runs.py --compare benchmarks/golden_runs.json
+
+Five shipped scenes, 20 random and 20 moving ones: outcome, reason, least clearance, final error,
+and a hash of all joint commands. A refactoring leaves all of them as they are; a change of
+behaviour names each difference. The hash depends on the processor, so it is compared last.
+"""
+
+import argparse
+import hashlib
+import json
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from pepper_drake.benchmarking.case import Case
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
+from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.station import StationConfig
+
+SCENES = ("table", "shelf", "clutter", "free", "pepper_drake/models/scenes/teach.yaml")
+SEEDS = range(20)
+TOLERANCE = 1e-3
+"""Clearances and errors may differ by this before they count as changed [m]."""
+
+
+@dataclass(frozen=True)
+class GoldenRun:
+    """One reach: clearance and error in [m], the hash of the joint commands."""
+
+    outcome: str
+    reason: str | None
+    minimum_clearance: float
+    final_position_error: float
+    command_hash: str
+
+    def differences(self, other: "GoldenRun") -> list[str]:
+        """Names the fields in which the other run differs by more than the tolerance."""
+        changed = []
+        for name, mine in asdict(self).items():
+            theirs = getattr(other, name)
+            same = abs(mine - theirs) < TOLERANCE if isinstance(mine, float) else mine == theirs
+            if not same:
+                changed.append(f"{name}: {mine} -> {theirs}")
+        return changed
+
+
+def cases() -> dict[str, Case]:
+    """All cases by name."""
+    chosen = [Case(0, scene=scene) for scene in SCENES]
+    chosen += [Case(seed) for seed in SEEDS] + [Case(seed, moving=True) for seed in SEEDS]
+    return {case.name: case for case in chosen}
+
+
+def run(case: Case) -> GoldenRun:
+    """Runs one reach in the full diagram, cameras on."""
+    scene = case.build()
+    config = ReachingConfig(
+        station=StationConfig(seed=case.seed, obstacle_motion_ports=case.moving)
+    )
+    reaching = Reaching(
+        scene, make_primitive(None, scene.arm), make_coupling(scene.coupling), config
+    )
+    result = ReachSimulation(reaching, RunOptions(progress=False)).run()
+    report = result.report
+    commands = np.ascontiguousarray(result.log.joint_command_rad)
+    return GoldenRun(
+        outcome=report.outcome,
+        reason=report.reason,
+        minimum_clearance=float(report.minimum_clearance or 0.0),
+        final_position_error=float(report.final_position_error or 0.0),
+        command_hash=hashlib.sha256(commands.tobytes()).hexdigest()[:16],
+    )
+
+
+def main() -> int:
+    """Writes or compares the golden runs; exits 1 where an outcome differs."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    action = parser.add_mutually_exclusive_group(required=True)
+    action.add_argument("--write", type=Path, metavar="FILE")
+    action.add_argument("--compare", type=Path, metavar="FILE")
+    parser.add_argument("--only", default="", help="run the cases whose name holds this")
+    parser.add_argument("--jobs", type=int, default=1)
+    options = parser.parse_args()
+    chosen = {name: case for name, case in cases().items() if options.only in name}
+    with ProcessPoolExecutor(options.jobs) as pool:
+        results = dict(
+            zip(chosen, tqdm(pool.map(run, chosen.values()), total=len(chosen)), strict=True)
+        )
+    if options.write:
+        rows = {name: asdict(result) for name, result in results.items()}
+        options.write.write_text(json.dumps(rows, indent=1) + "\n")
+        return 0
+    before = {k: GoldenRun(**v) for k, v in json.loads(options.compare.read_text()).items()}
+    changed = {name: before[name].differences(new) for name, new in results.items()}
+    for name, lines in changed.items():
+        if lines:
+            print(f"{name}: " + "; ".join(lines))
+    outcomes = sum(any(not line.startswith("command_hash") for line in c) for c in changed.values())
+    print(f"{len(results)} runs, {outcomes} with another outcome, clearance or error")
+    return int(outcomes > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

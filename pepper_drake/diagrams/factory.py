@@ -1,0 +1,94 @@
+"""From what a person asks for to a scene, a primitive and a coupling that fit together."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning import Demonstration, MovementPrimitive
+from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling, ReportCoupling
+from pepper_drake.models.motion import MOTION_DIRECTIONS, goal_motion, load_path
+from pepper_drake.models.pepper import MODELS_DIR
+from pepper_drake.models.scene import Scene
+
+SHIPPED_DEMONSTRATION = MODELS_DIR / "demonstrations" / "reach"
+"""A right arm's reach, guided by hand with nothing in the way."""
+
+HAND_RADIUS = 0.09
+"""Radius about the hand's control frame that holds the half-open hand but for its fingertips [m]."""
+
+
+SHORTEST_PATH = 0.01
+"""A demonstration with a shorter way than this is none [m]."""
+
+
+def make_coupling(name: str) -> Coupling | None:
+    """The obstacle coupling by name: "barrier", "report" (equation 2.7) or "none"."""
+    if name == "none":
+        return None
+    if name == "report":
+        return ReportCoupling()
+    if name == "barrier":
+        # The sphere is larger than the hand is thin, so near the goal, where the hand's direction
+        # is known, obstacles may come closer than it says; the planner checks the true shapes.
+        return BarrierCoupling(hand_radius=HAND_RADIUS, goal_margin=0.015, goal_distance=0.08)
+    raise InputError(f'coupling is "{name}"; it must be barrier, report or none')
+
+
+def make_primitive(demonstration: Path | None, arm: str) -> MovementPrimitive:
+    """Learns the primitive that an arm performs.
+
+    Args:
+        demonstration: A right arm's; the one that ships if left out. What it lacks of orientation
+            or joints is taken from the one that ships.
+        arm: "left" or "right"; for the left arm the demonstration is mirrored.
+
+    Raises:
+        InputError: The demonstration cannot be read.
+    """
+    demo = _for_arm(Demonstration.load(SHIPPED_DEMONSTRATION), arm)
+    shipped = MovementPrimitive.fit(demo)
+    if demonstration is None:
+        return shipped
+    shown = _for_arm(Demonstration.load(demonstration), arm)
+    if shown.path_length < SHORTEST_PATH:
+        raise InputError(
+            f"{demonstration}: the hand moves by {1000 * shown.path_length:.1f} mm only; "
+            "record a movement"
+        )
+    own = MovementPrimitive.fit(shown)
+    return replace(
+        own,
+        orientation=own.orientation if own.orientation is not None else shipped.orientation,
+        posture=own.posture if own.posture is not None else shipped.posture,
+    )
+
+
+def _for_arm(demonstration: Demonstration, arm: str) -> Demonstration:
+    """The demonstration for an arm: recorded joints tell whose it was, else it was the right's."""
+    recorded = "left" if any(n.startswith("L") for n in demonstration.joint_names) else "right"
+    return demonstration if arm == recorded else demonstration.mirrored()
+
+
+def prepare_scene(scene: Scene, *, arm: str | None = None, motion: str | None = None) -> Scene:
+    """Changes a scene as asked for on the command line.
+
+    Args:
+        scene: As loaded.
+        arm: The arm that reaches; for another than the scene's, the scene is mirrored.
+        motion: "up", "aside" or "away" (8 cm), or a path file: how the goal object moves, from
+            the moment the arm starts.
+
+    Raises:
+        InputError: The motion is unknown or its file cannot be read.
+    """
+    if arm is not None and arm != scene.arm:
+        scene = scene.mirrored()
+    if motion is not None:
+        path = (
+            goal_motion(motion, scene.arm, start=0.3)
+            if motion in MOTION_DIRECTIONS or not Path(motion).exists()
+            else load_path(Path(motion))
+        )
+        scene = replace(scene, goal=replace(scene.goal, path=path))
+        scene.check()
+    return scene

@@ -1,0 +1,370 @@
+"""One reach from start to end: simulate, watch, measure, and leave a folder of results."""
+
+import time
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import (
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    QueryObject,
+    Rgba,
+)
+from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from tqdm import tqdm
+
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.models.pepper import hand_frame
+from pepper_drake.models.scene import Scene, save_scene
+from pepper_drake.perception.mapping.cloud_points import cloud_points, make_cloud
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.results.reach_log import ReachLog
+from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
+
+Vector = npt.NDArray[np.float64]
+
+_SLICE = 0.1
+"""How often a run is looked at from outside, s of simulated time."""
+_LONGEST = 60.0
+"""No reach takes longer, s of simulated time."""
+
+
+@dataclass
+class RunOptions:
+    """How a run is shown."""
+
+    meshcat: Meshcat | None = None
+    """Where it is drawn, if anywhere."""
+    record: bool = False
+    """Whether meshcat keeps the run for `recording.html`."""
+    realtime: bool = False
+    """Whether it runs no faster than real time."""
+    progress: bool = True
+    """Whether a progress bar is shown."""
+
+
+@dataclass(frozen=True)
+class ReachResult:
+    """What a run gave: where, report, log, and the page that shows it, if it was recorded."""
+
+    scene: Scene
+    report: ReachReport
+    log: ReachLog
+    html: str | None
+
+
+class ReachSimulation:
+    """Simulates a `Reaching` diagram to its end and measures it against the truth.
+
+    Attributes:
+        reaching: The diagram.
+        simulator: Of the diagram, or of the diagram with its visualizer.
+    """
+
+    def __init__(self, reaching: Reaching, options: RunOptions) -> None:
+        self.reaching, self._options = reaching, options
+        system: Diagram = reaching
+        self._visualizer: MeshcatVisualizer | None = None
+        if options.meshcat is not None:
+            frame_view(options.meshcat, reaching.scene)
+            builder = DiagramBuilder()
+            builder.AddSystem(reaching)
+            self._visualizer = MeshcatVisualizer(
+                options.meshcat, MeshcatVisualizerParams(publish_period=1 / 32)
+            )
+            builder.AddNamedSystem("visualizer", self._visualizer)
+            builder.Connect(
+                reaching.GetOutputPort("ground_truth.query"),
+                self._visualizer.query_object_input_port(),
+            )
+            system = builder.Build()
+        self.simulator = Simulator(system)
+        self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
+        self._fault = ""
+        self._cloud_W: Vector = np.zeros((0, 3))
+        self._cloud_T: Vector = np.zeros((0, 3))
+        self._cloud_report = CloudReport()
+
+    @property
+    def context(self) -> Context:
+        """The reaching diagram's context."""
+        return self.reaching.GetMyContextFromRoot(self.simulator.get_context())
+
+    def mode(self) -> ReachMode:
+        """What the robot is doing now."""
+        reaching = self.reaching
+        return reaching.supervisor.progress(
+            reaching.supervisor.GetMyContextFromRoot(self.simulator.get_context())
+        ).mode
+
+    def final_positions(self) -> tuple[Vector, Vector]:
+        """The station plant's positions and the base's x, y, yaw as they are now."""
+        station, root = self.reaching.station, self.simulator.get_context()
+        positions = station.plant.GetPositions(station.plant.GetMyContextFromRoot(root))
+        base = station.GetOutputPort("base_pose").Eval(station.GetMyContextFromRoot(root))
+        return positions, base
+
+    def run(self) -> ReachResult:
+        """Runs until the reach is done or has failed."""
+        options = self._options
+        self.simulator.Initialize()
+        if self.reaching.station.renderer is not None:
+            self.reaching.station.renderer.wait_until_ready()
+        if self._visualizer is not None and options.record:
+            self._visualizer.StartRecording(False)
+        wall = 0.0
+        progress = tqdm(
+            total=None,
+            desc="looking",
+            unit=" s",
+            bar_format="{desc:10s} {n:5.1f} s simulated, {elapsed} elapsed",
+            disable=not options.progress,
+            leave=False,
+        )
+        mode = ReachMode.LOOKING
+        while mode not in (ReachMode.DONE, ReachMode.FAILED):
+            now = self.simulator.get_context().get_time()
+            if now >= _LONGEST:
+                break
+            started = time.perf_counter()
+            self._advance(now + _SLICE)
+            wall += time.perf_counter() - started
+            if self._fault:
+                break
+            previous, mode = mode, self.mode()
+            if mode == ReachMode.REACHING and previous != mode:
+                self._look_at_cloud()
+            progress.set_description(mode.name.lower())
+            progress.update(_SLICE)
+        progress.close()
+        self._draw_paths()
+        html = None
+        if self._visualizer is not None and options.record:
+            assert options.meshcat is not None
+            self._visualizer.StopRecording()
+            self._visualizer.PublishRecording()
+            html = options.meshcat.StaticHtml()
+        log = self._log()
+        return ReachResult(self.reaching.scene, self._report(log, wall), log, html)
+
+    def _advance(self, time: float) -> None:
+        """Simulates up to a time; keeps what Drake says when its solver finds no step."""
+        try:
+            self.simulator.AdvanceTo(time)
+        except RuntimeError as error:
+            now = self.simulator.get_context().get_time()
+            self._fault = f"the simulation cannot go on at {now:.2f} s: {error}".splitlines()[0]
+
+    def _look_at_cloud(self) -> None:
+        """Measures the cloud with which the arm starts, and draws it."""
+        reaching, context = self.reaching, self.context
+        source = reaching.cloud_source.GetMyContextFromRoot(self.simulator.get_context())
+        self._cloud_W = cloud_points(reaching.cloud_source.GetOutputPort("cloud").Eval(source))
+        self._cloud_T = cloud_points(
+            reaching.cloud_source.GetOutputPort("cloud_torso").Eval(source)
+        )
+        query = reaching.GetOutputPort("ground_truth.query").Eval(context)
+        self._cloud_report = measure_cloud(reaching.station, query, self._cloud_W)
+        if self._options.meshcat is not None:
+            draw_cloud(self._options.meshcat, self._cloud_W)
+
+    def _rows(self, name: str) -> Vector:
+        """The logged rows (N, n) of one signal."""
+        log = self.reaching.logs[name].FindLog(self.simulator.get_context())
+        return np.asarray(log.data()).T
+
+    def _log(self) -> ReachLog:
+        reaching = self.reaching
+        times = self.reaching.logs["mode"].FindLog(self.simulator.get_context()).sample_times()
+        tau = self._rows("tau")[:, 0]
+        coupling = (
+            self._rows("coupling") / tau[:, None] ** 2
+            if "coupling" in reaching.logs
+            else np.zeros((len(times), 3))
+        )
+        return ReachLog(
+            time_s=np.asarray(times),
+            mode=self._rows("mode")[:, 0].astype(np.int64),
+            joint_position_rad=self._rows("joint_position"),
+            joint_command_rad=self._rows("joint_command"),
+            base_pose_m_m_rad=self._rows("base_pose"),
+            object_offset_m=self._object_offsets(),
+            hand_position_torso_m=self._rows("hand_position"),
+            desired_position_torso_m=self._rows("desired_position"),
+            goal_position_torso_m=self._rows("goal_position"),
+            goal_distance_m=np.linalg.norm(np.subtract(*self._true_paths()), axis=1),
+            phase=self._rows("phase")[:, 0],
+            tau_s=tau,
+            coupling_m_per_s2=coupling,
+            clearance_m=self._rows("clearance")[:, 0],
+            seen_clearance_m=np.minimum(self._rows("seen_clearance")[:, 0], 0.1),
+            cloud_torso_m=self._cloud_T,
+            demonstration_m=reaching.planner.demonstrated_path(),
+        )
+
+    def _object_offsets(self) -> Vector:
+        """How far each thing that moves is from where it stands in the scene, (N, 3 K)."""
+        station = self.reaching.station
+        columns = [
+            station.plant.GetJointByName(f"{moving.name}_{axis}").position_start()
+            for moving in station.scene_models.moving
+            for axis in "xyz"
+        ]
+        return self._rows("state")[:, columns]
+
+    def _true_poses(self, plant_context: Context) -> tuple[RigidTransform, RigidTransform]:
+        """The hand's and its goal's true poses in W."""
+        station, scene = self.reaching.station, self.reaching.scene
+        X_WH = station.plant.GetFrameByName(hand_frame(scene.arm)).CalcPoseInWorld(plant_context)
+        X_WO = station.plant.EvalBodyPoseInWorld(
+            plant_context, station.plant.GetBodyByName(station.scene_models.goal_object)
+        )
+        return X_WH, X_WO @ scene.pre_grasp()
+
+    def _true_paths(self) -> tuple[Vector, Vector]:
+        """The hand's and its goal's true positions in W, (N, 3) each."""
+        plant = self.reaching.station.plant
+        plant_context = plant.CreateDefaultContext()
+        hands, goals = [], []
+        for state in self._rows("state"):
+            plant.SetPositionsAndVelocities(plant_context, state)
+            X_WH, X_WG = self._true_poses(plant_context)
+            hands.append(X_WH.translation())
+            goals.append(X_WG.translation())
+        return np.array(hands), np.array(goals)
+
+    def _draw_paths(self) -> None:
+        """Draws what the hand did beside what it was shown."""
+        moving = np.isin(self._rows("mode")[:, 0], (ReachMode.REACHING, ReachMode.HOLDING))
+        if self._options.meshcat is None or not np.any(moving):
+            return
+        hand_W = self._true_paths()[0][moving]
+        station = self.reaching.station
+        X_WT = station.GetOutputPort("torso_pose").Eval(
+            station.GetMyContextFromRoot(self.simulator.get_context())
+        )
+        shown = self.reaching.planner.demonstrated_path()
+        shown_W = (shown - shown[0]) @ X_WT.rotation().matrix().T + hand_W[0]
+        draw_paths(self._options.meshcat, hand_W, shown_W)
+
+    def _report(self, log: ReachLog, wall: float) -> ReachReport:
+        reaching, root = self.reaching, self.simulator.get_context()
+        scene, station = reaching.scene, reaching.station
+        progress = reaching.supervisor.progress(reaching.supervisor.GetMyContextFromRoot(root))
+        X_WH, X_WG = self._true_poses(station.plant.GetMyContextFromRoot(root))
+        report = ReachReport(
+            scene=scene.name,
+            arm=scene.arm,
+            coupling=scene.coupling if reaching.coupling is not None else "none",
+            seed=reaching.config.station.seed,
+            cloud=self._cloud_report,
+            simulated_seconds=root.get_time(),
+            planning_seconds=progress.planning_seconds,
+            wall_seconds=wall,
+            realtime_factor=root.get_time() / wall,
+            minimum_clearance=float(log.clearance_m.min()),
+            contacts=int(np.count_nonzero(log.clearance_m[::2] <= 0.0)),
+            versions={name: version(name) for name in ("pepper-drake", "drake", "numpy")},
+        )
+        report.closest_pair = self._closest_pair(log)
+        report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
+        estimator = reaching.goal_estimator.GetMyContextFromRoot(root)
+        if reaching.goal_estimator.GetOutputPort("valid").Eval(estimator)[0]:
+            X_WO = reaching.object_pose.Eval(estimator)
+            report.goal_estimate_error, _ = pose_error(X_WO @ scene.pre_grasp(), X_WG)
+        moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
+        if np.any(moving):
+            error = log.hand_position_torso_m[moving] - log.desired_position_torso_m[moving]
+            report.tracking_error_rms = float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+        self._judge(report, progress.mode, progress.reason, progress.message)
+        return report
+
+    def _closest_pair(self, log: ReachLog) -> str:
+        """Which link was nearest to which obstacle, at the moment of the least clearance."""
+        reaching = self.reaching
+        root = self.simulator.get_context().Clone()
+        plant = reaching.station.plant
+        state = self._rows("state")[int(np.argmin(log.clearance_m))]
+        plant.SetPositionsAndVelocities(plant.GetMyMutableContextFromRoot(root), state)
+        query = reaching.GetOutputPort("ground_truth.query").Eval(
+            reaching.GetMyContextFromRoot(root)
+        )
+        return reaching.clearance.closest_pair(query)[1]
+
+    def _judge(self, report: ReachReport, mode: ReachMode, reason: str, message: str) -> None:
+        """Fills in outcome and reason: what the robot says of itself, then what is true."""
+        tolerance = self.reaching.config.timing.accepted_position
+        if self._fault:
+            report.reason, report.message = "simulation_failed", self._fault
+        elif mode == ReachMode.FAILED:
+            report.reason, report.message = reason, message
+        elif mode != ReachMode.DONE:
+            report.reason = "timeout"
+            report.message = f"the reach was not over after {_LONGEST:g} s"
+        elif report.contacts:
+            report.reason = "touched"
+            report.message = f"a link touched an obstacle ({report.closest_pair})"
+        elif report.final_position_error is None or report.final_position_error > tolerance:
+            report.reason = "not_at_goal"
+            report.message = "the hand is farther from the true goal than the robot believes"
+        else:
+            report.outcome = "reached"
+
+
+def measure_cloud(station: PepperStation, query: QueryObject, points_W: Vector) -> CloudReport:
+    """Compares a cloud with the true geometry.
+
+    Args:
+        station: Whose geometry it is.
+        query: The true geometry as it stands now.
+        points_W: (P, 3) [m].
+    """
+    robot, goal = station.robot_geometries(), station.goal_geometries()
+    obstacles = station.obstacle_geometries()
+    report, squares = CloudReport(points=len(points_W)), []
+    for point in points_W:
+        distances = query.ComputeSignedDistanceToPoint(point, 0.3)
+        nearest = [abs(d.distance) for d in distances if d.id_G in obstacles]
+        squares.append(min(nearest, default=0.3) ** 2)
+        report.robot_points += any(d.distance <= 0 for d in distances if d.id_G in robot)
+        report.goal_points += any(d.distance <= 0 for d in distances if d.id_G in goal)
+    if squares:
+        report.rms_error = float(np.sqrt(np.mean(squares)))
+    return report
+
+
+def frame_view(meshcat: Meshcat, scene: Scene) -> None:
+    """Looks at the goal from the reaching arm's side, without grid and axes."""
+    side = 1.0 if scene.arm == "left" else -1.0
+    goal = np.array(scene.goal.position)
+    meshcat.SetCameraPose(goal + [0.55, 1.35 * side, 0.5], goal + [-0.2, 0.0, -0.05])
+    for path in ("/Grid", "/Axes"):
+        meshcat.SetProperty(path, "visible", False)
+
+
+def draw_paths(meshcat: Meshcat, hand_W: Vector, demonstration_W: Vector) -> None:
+    """Shows the hand's path in white and the demonstration, from the same start, in black."""
+    meshcat.SetLine("demonstration", demonstration_W.T, 3.0, Rgba(0.0, 0.0, 0.0))
+    meshcat.SetLine("reproduction", hand_W.T, 4.0, Rgba(1.0, 1.0, 1.0))
+
+
+def draw_cloud(meshcat: Meshcat, points_W: Vector) -> None:
+    """Shows what the robot takes for obstacles as small dots."""
+    meshcat.SetObject("cloud", make_cloud(points_W), 0.006, Rgba(0.85, 0.33, 0.1))
+
+
+def save_result(result: ReachResult, folder: Path) -> None:
+    """Writes `report.json`, `scene.yaml`, `log.npz` and, if it was recorded, `recording.html`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    save_scene(result.scene, folder / "scene.yaml")
+    result.report.save(folder / "report.json")
+    result.log.save(folder / "log.npz")
+    if result.html is not None:
+        (folder / "recording.html").write_text(result.html)

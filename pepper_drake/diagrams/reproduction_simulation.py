@@ -1,0 +1,216 @@
+"""A primitive performed without cameras from start to end, pushed on its way, and measured."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import Meshcat, MeshcatVisualizer, Rgba
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder
+from tqdm import tqdm
+
+from pepper_drake.diagrams.reproduction import Reproduction, ReproductionParams
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.dmp.correction import ReproducedMotion
+from pepper_drake.models.control_model import arm_joints, shared_control_model
+from pepper_drake.models.pepper import posture_positions
+from pepper_drake.systems.guiding.external_force import ForcePulse, ScriptedForce
+
+Vector = npt.NDArray[np.float64]
+
+_SLICE = 0.1
+_STILL = 0.01
+"""A hand that is slower than this [m/s] has come to rest."""
+_LONGEST = 3.0
+"""A reproduction is given up this many durations of its primitive after the last push."""
+_LIMIT_TOLERANCE = 1e-3
+"""How far beyond its limit the plant's solver lets a joint sink [rad]."""
+
+
+@dataclass(frozen=True)
+class ReproductionOptions:
+    """How a reproduction is run.
+
+    Attributes:
+        goal: (3,) of the hand in T [m]; the primitive's own if None.
+        pushes: Pushes at the hand, from when the movement begins.
+        params: How the arm follows and gives way.
+        meshcat: Where it is shown, if anywhere.
+        realtime: Whether it runs no faster than real time.
+        progress: Whether a progress bar is shown.
+        should_stop: Asked every tenth of a second of simulated time.
+    """
+
+    goal: Vector | None = None
+    pushes: tuple[ForcePulse, ...] = ()
+    params: ReproductionParams | None = None
+    meshcat: Meshcat | None = None
+    realtime: bool = False
+    progress: bool = False
+    should_stop: Callable[[], bool] = lambda: False
+
+
+@dataclass(frozen=True)
+class ReproductionResult:
+    """What came of a reproduction.
+
+    Attributes:
+        motion: What the arm did.
+        desired_positions: (N, 3) of the hand in T, as the primitive wants them [m].
+        slowdowns: (N,) by how much the phase waited.
+        final_position_error: Of the hand from its goal [m].
+        worst_joint_speed: Largest speed of an arm joint as a share of its rated one.
+        limit_overrun: How far a joint went beyond its position limits [rad]; negative inside.
+        desired_velocity_step: Largest change of the desired velocity in one tick [m/s].
+        hand_velocity_step: Largest change of the hand's velocity in one tick [m/s].
+    """
+
+    motion: ReproducedMotion
+    desired_positions: Vector
+    slowdowns: Vector
+    final_position_error: float
+    worst_joint_speed: float
+    limit_overrun: float
+    desired_velocity_step: float
+    hand_velocity_step: float
+
+    @property
+    def keeps_limits(self) -> bool:
+        """Whether no joint passed a limit of position or velocity."""
+        return self.limit_overrun <= _LIMIT_TOLERANCE and self.worst_joint_speed <= 1.0
+
+
+def start_positions(primitive: MovementPrimitive, arm: str) -> dict[str, float]:
+    """Every joint's position [rad, m] where a primitive with a posture starts, by name."""
+    assert primitive.posture is not None
+    joints = primitive.posture.at([0.0])[0]
+    return posture_positions("stand", dict(zip(arm_joints(arm), joints, strict=True)))
+
+
+def reproduce(
+    primitive: MovementPrimitive, arm: str, options: ReproductionOptions | None = None
+) -> ReproductionResult:
+    """Performs a primitive until the hand rests, or for three times its duration.
+
+    Args:
+        primitive: With orientation and posture.
+        arm: "left" or "right".
+        options: How it is run.
+
+    Raises:
+        InputError: The primitive has no orientation or no posture.
+    """
+    options = options or ReproductionOptions()
+    goal = primitive.goal if options.goal is None else options.goal
+    builder = DiagramBuilder()
+    positions = start_positions(primitive, arm) if primitive.posture is not None else {}
+    diagram = builder.AddNamedSystem(
+        "reproduction",
+        Reproduction(primitive, arm=arm, positions=positions, params=options.params),
+    )
+    push = builder.AddNamedSystem("scripted_push", ScriptedForce(*options.pushes))
+    builder.Connect(push.push_output, diagram.GetInputPort("push"))
+    builder.ExportInput(push.active_input, "active")
+    builder.ConnectInput("active", diagram.GetInputPort("active"))
+    if options.meshcat is not None:
+        visualizer = builder.AddNamedSystem("visualizer", MeshcatVisualizer(options.meshcat))
+        builder.Connect(diagram.GetOutputPort("query"), visualizer.query_object_input_port())
+        options.meshcat.StartRecording(set_visualizations_while_recording=options.realtime)
+    system = builder.Build()
+    simulator = Simulator(system)
+    simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
+    root = simulator.get_mutable_context()
+    context = diagram.GetMyMutableContextFromRoot(root)
+    system.GetInputPort("active").FixValue(root, [1.0])
+    diagram.GetInputPort("goal_position").FixValue(context, goal)
+    assert primitive.orientation is not None
+    diagram.GetInputPort("goal_orientation").FixValue(context, primitive.orientation.goal)
+    _advance(simulator, diagram, options)
+    result = _measure(diagram, root, goal)
+    if options.meshcat is not None:
+        _draw(options.meshcat, diagram, context, result)
+        options.meshcat.PublishRecording()
+    return result
+
+
+def _advance(simulator: Simulator, diagram: Reproduction, options: ReproductionOptions) -> None:
+    """Simulates until the movement is over and the hand rests."""
+    duration = diagram.primitive.duration
+    end = diagram.primitive.phase_at([duration])[0]
+    last_push = max((push.start + push.duration for push in options.pushes), default=0.0)
+    context = diagram.GetMyContextFromRoot(simulator.get_context())
+    before = diagram.GetOutputPort("hand_position").Eval(context)
+    with tqdm(
+        desc="reproducing",
+        unit=" s",
+        bar_format="{desc} {n:5.1f} s simulated, {elapsed} elapsed",
+        disable=not options.progress,
+        leave=False,
+    ) as progress:
+        for number in range(math.ceil((_LONGEST * duration + last_push) / _SLICE)):
+            if options.should_stop():
+                return
+            now = (number + 1) * _SLICE
+            simulator.AdvanceTo(now)
+            progress.update(_SLICE)
+            hand = np.array(diagram.GetOutputPort("hand_position").Eval(context))
+            still = np.linalg.norm(hand - before) < _STILL * _SLICE
+            before = hand
+            over = diagram.GetOutputPort("phase").Eval(context)[0] < end
+            if over and still and now > last_push + 0.5:
+                return
+
+
+def _measure(diagram: Reproduction, root: Context, goal: Vector) -> ReproductionResult:
+    """Takes the logs apart."""
+
+    def rows(name: str) -> Vector:
+        return np.array(diagram.logs[name].FindLog(root).data().T)
+
+    plant = diagram.plant
+    limits = shared_control_model().command_limits(arm_joints(diagram.arm))
+    state, joints = rows("state"), rows("arm_position")
+    columns = [
+        plant.num_positions() + plant.GetJointByName(name).velocity_start()
+        for name in arm_joints(diagram.arm)
+    ]
+    motion = ReproducedMotion(
+        times=np.array(diagram.logs["phase"].FindLog(root).sample_times()),
+        phases=rows("phase")[:, 0],
+        positions=rows("hand_position"),
+        rotations=rows("hand_orientation"),
+        joints=joints,
+        goal=np.array(goal),
+    )
+    desired = rows("desired_position")
+    return ReproductionResult(
+        motion=motion,
+        desired_positions=desired,
+        slowdowns=rows("slowdown")[:, 0],
+        final_position_error=float(np.linalg.norm(motion.positions[-1] - goal)),
+        worst_joint_speed=float((np.abs(state[:, columns]) / limits.velocity).max()),
+        limit_overrun=float(
+            np.maximum(limits.position_lower - joints, joints - limits.position_upper).max()
+        ),
+        desired_velocity_step=_velocity_step(desired, diagram.params.log_period),
+        hand_velocity_step=_velocity_step(motion.positions, diagram.params.log_period),
+    )
+
+
+def _velocity_step(positions: Vector, step: float) -> float:
+    return float(np.linalg.norm(np.diff(positions, n=2, axis=0), axis=1).max() / step)
+
+
+def _draw(
+    meshcat: Meshcat, diagram: Reproduction, context: Context, result: ReproductionResult
+) -> None:
+    """Shows the primitive's own path in black and what the hand did in white."""
+    X_WT = diagram.GetOutputPort("torso_pose").Eval(context)
+    own = diagram.primitive.rollout(0.02).positions
+    for name, path, width, shade in (
+        ("demonstration", own, 3.0, 0.0),
+        ("reproduction", result.motion.positions, 4.0, 1.0),
+    ):
+        meshcat.SetLine(name, X_WT @ path.T, width, Rgba(shade, shade, shade))

@@ -1,0 +1,1 @@
+"""Accuracy of perception and of approximators against the truth."""

@@ -1,0 +1,171 @@
+"""Pepper posed in a scene, and what its cameras render: to measure perception without a motion."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import (
+    MakeRenderEngineVtk,
+    Mesh,
+    ReadObjToTriangleSurfaceMesh,
+    RenderEngineVtkParams,
+    Role,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import RgbdSensor
+
+from pepper_drake.models.objects import SceneModels, add_scene
+from pepper_drake.models.pepper import add_pepper, set_joint_positions
+from pepper_drake.models.scene import Scene
+from pepper_drake.perception.cameras.camera import (
+    CAMERA_BOTTOM,
+    CAMERA_DEPTH,
+    CAMERA_TOP,
+    CameraIntrinsics,
+    HeadCamera,
+    make_render_cameras,
+)
+from pepper_drake.perception.cloud_evaluation import TrueSurfaces
+from pepper_drake.perception.mapping.solids import Solid
+
+_RENDERER = "vtk"
+
+
+class CameraRig:
+    """A scene with Pepper and its head cameras, without control and without time.
+
+    Images are perfect: noise and lens belong to `pepper_drake.perception.cameras.noise`.
+
+    Args:
+        scene: The scene; Pepper starts as it says.
+        cameras: The cameras on the head.
+
+    Attributes:
+        plant: The plant with Pepper and the scene.
+        scene_graph: Its geometry.
+        pepper: Pepper's model instance.
+        scene_models: The scene's bodies.
+        cameras: The cameras by name.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        cameras: Sequence[HeadCamera] = (CAMERA_TOP, CAMERA_BOTTOM, CAMERA_DEPTH),
+    ) -> None:
+        builder = DiagramBuilder()
+        self.plant: MultibodyPlant
+        self.scene_graph: SceneGraph
+        self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, 0.01)
+        self.scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
+        self.pepper = add_pepper(self.plant)
+        self.scene_models: SceneModels = add_scene(self.plant, scene)
+        self.plant.Finalize()
+        self.cameras = {camera.name: camera for camera in cameras}
+        head = self.plant.GetBodyFrameIdOrThrow(self.plant.GetBodyByName("Head").index())
+        self._sensors = {}
+        for camera in cameras:
+            color, depth = make_render_cameras(camera.intrinsics, _RENDERER)
+            sensor = builder.AddSystem(RgbdSensor(head, camera.X_HeadC, color, depth))
+            builder.Connect(
+                self.scene_graph.get_query_output_port(), sensor.query_object_input_port()
+            )
+            self._sensors[camera.name] = sensor
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._plant_context = self.plant.GetMyMutableContextFromRoot(self._context)
+        self.set_positions(scene.robot.positions())
+
+    def set_positions(self, positions: Mapping[str, float]) -> None:
+        """Sets Pepper's joints by name, rad and m; others keep their position."""
+        set_joint_positions(self.plant, self._plant_context, self.pepper, positions)
+
+    def move_object(self, name: str, offset: npt.ArrayLike) -> None:
+        """Moves an object that has a path by an offset (3,) [m] from where the scene has it."""
+        for axis, value in zip("xyz", np.asarray(offset, dtype=float), strict=True):
+            joint = self.plant.GetJointByName(f"{name}_{axis}")
+            joint.set_translation(self._plant_context, value)
+
+    def pepper_positions(self) -> npt.NDArray[np.float64]:
+        """Returns Pepper's positions (18,), in the order of a plant that holds Pepper alone."""
+        return self.plant.GetPositions(self._plant_context, self.pepper)
+
+    def pose(self, frame: str) -> RigidTransform:
+        """Returns the pose in W of a frame of Pepper, such as `torso`, or of a camera by name."""
+        if frame in self.cameras:
+            return self.pose("Head") @ self.cameras[frame].X_HeadC
+        return self.plant.GetFrameByName(frame).CalcPoseInWorld(self._plant_context)
+
+    def body_pose(self, name: str) -> RigidTransform:
+        """Returns the pose in W of a body, such as the goal object."""
+        return self.plant.EvalBodyPoseInWorld(self._plant_context, self.plant.GetBodyByName(name))
+
+    def surfaces(self, bodies: Sequence[str]) -> TrueSurfaces:
+        """Returns the true surfaces of some bodies: of what the cameras see of them."""
+        inspector = self.scene_graph.model_inspector()
+        solids, poses, triangles = [], [], [np.zeros((0, 3, 3))]
+        for name in bodies:
+            X_WB = self.body_pose(name)
+            frame = self.plant.GetBodyFrameIdOrThrow(self.plant.GetBodyByName(name).index())
+            for geometry in inspector.GetGeometries(frame, Role.kPerception):
+                shape, X_BG = inspector.GetShape(geometry), inspector.GetPoseInFrame(geometry)
+                if isinstance(shape, Mesh):
+                    if shape.source().is_in_memory():
+                        continue  # The marker's picture, flush with its plate.
+                    path = shape.source().path()
+                    mesh = ReadObjToTriangleSurfaceMesh(path, scale3=shape.scale3())
+                    vertices = X_WB @ X_BG @ np.array(mesh.vertices()).T
+                    faces = [[t.vertex(k) for k in range(3)] for t in mesh.triangles()]
+                    triangles.append(vertices.T[np.array(faces)])
+                else:
+                    solids.append(Solid(shape, X_BG))
+                    poses.append(X_WB)
+        return TrueSurfaces(solids, poses, np.concatenate(triangles))
+
+    def pepper_bodies(self) -> list[str]:
+        """Returns the names of Pepper's links that the cameras see."""
+        inspector = self.scene_graph.model_inspector()
+        names = []
+        for index in self.plant.GetBodyIndices(self.pepper):
+            frame = self.plant.GetBodyFrameIdIfExists(index)
+            if frame is not None and inspector.GetGeometries(frame, Role.kPerception):
+                names.append(self.plant.get_body(index).name())
+        return names
+
+    def shows(self, camera: str, bodies: Sequence[str]) -> npt.NDArray[np.bool_]:
+        """Renders which pixels (height, width) of a camera show one of some bodies."""
+        labels = [int(self.plant.GetBodyByName(name).index()) for name in bodies]
+        return np.isin(self.label(camera), labels)
+
+    def color(self, camera: str) -> npt.NDArray[np.uint8]:
+        """Renders a colour image (height, width, 4)."""
+        sensor = self._sensors[camera]
+        return self._eval(sensor, sensor.color_image_output_port())
+
+    def depth(self, camera: str) -> npt.NDArray[np.float32]:
+        """Renders a depth image (height, width) [m]: infinite beyond far, 0 nearer than near."""
+        sensor = self._sensors[camera]
+        return self._eval(sensor, sensor.depth_image_32F_output_port())[..., 0]
+
+    def label(self, camera: str) -> npt.NDArray[np.int16]:
+        """Renders the body index of what each pixel shows (height, width)."""
+        sensor = self._sensors[camera]
+        return self._eval(sensor, sensor.label_image_output_port())[..., 0]
+
+    def color_from(
+        self, intrinsics: CameraIntrinsics, X_WC: RigidTransform
+    ) -> npt.NDArray[np.uint8]:
+        """Renders what a camera anywhere in the world sees (height, width, 4)."""
+        camera, _ = make_render_cameras(intrinsics, _RENDERER)
+        query = self.scene_graph.get_query_output_port().Eval(
+            self.scene_graph.GetMyContextFromRoot(self._context)
+        )
+        world = self.scene_graph.world_frame_id()
+        return query.RenderColorImage(camera, world, X_WC).data.copy()
+
+    def _eval(self, sensor: RgbdSensor, port: object) -> npt.NDArray:
+        image = port.Eval(sensor.GetMyContextFromRoot(self._context))  # type: ignore[attr-defined]
+        return image.data.copy()

@@ -1,0 +1,1 @@
+"""Regressions of the forcing term: one interface, several methods."""

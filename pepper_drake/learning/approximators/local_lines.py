@@ -1,0 +1,101 @@
+"""A forcing term of straight lines, each valid near its centre: what `gmr` and `lwpr` learn."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.learning.approximators.registry import Array, fade_out
+
+
+@dataclass(frozen=True, eq=False)
+class LineBasis:
+    """Where which line counts: h_k(s), proportional to exp(gain_k - (s - c_k)^2 / (2 v_k)).
+
+    The h_k add up to one, and s = -log(x) / alpha_x is the motion's time divided by its duration.
+    It is the input rather than the phase x, where the second half of a motion is squeezed into
+    the last hundredth of the axis.
+
+    Attributes:
+        alpha_x: Decay rate of the phase.
+        log_gains: Shape (K,).
+        centres: c, shape (K,), in [0, 1].
+        variances: v, shape (K,).
+    """
+
+    alpha_x: float
+    log_gains: Array
+    centres: Array
+    variances: Array
+
+    def activations(self, phases: npt.ArrayLike) -> tuple[Array, Array]:
+        """Returns h (N, K) and s - c (N, K); past its end a motion stays at s = 1."""
+        times = np.minimum(1.0, -np.log(np.asarray(phases)) / self.alpha_x)
+        offsets = times[:, None] - self.centres
+        logs = self.log_gains - offsets**2 / (2 * self.variances)
+        values = np.exp(logs - logs.max(axis=1)[:, None])
+        return values / values.sum(axis=1)[:, None], offsets
+
+    def features(self, phases: npt.ArrayLike) -> Array:
+        """Returns the (N, 2 K) features at phases (N,): those of the heights, then the slopes."""
+        activations, offsets = self.activations(phases)
+        gated = activations * fade_out(phases, self.alpha_x)[:, None]
+        return np.concatenate((gated, gated * offsets), axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class LocalLines:
+    """f(s) = sum_k h_k(s) (height_k + slope_k (s - c_k)).
+
+    Attributes:
+        basis: The h_k and c_k.
+        weights: K heights, then K slopes, shape (2 K, D).
+    """
+
+    basis: LineBasis
+    weights: Array
+
+    @property
+    def num_basis(self) -> int:
+        """K."""
+        return len(self.basis.centres)
+
+    @property
+    def num_dimensions(self) -> int:
+        """D."""
+        return self.weights.shape[1]
+
+    def features(self, phases: npt.ArrayLike) -> Array:
+        """Returns the (N, 2 K) features, gating included, at phases (N,)."""
+        return self.basis.features(phases)
+
+    def __call__(self, phases: npt.ArrayLike) -> Array:
+        """Returns the forcing term (N, D) at phases (N,)."""
+        return np.asarray(self.features(phases) @ self.weights)
+
+    def with_weights(self, weights: npt.ArrayLike) -> Self:
+        """Returns the same model with other weights (2 K, D)."""
+        return replace(self, weights=np.asarray(weights))
+
+    def to_data(self) -> dict[str, Any]:
+        """Returns the model as plain data."""
+        return {
+            "alpha_x": self.basis.alpha_x,
+            "log_gains": self.basis.log_gains.tolist(),
+            "centres": self.basis.centres.tolist(),
+            "variances": self.basis.variances.tolist(),
+            "weights": self.weights.tolist(),
+        }
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Self:
+        """Makes the model of what `to_data` returned."""
+        return cls(read_basis(data), np.array(data["weights"], dtype=float))
+
+
+def read_basis(data: Mapping[str, Any]) -> LineBasis:
+    """Makes the basis of what `LocalLines.to_data` returned."""
+    arrays = (np.array(data[key], dtype=float) for key in ("log_gains", "centres", "variances"))
+    return LineBasis(float(data["alpha_x"]), *arrays)

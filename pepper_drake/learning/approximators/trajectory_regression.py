@@ -1,0 +1,81 @@
+"""Least squares on the trajectory itself: the approximators `trajectory`, `trajectory_slopes`.
+
+The motion is linear in the forcing term's weights: position = the unforced spring's way + the
+response to each basis function times its weight. Fitting the weights to the positions, and not to
+the forcing term, makes the *motion* the closest one. It needs no accelerations, and errors of the
+forcing term that cancel out in the motion cost nothing.
+
+The responses depend on the samples' relative times only, so that the solver is found once for
+each number of samples and basis functions and then used for every motion.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from pepper_drake.learning.approximators.gaussian_forcing import GaussianForcing, even_basis
+from pepper_drake.learning.approximators.registry import Approximator, Array, ForcingData, register
+from pepper_drake.learning.least_squares import ridge_regression, ridge_solver
+from pepper_drake.learning.phase import phase_at
+from pepper_drake.learning.spring import forced_response_at, node_times
+
+OVERLAP = 0.85
+SLOPES_OVERLAP = 0.7
+
+
+def fit_trajectory(data: ForcingData, num_basis: int, seed: int) -> GaussianForcing:
+    """Least squares on the positions, one weight a basis function."""
+    del seed
+    return _fit(data, num_basis, OVERLAP, slopes=False)
+
+
+def fit_trajectory_slopes(data: ForcingData, num_basis: int, seed: int) -> GaussianForcing:
+    """Least squares on the positions, a constant and a slope a basis function."""
+    del seed
+    return _fit(data, num_basis, SLOPES_OVERLAP, slopes=True)
+
+
+def _fit(data: ForcingData, num_basis: int, overlap: float, slopes: bool) -> GaussianForcing:
+    basis = even_basis(num_basis, overlap, data.alpha_x, slopes=slopes)
+    key = (num_basis, overlap, slopes, data.alpha_x, data.alpha_z)
+    if len(data.lengths) == 1 and np.ptp(data.scales, axis=0).max() == 0.0:
+        solver = _cached_solver(_TimesKey(data.times), *key)
+        return GaussianForcing(basis, solver @ data.responses)
+    ends = np.cumsum(data.lengths)[:-1]
+    columns = np.vstack([_responses(times, *key) for times in np.split(data.times, ends)])
+    return GaussianForcing(basis, ridge_regression(columns, data.responses, data.scales))
+
+
+class _TimesKey:
+    """Relative times as a key: equal when all differ by less than a billionth of the motion."""
+
+    def __init__(self, times: Array) -> None:
+        self.times = times
+        self._key = np.round(times * 1e9).astype(np.int64).tobytes()
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _TimesKey) and self._key == other._key
+
+
+@lru_cache(maxsize=32)
+def _cached_solver(
+    times: _TimesKey, num_basis: int, overlap: float, slopes: bool, alpha_x: float, alpha_z: float
+) -> Array:
+    return ridge_solver(_responses(times.times, num_basis, overlap, slopes, alpha_x, alpha_z))
+
+
+def _responses(
+    times: Array, num_basis: int, overlap: float, slopes: bool, alpha_x: float, alpha_z: float
+) -> Array:
+    """Returns (N, K): the position's response at the times to each feature, for tau = 1."""
+    basis = even_basis(num_basis, overlap, alpha_x, slopes=slopes)
+    nodes = node_times(times)
+    features = basis.features(phase_at(nodes.ravel(), alpha_x))
+    return forced_response_at(features.reshape(*nodes.shape, -1), times, alpha_z)[0]
+
+
+register(Approximator("trajectory", fit_trajectory, GaussianForcing.from_data))
+register(Approximator("trajectory_slopes", fit_trajectory_slopes, GaussianForcing.from_data))

@@ -1,0 +1,262 @@
+"""A recorded motion of the hand, and what is done to it before learning."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import make_interp_spline, make_smoothing_spline
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning import rotations as so3
+
+Array = npt.NDArray[np.float64]
+
+TORSO_HEIGHT = 0.82
+"""Height [m] of Pepper's torso frame over its floor frame (`base_footprint`) when it stands."""
+
+RECORDED = "as recorded"
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """A motion of the hand: N samples, positions in one frame (normally T, the torso).
+
+    Make one with `load` or `from_positions`; the constructor takes everything as it is.
+
+    Attributes:
+        times: (N,) [s], increasing, not necessarily uniform.
+        positions: (N, 3) [m].
+        velocities: (N, 3) [m/s].
+        accelerations: (N, 3) [m/s²].
+        rotations: (N, 4) unit quaternions w, x, y, z of the hand, neighbours on the same half
+            sphere; None where the orientation was not recorded.
+        angles: (N, 9) the report's three angles (roll, pitch, yaw, without jumps), their rates
+            and their accelerations [rad, s], where the orientation was recorded that way.
+        joints: (N, J) joint positions [rad], or None.
+        joint_names: J names.
+        name: Where it came from; for messages and figures.
+        derivation: How velocities and accelerations came about.
+    """
+
+    times: Array
+    positions: Array
+    velocities: Array
+    accelerations: Array
+    rotations: Array | None = None
+    angles: Array | None = None
+    joints: Array | None = None
+    joint_names: tuple[str, ...] = ()
+    name: str = "demonstration"
+    derivation: str = RECORDED
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Demonstration":
+        """Reads a demonstration from a folder or a text file; see `demonstration_files`.
+
+        Raises:
+            InputError: With file, line and how to mend it.
+        """
+        from pepper_drake.learning.demonstrations.demonstration_files import read_demonstration
+
+        return read_demonstration(Path(path))
+
+    def save(self, path: str | Path) -> None:
+        """Writes a folder, or a text file when `path` ends in .txt; see `demonstration_files`.
+
+        Raises:
+            InputError: The path cannot be written to, or the form cannot hold the demonstration.
+        """
+        from pepper_drake.learning.demonstrations.demonstration_files import write_demonstration
+
+        write_demonstration(self, Path(path))
+
+    @classmethod
+    def from_positions(
+        cls,
+        times: npt.ArrayLike,
+        positions: npt.ArrayLike,
+        velocities: npt.ArrayLike | None = None,
+        accelerations: npt.ArrayLike | None = None,
+        rotations: npt.ArrayLike | None = None,
+        joints: npt.ArrayLike | None = None,
+        joint_names: tuple[str, ...] = (),
+        name: str = "demonstration",
+    ) -> Self:
+        """Makes a demonstration of arrays and derives what is missing.
+
+        Missing velocities and accelerations are the derivatives of the quintic spline through the
+        positions; with velocities given, accelerations are the derivative of the quintic spline
+        through those.
+
+        Raises:
+            InputError: Shapes disagree, times do not increase, or a value is not finite.
+        """
+        t = np.array(times, dtype=float)
+        p = np.array(positions, dtype=float)
+        if t.ndim != 1 or p.shape != (len(t), 3) or len(t) < 4:
+            raise InputError(
+                f"{name}: times {t.shape} and positions {p.shape} must be (N,) and (N, 3), N >= 4"
+            )
+        for label, values in (("times", t), ("positions", p)):
+            if not np.isfinite(values).all():
+                raise InputError(f"{name}: {label} hold a value that is not finite; remove it")
+        if np.any(np.diff(t) <= 0.0):
+            raise InputError(f"{name}: times must increase from sample to sample")
+        derivation = RECORDED
+        if velocities is None:
+            v, a = _spline_derivatives(t, p)
+            derivation = "derivatives of the quintic spline through the positions"
+        elif accelerations is None:
+            v = np.array(velocities, dtype=float)
+            a = _spline_derivatives(t, v)[0]
+            derivation = "accelerations: derivative of the quintic spline through the velocities"
+        else:
+            v, a = np.array(velocities, dtype=float), np.array(accelerations, dtype=float)
+        q = None
+        if rotations is not None:
+            q = so3.make_continuous(np.array(rotations, dtype=float))
+        return cls(
+            times=t,
+            positions=p,
+            velocities=v,
+            accelerations=a,
+            rotations=q,
+            joints=None if joints is None else np.array(joints, dtype=float),
+            joint_names=joint_names,
+            name=name,
+            derivation=derivation,
+        )
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def path_length(self) -> float:
+        """Length of the way of the hand [m]."""
+        return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
+
+    def translated(self, offset: npt.ArrayLike) -> Self:
+        """Returns the motion with all positions shifted by `offset` (3,) [m].
+
+        A motion recorded in the floor frame becomes one in the torso frame with
+        `demo.translated((0, 0, -TORSO_HEIGHT))` when Pepper stands upright.
+        """
+        return replace(self, positions=self.positions + np.asarray(offset, dtype=float))
+
+    def mirrored(self) -> Self:
+        """Returns the motion for the other arm, mirrored at the robot's x-z plane (y to -y).
+
+        Joints whose axis is not the pitch axis change sign, and left and right change names.
+        """
+        flip = np.array([1.0, -1.0, 1.0])
+        joints = self.joints
+        if joints is not None:
+            signs = [-1.0 if "Roll" in name or "Yaw" in name else 1.0 for name in self.joint_names]
+            joints = joints * np.array(signs)
+        return replace(
+            self,
+            positions=self.positions * flip,
+            velocities=self.velocities * flip,
+            accelerations=self.accelerations * flip,
+            rotations=None
+            if self.rotations is None
+            else self.rotations * np.array([1.0, -1.0, 1.0, -1.0]),
+            angles=None if self.angles is None else self.angles * np.tile([-1.0, 1.0, -1.0], 3),
+            joints=joints,
+            joint_names=tuple(_other_side(name) for name in self.joint_names),
+        )
+
+    def trimmed(self, speed: float = 0.01, turn_rate: float = 0.05) -> Self:
+        """Returns the motion without the rest at both ends.
+
+        The hand rests where it is slower than `speed` [m/s] and, if its orientation is known,
+        turns slower than `turn_rate` [rad/s]. One sample of rest is kept at each end. Times keep
+        their origin.
+        """
+        moving = np.linalg.norm(self.velocities, axis=1) > speed
+        if self.rotations is not None:
+            turns = so3.log_map(
+                so3.multiply(self.rotations[1:], so3.conjugate(self.rotations[:-1]))
+            )
+            rates = np.linalg.norm(turns, axis=1) / np.diff(self.times)
+            moving[1:] |= rates > turn_rate
+            moving[:-1] |= rates > turn_rate
+        samples = np.flatnonzero(moving)
+        if len(samples) == 0:
+            raise InputError(f"{self.name}: the hand never moves faster than {speed} m/s")
+        first = max(0, samples[0] - 1)
+        last = min(len(self.times), samples[-1] + 2)
+        if last - first < 4:
+            raise InputError(f"{self.name}: only {last - first} samples of motion remain; need 4")
+        return self._select(slice(first, last))
+
+    def smoothed(self, cutoff: float = 6.0) -> Self:
+        """Returns the motion through a cubic smoothing spline, a zero-phase low-pass filter.
+
+        Velocities and accelerations become the spline's derivatives. Works on any time stamps and
+        has no transients at the ends (Reinsch 1967; its frequency response is
+        1 / (1 + (f / cutoff)⁴)).
+
+        Args:
+            cutoff: Frequency [Hz] of half the amplitude.
+        """
+        if len(self.times) < 5:
+            raise InputError(f"{self.name}: smoothing needs at least 5 samples")
+        step = self.duration / (len(self.times) - 1)
+        weight = 1.0 / (step * (2.0 * np.pi * cutoff) ** 4)
+
+        def smooth(values: Array) -> tuple[Array, Array, Array]:
+            splines = [make_smoothing_spline(self.times, y, lam=weight) for y in values.T]
+            return (
+                np.column_stack([s(self.times) for s in splines]),
+                np.column_stack([s.derivative(1)(self.times) for s in splines]),
+                np.column_stack([s.derivative(2)(self.times) for s in splines]),
+            )
+
+        positions, velocities, accelerations = smooth(self.positions)
+        rotations, angles = self.rotations, None
+        if self.angles is not None:
+            angles = np.hstack(smooth(self.angles[:, :3]))
+            rotations = so3.make_continuous(so3.from_angles(angles[:, :3]))
+        elif rotations is not None:
+            rotations = so3.normalize(smooth(rotations)[0])
+        return replace(
+            self,
+            positions=positions,
+            velocities=velocities,
+            accelerations=accelerations,
+            rotations=rotations,
+            angles=angles,
+            joints=None if self.joints is None else smooth(self.joints)[0],
+            derivation=f"derivatives of the cubic smoothing spline, cut-off {cutoff:g} Hz",
+        )
+
+    def _select(self, samples: slice) -> Self:
+        def part(values: Array | None) -> Array | None:
+            return None if values is None else values[samples]
+
+        return replace(
+            self,
+            times=self.times[samples],
+            positions=self.positions[samples],
+            velocities=self.velocities[samples],
+            accelerations=self.accelerations[samples],
+            rotations=part(self.rotations),
+            angles=part(self.angles),
+            joints=part(self.joints),
+        )
+
+
+def _spline_derivatives(times: Array, values: Array) -> tuple[Array, Array]:
+    spline = make_interp_spline(times, values, k=5 if len(times) > 5 else 3)
+    return spline.derivative(1)(times), spline.derivative(2)(times)
+
+
+def _other_side(name: str) -> str:
+    if name.startswith(("L", "R")) and name[1:2].isupper():
+        return ("R" if name[0] == "L" else "L") + name[1:]
+    return name

@@ -1,0 +1,64 @@
+"""All demonstrations below a folder, whatever their form."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.demonstrations.demonstration_files import (
+    JOINTS,
+    POSE_SUFFIX,
+    ROTATION,
+    TRANSLATION,
+)
+from pepper_drake.learning.demonstrations.recording import PARTIAL
+from pepper_drake.learning.demonstrations.text_files import read_text
+
+
+def load_all(paths: Sequence[str | Path]) -> list[Demonstration]:
+    """Reads demonstrations: each path is one, or a folder in and below which all are read.
+
+    A text file in a folder whose first row is not numbers (a licence, a note) is passed over; a
+    `NAME_pose.txt` belongs to the `NAME.txt` beside it where there is one.
+
+    Raises:
+        InputError: A demonstration is broken, or a path holds none.
+    """
+    return [Demonstration.load(path) for given in paths for path in _find(Path(given))]
+
+
+def _find(path: Path) -> list[Path]:
+    if not path.is_dir() or any((path / name).exists() for name in (TRANSLATION, PARTIAL)):
+        return [path]
+    folders = {file.parent for name in (TRANSLATION, PARTIAL) for file in path.rglob(name)}
+    files = [
+        file
+        for file in path.rglob("*.txt")
+        if file.name not in (TRANSLATION, ROTATION, JOINTS)
+        and not _is_companion(file)
+        and _starts_with_numbers(file)
+    ]
+    found = sorted([*folders, *files])
+    if not found:
+        raise InputError(
+            f"{path}: no demonstration in or below this folder; it takes text files with rows "
+            f"of numbers, or folders with {TRANSLATION}."
+        )
+    return found
+
+
+def _is_companion(file: Path) -> bool:
+    main = file.name.removesuffix(POSE_SUFFIX) + ".txt"
+    return file.name.endswith(POSE_SUFFIX) and file.with_name(main).exists()
+
+
+def _starts_with_numbers(file: Path) -> bool:
+    for line in read_text(file).splitlines():
+        content = line.partition("#")[0].split()
+        if content:
+            try:
+                float(content[0])
+            except ValueError:
+                return False
+            return True
+    return False

@@ -1,0 +1,1 @@
+"""Dynamic movement primitives: transformation systems, couplings, rollouts, files."""

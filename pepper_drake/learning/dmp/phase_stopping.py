@@ -1,0 +1,55 @@
+"""How a movement gives way to what holds or pushes the hand.
+
+Ijspeert et al. 2013, section 2.4, doi:10.1162/NECO_a_00393: with y the position that the primitive
+wants, y_a the one that the hand has,
+
+    e' = alpha_e (y_a - y - e),   slowdown = k_c |e|²,   C_t = k_t e.
+
+The slowdown makes the phase wait for the hand; C_t takes the desired position along with it, so
+that it does not run away from a hand that is held and nothing jumps when it is let go.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PhaseStopping:
+    """The constants.
+
+    With the defaults and the spring of a primitive, alpha_z beta_z = 156, a hand held 3 cm off
+    takes the desired position 3 cm * 300 / 156 = 6 cm along, and slows the phase to a tenth.
+    """
+
+    rate: float = 15.0
+    """alpha_e, how fast the error is taken in [1/s]."""
+    stopping: float = 3e3
+    """k_c, how much the phase waits [1/m²]."""
+    pull: float = 300.0
+    """k_t, how much the desired position goes along."""
+    ignored: float = 0.005
+    """Error that is none [m]: a compliant arm is this far behind when nothing pushes it."""
+
+    def error_after(self, error: Array, deviation: Array, time_step: float) -> Array:
+        """Returns the filtered error e (3,) [m] one step later, the deviation held meanwhile.
+
+        Args:
+            error: (3,) e now [m].
+            deviation: (3,) y_a - y [m]; what is ignored of its length is taken off.
+            time_step: [s].
+        """
+        length = float(np.linalg.norm(deviation))
+        share = max(0.0, length - self.ignored) / length if length > 0.0 else 0.0
+        return error + (1.0 - np.exp(-self.rate * time_step)) * (share * deviation - error)
+
+    def slowdown(self, error: Array) -> float:
+        """Returns how much slower the phase runs: its rate is divided by one plus this."""
+        return float(self.stopping * (error @ error))
+
+    def coupling(self, error: Array) -> Array:
+        """Returns C_t (3,) [m]."""
+        return self.pull * error

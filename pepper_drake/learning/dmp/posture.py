@@ -1,0 +1,77 @@
+"""Nominal joints along a motion, as a function of its relative time."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.approximators.gaussian_forcing import even_basis
+from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.least_squares import ridge_solver
+from pepper_drake.learning.phase import PHASE_RATIO, phase_at
+
+Array = npt.NDArray[np.float64]
+
+_OVERLAP = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class PostureProfile:
+    """Joints as local lines between basis functions that are even in time.
+
+    Attributes:
+        names: J joint names.
+        weights: (2 B, J): B constants, then B slopes.
+    """
+
+    names: tuple[str, ...]
+    weights: Array
+
+    def at(self, relative_times: npt.ArrayLike) -> Array:
+        """Returns joints (N, J) [rad] at relative times (N,); after 1 they stay."""
+        return self.basis(relative_times) @ self.weights
+
+    def basis(self, relative_times: npt.ArrayLike) -> Array:
+        """Returns (N, 2 B): what the weights are multiplied with at relative times (N,)."""
+        return _features(np.asarray(relative_times), len(self.weights) // 2)
+
+    def to_data(self) -> dict[str, Any]:
+        """Returns the profile as plain data."""
+        return {"names": list(self.names), "weights": self.weights.tolist()}
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Self:
+        """Makes the profile of what `to_data` returned."""
+        return cls(tuple(data["names"]), np.array(data["weights"], dtype=float))
+
+
+def learn_posture(
+    demonstrations: list[Demonstration], times: list[Array], num_basis: int, alpha_z: float
+) -> PostureProfile | None:
+    """Learns the joints of demonstrations at relative times; None where one has none.
+
+    Raises:
+        InputError: Demonstrations have different joints.
+    """
+    del alpha_z
+    joints = [demo.joints for demo in demonstrations if demo.joints is not None]
+    if len(joints) < len(demonstrations):
+        return None
+    names = demonstrations[0].joint_names
+    for demo in demonstrations:
+        if demo.joint_names != names:
+            raise InputError(
+                f"{demo.name}: its joints differ from those of {demonstrations[0].name}"
+            )
+    features = _features(np.concatenate(times), num_basis)
+    return PostureProfile(names, ridge_solver(features) @ np.concatenate(joints))
+
+
+def _features(relative_times: Array, num_basis: int) -> Array:
+    # The basis of a forcing term, without its gate: even in time whatever alpha_x is.
+    basis = even_basis(num_basis, _OVERLAP, PHASE_RATIO, slopes=True)
+    phases = np.maximum(phase_at(relative_times, PHASE_RATIO), np.exp(-PHASE_RATIO))
+    return basis.features(phases) / phases[:, None]

@@ -1,0 +1,85 @@
+"""What callers of rollouts give, checked and in one form."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning import rotations as so3
+from pepper_drake.learning.dmp.coupling import Coupling, make_coupling
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+
+Array = npt.NDArray[np.float64]
+GoalMotion = Callable[[float], npt.ArrayLike]
+
+
+def vector(
+    value: npt.ArrayLike | GoalMotion | None, default: Array, size: int, label: str
+) -> Array:
+    """Returns finite numbers (size,), the default where there are none.
+
+    Raises:
+        InputError: It is something else.
+    """
+    if value is None:
+        return default
+    try:
+        numbers = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.shape != (size,) or not np.isfinite(numbers).all():
+        raise InputError(f"{label}: {value!r} must be {size} finite numbers")
+    return numbers
+
+
+def quaternion(value: npt.ArrayLike | None, default: Array, label: str) -> Array:
+    """Returns a unit quaternion (4,), the default where there is none.
+
+    Raises:
+        InputError: It is something else.
+    """
+    q = vector(value, default, 4, label)
+    if abs(float(np.linalg.norm(q)) - 1.0) > 1e-3:
+        raise InputError(f"{label}: {value!r} must be a unit quaternion w, x, y, z")
+    return so3.normalize(q)
+
+
+def goal_function(
+    goal: npt.ArrayLike | GoalMotion | None,
+    velocity: npt.ArrayLike | GoalMotion | None,
+    first: Array,
+) -> Callable[[float], tuple[Array, Array]] | Array:
+    """Returns the goal (3,), or a function of the time [s]: the goal's position and velocity.
+
+    Raises:
+        InputError: The velocity is a function, but the goal is not.
+    """
+    if not callable(goal):
+        if velocity is None:
+            return first
+        if callable(velocity):
+            raise InputError("goal_velocity: a function of the time needs a goal that is one too")
+        speed = vector(velocity, first, 3, "goal_velocity")
+        return lambda time: (first + speed * time, speed)
+
+    def goal_at(time: float) -> tuple[Array, Array]:
+        known = velocity(time) if callable(velocity) else velocity
+        return (
+            vector(goal(time), first, 3, "goal"),
+            vector(known, np.zeros(3), 3, "goal_velocity"),
+        )
+
+    return goal_at
+
+
+def coupling_and_field(
+    coupling: str | Coupling, obstacles: npt.ArrayLike | PointCloudDistance | None
+) -> tuple[Coupling | None, PointCloudDistance | None]:
+    """Returns the coupling and the field of obstacles, None and None where there are none."""
+    if obstacles is None:
+        return None, None
+    field = (
+        obstacles if isinstance(obstacles, PointCloudDistance) else PointCloudDistance(obstacles)
+    )
+    return make_coupling(coupling) if isinstance(coupling, str) else coupling, field

@@ -1,0 +1,260 @@
+"""Performing a learned motion step by step, as the LeafSystems do: obstacles, a moving goal."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.learning.dmp.arithmetic import arithmetic
+from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+from pepper_drake.learning.dmp.rollout import Motion, number_of_steps, time_grid
+from pepper_drake.learning.dmp.transformation import (
+    DelayedGoal,
+    Forcing,
+    TransformationModel,
+    node_phases,
+)
+from pepper_drake.learning.phase import extended_tau, phase_at
+from pepper_drake.learning.spring import NODES, forced_response, unforced_response
+
+Array = npt.NDArray[np.float64]
+GoalFunction = Callable[[float], tuple[Array, Array]]
+
+LONGEST = 10.0
+"""A motion that obstacles hold up ends after this many nominal durations."""
+
+_FIRST_BLOCK, _LARGEST_BLOCK = 16, 128
+
+
+def integrate(
+    attractor: TransformationModel,
+    state: Array,
+    goal_at: GoalFunction | Array,
+    tau: float,
+    time_step: float,
+    settle: float,
+    coupling: Coupling | None,
+    field: PointCloudDistance | None,
+    extension: float,
+    weights: Array | None = None,
+) -> Motion:
+    """Performs a motion step by step.
+
+    Args:
+        attractor: What was learned.
+        state: (..., 2, D) position and velocity at the start.
+        goal_at: The goal (D,), or a function that gives its position and velocity at a time [s].
+        tau: Nominal duration [s].
+        time_step: [s].
+        settle: How long to go on after the motion's end, in tau.
+        coupling: What to do about obstacles.
+        field: The obstacles; None where there are none.
+        extension: By how much the goal's displacement extends tau [s/m].
+        weights: (S, K, D) for S motions at once; the state is then (S, 2, D).
+    """
+    shape = state.shape[:-2]
+    start = state[..., 0, :].reshape(-1, state.shape[-1])[0]
+    end = float(phase_at(1.0 + settle, attractor.alpha_x)) * np.exp(1e-6)
+    longest = number_of_steps(LONGEST * tau * (1.0 + settle), time_step)
+    moving = callable(goal_at)
+    known = seen = goal_at(0.0)[0] if callable(goal_at) else goal_at
+    goal = DelayedGoal.at(known)
+    obstacles = None if coupling is None or field is None else _Obstacles(coupling, field, shape)
+    forcing = attractor.forcing(start, known, weights)
+    phase = np.ones(shape)
+    value = forcing(phase[..., None])[..., 0, :]
+    record = _Record()
+    block = _FIRST_BLOCK
+    while True:
+        if callable(goal_at):
+            seen, velocity = goal_at(len(record.states) * time_step)
+            goal = goal.seen(seen, velocity)
+            if attractor.scaling not in ("none", "amplitude"):
+                forcing = attractor.forcing(start, goal.delayed, weights)
+                value = forcing(phase[..., None])[..., 0, :]
+        total = attractor.acceleration(state, goal, value, tau)
+        push, slowdown = None, 0.0
+        if obstacles is not None:
+            push, slowdown = obstacles.push(state, total, goal, tau)
+            if push is None and not moving and not shape:
+                run = _undisturbed(
+                    attractor, forcing, state, goal, phase, tau, time_step, block, end
+                )
+                steps = obstacles.undisturbed_steps(run, goal, tau)
+                block = min(2 * block, _LARGEST_BLOCK) if steps == run.steps else _FIRST_BLOCK
+                record.extend(run, steps, tau)
+                state, phase, value = run.states[steps], run.phases[steps], run.values[steps]
+                if phase <= end:
+                    record.append(state, run.totals[steps], phase, tau, None)
+                    break
+                continue
+            if push is not None:
+                total = total + push / (tau * tau)
+        record.append(state, total, phase, tau, push)
+        over = (phase <= end).all() if shape else phase <= end
+        if over or len(record.states) > longest:
+            break
+        decay = attractor.alpha_x / (tau * (1.0 + slowdown))
+        phases = node_phases(phase, decay, time_step)
+        values = np.empty((*shape, len(NODES), state.shape[-1]))
+        values[..., 0, :] = value
+        values[..., 1:, :] = forcing(phases[..., 1:])
+        state = attractor.advance(state, goal, values, tau, time_step, push)
+        phase, value = phases[..., -1], values[..., -1, :]
+        if moving:
+            goal = goal.later(time_step, attractor.goal_rate(tau))
+            tau, known = extended_tau(tau, known, seen, extension)
+    return record.motion(time_step, field)
+
+
+class _Run:
+    """Some steps of a motion that nothing disturbs: states, accelerations, phases, forcing."""
+
+    def __init__(self, states: Array, totals: Array, phases: Array, values: Array) -> None:
+        self.states = states
+        self.totals = totals
+        self.phases = phases
+        self.values = values
+        self.steps = len(phases) - 1
+
+
+def _undisturbed(
+    attractor: TransformationModel,
+    forcing: Forcing,
+    state: Array,
+    goal: DelayedGoal,
+    phase: Array,
+    tau: float,
+    time_step: float,
+    steps: int,
+    end: float,
+) -> _Run:
+    """Returns at most `steps` steps from a state (2, D) to a still goal, not beyond the end."""
+    step = time_step / tau
+    left = float(np.log(phase / end)) / (attractor.alpha_x * step)
+    steps = max(1, min(steps, int(np.ceil(left))))
+    nodes = (np.arange(float(steps))[:, None] + NODES[1:]).ravel() * step
+    phases = phase * np.concatenate(([1.0], phase_at(nodes, attractor.alpha_x)))
+    values = forcing(phases)
+    inputs = values[3 * np.arange(steps)[:, None] + np.arange(len(NODES))]
+    initial = np.stack((state[0] - goal.position, state[1] * tau))
+    response = forced_response(inputs, step, attractor.alpha_z)
+    response += unforced_response(time_grid(steps, step), attractor.alpha_z) @ initial
+    states = np.stack((response[0] + goal.position, response[1] / tau), axis=1)
+    totals = attractor.acceleration(states, goal, values[::3], tau)
+    return _Run(states, totals, phases[::3], values[::3])
+
+
+class _Obstacles:
+    """What obstacles do to a motion, looked up only where it can be anything at all."""
+
+    def __init__(
+        self, coupling: Coupling, field: PointCloudDistance, shape: tuple[int, ...]
+    ) -> None:
+        self._coupling = coupling
+        self._field = field
+        self._followed = field if shape else field.follow()
+        self._goal_line: Array | None = None
+        self._clearance = 0.0
+        self._pushed = False
+        self._distance: Any = np.zeros(shape) if shape else 0.0
+        self._position: Any = np.zeros((*shape, 3))
+
+    def push(
+        self, state: Array, acceleration: Array, goal: DelayedGoal, tau: float
+    ) -> tuple[Array | None, Any]:
+        """Returns C_t (..., 3), None where it is zero, and the slowdown (...)."""
+        if not self._pushed and not self._audible(state, acceleration):
+            return None, 0.0
+        self._find_clearance(goal)
+        push = self._coupling.push(
+            self._followed, state, acceleration, goal.position, self._clearance, tau
+        )
+        self._distance, self._position = push.distance, state[..., 0, :]
+        self._pushed = bool(np.vdot(push.coupling, push.coupling))
+        return (push.coupling, push.slowdown) if self._pushed else (None, 0.0)
+
+    def _audible(self, state: Array, acceleration: Array) -> bool:
+        xp, vector, _, dot, plus, _, anything = arithmetic(state)
+        moved = plus(vector(state[..., 0, :]), self._position, -1.0)
+        nearest = self._distance - xp.sqrt(dot(moved, moved))
+        return anything(nearest <= self._coupling.zero_beyond(state, acceleration))
+
+    def undisturbed_steps(self, run: _Run, goal: DelayedGoal, tau: float) -> int:
+        """Returns after how many steps of a run obstacles push for the first time.
+
+        The last state of the run counts as pushed only if it is; the first does not.
+        """
+        moved = run.states[:, 0] - self._position
+        nearest = self._distance - np.sqrt(np.einsum("ij,ij->i", moved, moved))
+        audible = nearest <= self._coupling.zero_beyond(run.states, run.totals)
+        audible[0] = False
+        first = int(np.argmax(audible))
+        if not audible[first]:
+            return run.steps
+        self._find_clearance(goal)
+        push = self._coupling.push(
+            self._field, run.states[first:], run.totals[first:], goal.position, self._clearance, tau
+        )
+        pushed = push.coupling.any(axis=-1)
+        steps = first + int(np.argmax(pushed)) if pushed.any() else run.steps
+        self._distance = float(push.distance[steps - first])
+        self._position = run.states[steps, 0]
+        return steps
+
+    def _find_clearance(self, goal: DelayedGoal) -> None:
+        if self._goal_line is not goal.line:
+            self._goal_line = goal.line
+            self._clearance = self._coupling.clearance(self._field, goal.position)
+
+
+class _Record:
+    """The samples of a motion, as they come."""
+
+    def __init__(self) -> None:
+        self.states: list[Array] = []
+        self._totals: list[Array] = []
+        self._phases: list[Array] = []
+        self._taus: list[float] = []
+        self._pushes: list[Array | None] = []
+
+    def append(
+        self, state: Array, total: Array, phase: Array, tau: float, push: Array | None
+    ) -> None:
+        """Adds one sample."""
+        self.states.append(state)
+        self._totals.append(total)
+        self._phases.append(phase)
+        self._taus.append(tau)
+        self._pushes.append(push)
+
+    def extend(self, run: _Run, steps: int, tau: float) -> None:
+        """Adds the first samples of a run."""
+        self.states.extend(run.states[:steps])
+        self._totals.extend(run.totals[:steps])
+        self._phases.extend(run.phases[:steps])
+        self._taus.extend([tau] * steps)
+        self._pushes.extend([None] * steps)
+
+    def motion(self, time_step: float, field: PointCloudDistance | None) -> Motion:
+        """Returns all samples."""
+        axis = self.states[0].ndim - 2
+        nothing = np.zeros(self.states[0][..., 0, :].shape)
+        pushes = [nothing if push is None else push for push in self._pushes]
+
+        def samples(values: list[Array]) -> Array:
+            return np.moveaxis(np.array(values), 0, axis)
+
+        path = samples(self.states)
+        return Motion(
+            time_grid(len(self.states) - 1, time_step),
+            path[..., 0, :],
+            path[..., 1, :],
+            samples(self._totals),
+            samples(self._phases),
+            np.array(self._taus),
+            samples(pushes),
+            None if field is None else field.distance(path[..., 0, :]),
+        )

@@ -1,0 +1,1 @@
+"""Probabilistic and mixture models of movements."""

@@ -1,0 +1,152 @@
+"""Task-parametrised Gaussian mixture: a motion seen from several frames, which may move.
+
+Calinon, "A tutorial on task-parameterized movement learning and retrieval", Intelligent Service
+Robotics 9 (2016), DOI 10.1007/s11370-015-0187-9.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.demonstrations.alignment import align
+from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.probabilistic.gaussian_mixture import GaussianMixture
+from pepper_drake.learning.probabilistic.shared_mixture import fit_shared_mixtures
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TaskFrame:
+    """A frame F from which a motion is seen, such as that of the start or of the goal object.
+
+    Attributes:
+        rotation: R_TF, shape (3, 3).
+        position: p_TF, shape (3,) [m].
+    """
+
+    rotation: Array
+    position: Array
+
+    def to_frame(self, positions: Array) -> Array:
+        """Returns positions (N, 3) in T as seen from this frame."""
+        return np.asarray((positions - self.position) @ self.rotation)
+
+
+def start_and_goal(demonstration: Demonstration) -> tuple[TaskFrame, TaskFrame]:
+    """Returns frames at the first and the last position, with T's axes."""
+    axes = np.eye(3)
+    return (
+        TaskFrame(axes, demonstration.positions[0]),
+        TaskFrame(axes, demonstration.positions[-1]),
+    )
+
+
+@dataclass(frozen=True)
+class TaskParameterizedMixture:
+    """One mixture of (s, y) per frame, with shared priors; s is the time in [0, 1].
+
+    p(v) = sum_k pi_k N_k(s) prod_j N_k(y^(j) | s), y^(j) the position seen from frame j. The time
+    is the same in all frames and counts once: where it counted in each, as a coordinate among
+    others, two frames that disagree on the position would settle on another time.
+
+    Attributes:
+        mixtures: One per frame, with the same priors, of 1 + 3 coordinates.
+    """
+
+    mixtures: tuple[GaussianMixture, ...]
+
+    def in_frames(self, frames: Sequence[TaskFrame]) -> GaussianMixture:
+        """Returns the mixture of (s, y) in T for frames that are where they are now.
+
+        Component by component the product of what each frame says of the position at s: with
+        lines l_j(s) and residual covariances C_j, the mean C sum_j C_j^-1 l_j(s) and the
+        covariance C = (sum_j C_j^-1)^-1. A frame in which the demonstrations agreed has the
+        louder voice.
+
+        Raises:
+            InputError: The number of frames is another than in the demonstrations.
+        """
+        if len(frames) != len(self.mixtures):
+            raise InputError(f"{len(frames)} frames given, {len(self.mixtures)} were learned from.")
+        gains, offsets, precisions = [], [], []
+        for mixture, frame in zip(self.mixtures, frames, strict=True):
+            matrix = np.eye(4)
+            matrix[1:, 1:] = frame.rotation
+            seen = mixture.transformed(matrix, np.concatenate([[0.0], frame.position]))
+            gain, offset, residual = seen.experts(num_inputs=1)
+            gains.append(gain[:, :, 0])
+            offsets.append(offset)
+            precisions.append(np.linalg.inv(residual))
+        residual = np.linalg.inv(np.sum(precisions, axis=0))
+        weights = residual @ np.array(precisions)
+        gain = np.einsum("jkab,jkb->ka", weights, np.array(gains))
+        offset = np.einsum("jkab,jkb->ka", weights, np.array(offsets))
+        time_mean = self.mixtures[0].means[:, 0]
+        time_variance = self.mixtures[0].covariances[:, 0, 0]
+        # A line with its residual, as a Gaussian of (s, y) again.
+        lift = np.concatenate([np.ones((len(gain), 1)), gain], axis=1)
+        covariances = time_variance[:, None, None] * lift[:, :, None] * lift[:, None, :]
+        covariances[:, 1:, 1:] += residual
+        means = np.column_stack([time_mean, offset + gain * time_mean[:, None]])
+        return GaussianMixture(self.mixtures[0].priors, means, covariances)
+
+
+def fit_task_parameterized(
+    demonstrations: Sequence[Demonstration],
+    frames: Sequence[Sequence[TaskFrame]],
+    *,
+    num_components: int = 10,
+    warp: bool = False,
+) -> TaskParameterizedMixture:
+    """Fits all frames' mixtures at once by expectation maximisation.
+
+    The component is shared by all demonstrations at each moment (see `shared_mixture`): on frames
+    that were not shown the error is a quarter of that with a component for each sample.
+
+    Args:
+        demonstrations: At least one; their spread tells which frame matters when.
+        frames: Per demonstration, where the frames were, always as many.
+        num_components: K.
+        warp: As in `align`, which brings the demonstrations onto one clock.
+
+    Raises:
+        InputError: Numbers of frames and demonstrations do not agree.
+    """
+    motions = align(demonstrations, num_samples=100, warp=warp)
+    points = np.array([motion.positions for motion in motions])
+    return fit_points(np.linspace(0, 1, 100), points, frames, num_components=num_components)
+
+
+def fit_points(
+    relative_times: Array,
+    points: Array,
+    frames: Sequence[Sequence[TaskFrame]],
+    *,
+    num_components: int,
+) -> TaskParameterizedMixture:
+    """Does what `fit_task_parameterized` does, for points on one clock.
+
+    Args:
+        relative_times: s, shape (N,).
+        points: Shape (M, N, 3) [m].
+        frames: M times the frames.
+        num_components: K.
+    """
+    if len(frames) != len(points) or len({len(of_one) for of_one in frames}) != 1 or not frames[0]:
+        raise InputError("frames: give each demonstration its frames, always the same number.")
+    # One length for all frames: where they are must not change how the data are grouped.
+    length = float(points.std(axis=1).mean()) or 1.0
+    scale = np.array([relative_times.std(), length, length, length])
+    clock = np.tile(relative_times, len(points))
+    views = []
+    for frame_of_each in zip(*frames, strict=True):
+        seen = [frame.to_frame(p) for frame, p in zip(frame_of_each, points, strict=True)]
+        views.append(np.column_stack([clock, np.vstack(seen)]) / scale)
+    mixtures = fit_shared_mixtures(views, len(points), num_components)
+    return TaskParameterizedMixture(
+        tuple(mixture.transformed(np.diag(scale), np.zeros(4)) for mixture in mixtures)
+    )

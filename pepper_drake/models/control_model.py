@@ -1,0 +1,138 @@
+"""Pepper as its controllers know it: kinematics without a world."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.planning import (
+    CollisionCheckerParams,
+    RobotDiagram,
+    RobotDiagramBuilder,
+    SceneGraphCollisionChecker,
+)
+from pydrake.systems.framework import Context
+
+from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS, add_pepper
+from pepper_drake.perception.mapping.solids import RobotSolids
+
+CONTROL_PERIOD = 0.02
+"""Period at which joint commands are made [s]: that at which NAOqi's ALMotion passes them on."""
+
+Vector = npt.NDArray[np.float64]
+
+
+def arm_joints(arm: str) -> tuple[str, ...]:
+    """The five joint names of `arm` ("left" or "right"), shoulder to wrist."""
+    return JOINT_GROUPS[f"{arm}_arm"]
+
+
+def body_indices(names: Sequence[str]) -> list[int]:
+    """Where joints stand in a vector over `BODY_JOINTS`."""
+    return [BODY_JOINTS.index(name) for name in names]
+
+
+@dataclass(frozen=True)
+class CommandLimits:
+    """Limits of some joints, each an array of shape (n,), in rad, rad/s and rad/s^2."""
+
+    position_lower: Vector
+    position_upper: Vector
+    velocity: Vector
+    acceleration: Vector
+
+
+class ControlModel:
+    """Pepper alone, its base at the origin or wherever `set_positions` puts it.
+
+    The model is immutable after construction; all that changes lives in contexts
+    made by `create_context`, so that one model serves many systems and threads.
+
+    Attributes:
+        plant: The finalized plant, 18 positions with v = q-dot.
+        diagram: The plant with its scene graph.
+    """
+
+    def __init__(self) -> None:
+        builder = RobotDiagramBuilder(time_step=0.0)
+        self.plant: MultibodyPlant = builder.plant()
+        self.model_instance = add_pepper(self.plant)
+        self.plant.Finalize()
+        self.diagram: RobotDiagram = builder.Build()
+        self._joint_index = {
+            self.plant.get_joint(index).name(): self.plant.get_joint(index).position_start()
+            for index in self.plant.GetJointIndices(self.model_instance)
+            if self.plant.get_joint(index).num_positions() == 1
+        }
+        self._body_index = self.position_indices(BODY_JOINTS)
+        self._base_index = self.position_indices(JOINT_GROUPS["base"])
+
+    def create_context(self) -> Context:
+        """A context of the plant, for `set_positions` and the calls on it."""
+        return self.plant.CreateDefaultContext()
+
+    def make_collision_checker(self) -> SceneGraphCollisionChecker:
+        """Pepper with itself; a checker owns its model, so each has a fresh one."""
+        builder = RobotDiagramBuilder(time_step=0.0)
+        model_instance = add_pepper(builder.plant())
+        builder.plant().Finalize()
+        return SceneGraphCollisionChecker(
+            CollisionCheckerParams(
+                model=builder.Build(),
+                robot_model_instances=[model_instance],
+                edge_step_size=0.1,
+                implicit_context_parallelism=False,
+            )
+        )
+
+    def solids(self) -> RobotSolids:
+        """Pepper's collision shapes, to be cut out of what its cameras see."""
+        return RobotSolids(self.plant, self.diagram.scene_graph(), self.model_instance)
+
+    def position_indices(self, names: Sequence[str]) -> list[int]:
+        """Where joints stand in the plant's position vector."""
+        return [self._joint_index[name] for name in names]
+
+    def positions(self, joint_position: Vector, base_pose: Vector) -> Vector:
+        """Plant positions (18,) from `BODY_JOINTS` angles (15,) and the base's x, y, yaw."""
+        q = np.empty(self.plant.num_positions())
+        q[self._body_index] = joint_position
+        q[self._base_index] = base_pose
+        return q
+
+    def pose(
+        self, context: Context, frame_name: str, relative_to: str | None = None
+    ) -> RigidTransform:
+        """Pose of a frame in another (world when left out), X_RF."""
+        frame = self.plant.GetFrameByName(frame_name)
+        if relative_to is None:
+            return frame.CalcPoseInWorld(context)
+        return frame.CalcPose(context, self.plant.GetFrameByName(relative_to))
+
+    def command_limits(
+        self, names: Sequence[str], *, speed_fraction: float = 1.0, acceleration: float = 10.0
+    ) -> CommandLimits:
+        """Limits of the named joints, velocities scaled.
+
+        Args:
+            names: Joint names.
+            speed_fraction: Share of the rated velocity that may be used.
+            acceleration: The same for each joint, rad/s^2. No source gives one for Pepper; the
+                default is what the shoulder's rated effort gives a stretched arm, halved.
+        """
+        joints = [self.plant.GetJointByName(name) for name in names]
+        return CommandLimits(
+            position_lower=np.array([joint.position_lower_limit() for joint in joints]),
+            position_upper=np.array([joint.position_upper_limit() for joint in joints]),
+            velocity=speed_fraction * np.array([joint.velocity_upper_limit() for joint in joints]),
+            acceleration=np.full(len(names), acceleration),
+        )
+
+
+@lru_cache(maxsize=1)
+def shared_control_model() -> ControlModel:
+    """The one model that all systems of a process may share: it never changes."""
+    return ControlModel()

@@ -1,0 +1,1 @@
+"""Camera models, their noise, and images that are still being rendered."""

@@ -1,0 +1,313 @@
+"""What a camera is: its intrinsics with distortion, where it sits on the head, how it is rendered.
+
+Pixel coordinates are OpenCV's throughout: integer `k` is the centre of pixel `k`. Drake's renderer
+puts that centre at `k + 0.5`, so its principal point is half a pixel larger; only
+`make_render_cameras` knows about that.
+"""
+
+import functools
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    DepthRange,
+    DepthRenderCamera,
+    RenderCameraCore,
+)
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.sensors import CameraInfo
+
+from pepper_drake.errors import InputError
+
+
+@dataclass(frozen=True)
+class CameraIntrinsics:
+    """A pinhole camera with Brown-Conrady distortion.
+
+    Attributes:
+        width: Image width [pixels].
+        height: Image height [pixels].
+        focal_x: Focal length along image x [pixels].
+        focal_y: Focal length along image y [pixels].
+        center_x: Principal point [pixels]; `(width - 1) / 2` is the image's middle.
+        center_y: Principal point [pixels].
+        distortion: `(k1, k2, p1, p2, k3)`, in OpenCV's order and meaning.
+        near: Nearest depth that it measures or draws [m].
+        far: Farthest depth that it measures or draws [m].
+    """
+
+    width: int
+    height: int
+    focal_x: float
+    focal_y: float
+    center_x: float
+    center_y: float
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    near: float = 0.05
+    far: float = 10.0
+
+    def __post_init__(self) -> None:
+        if self.width <= 0 or self.height <= 0:
+            raise InputError(f"camera: image size {self.width}x{self.height} must be positive.")
+        if not (self.focal_x > 0 and self.focal_y > 0):
+            raise InputError(
+                f"camera: focal lengths ({self.focal_x}, {self.focal_y}) must be positive."
+            )
+        if not 0 < self.near < self.far:
+            raise InputError(
+                f"camera: near {self.near} must be positive and less than far {self.far}."
+            )
+
+    @classmethod
+    def from_vertical_fov(
+        cls,
+        width: int,
+        height: int,
+        fov_y: float,
+        *,
+        distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0),
+        near: float = 0.05,
+        far: float = 10.0,
+    ) -> "CameraIntrinsics":
+        """Makes a camera of square pixels and centred principal point from its field of view.
+
+        Args:
+            width: Image width [pixels].
+            height: Image height [pixels].
+            fov_y: Vertical field of view [rad].
+            distortion: `(k1, k2, p1, p2, k3)`.
+            near: Nearest depth [m].
+            far: Farthest depth [m].
+        """
+        if not 0 < fov_y < math.pi:
+            raise InputError(f"camera: vertical field of view {fov_y} must be within (0, pi).")
+        focal = height / 2 / math.tan(fov_y / 2)
+        return cls(
+            width,
+            height,
+            focal,
+            focal,
+            (width - 1) / 2,
+            (height - 1) / 2,
+            distortion,
+            near,
+            far,
+        )
+
+    @property
+    def matrix(self) -> npt.NDArray[np.float64]:
+        """The camera matrix K, (3, 3)."""
+        return np.array(
+            [
+                [self.focal_x, 0.0, self.center_x],
+                [0.0, self.focal_y, self.center_y],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+
+    @property
+    def distortion_coefficients(self) -> npt.NDArray[np.float64]:
+        """The distortion as OpenCV takes it, (5,)."""
+        return np.array(self.distortion)
+
+    @property
+    def is_distorted(self) -> bool:
+        """Whether any distortion coefficient is non-zero."""
+        return any(self.distortion)
+
+    def ideal(self) -> "CameraIntrinsics":
+        """Returns the same camera without its distortion."""
+        return CameraIntrinsics(
+            self.width,
+            self.height,
+            self.focal_x,
+            self.focal_y,
+            self.center_x,
+            self.center_y,
+            near=self.near,
+            far=self.far,
+        )
+
+    def scaled(self, factor: int) -> "CameraIntrinsics":
+        """Returns a camera with `factor` times as many pixels along each axis, the same view."""
+        return CameraIntrinsics(
+            self.width * factor,
+            self.height * factor,
+            self.focal_x * factor,
+            self.focal_y * factor,
+            (self.center_x + 0.5) * factor - 0.5,
+            (self.center_y + 0.5) * factor - 0.5,
+            self.distortion,
+            self.near,
+            self.far,
+        )
+
+    def project(self, p_CP: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Projects points into the image.
+
+        Args:
+            p_CP: Points in the camera frame, (..., 3) [m].
+
+        Returns:
+            Pixel coordinates (..., 2); NaN for points at or behind the camera.
+        """
+        p = np.asarray(p_CP, dtype=float)
+        depth = np.where(p[..., 2] > 0, p[..., 2], np.nan)
+        x, y = p[..., 0] / depth, p[..., 1] / depth
+        k1, k2, p1, p2, k3 = self.distortion
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        return np.stack(
+            [self.focal_x * u + self.center_x, self.focal_y * v + self.center_y], axis=-1
+        )
+
+    def sees(self, p_CP: npt.ArrayLike, margin: float = 0.0) -> npt.NDArray[np.bool_]:
+        """Tells which points fall into the image, at least `margin` pixels from its border.
+
+        Args:
+            p_CP: Points in the camera frame, (..., 3) [m].
+            margin: Distance from the border [pixels].
+        """
+        uv = self.project(p_CP)
+        last = np.array([self.width, self.height]) - 0.5 - margin
+        with np.errstate(invalid="ignore"):
+            return np.all((uv >= margin - 0.5) & (uv <= last), axis=-1)
+
+
+@functools.lru_cache(maxsize=32)
+def pixel_rays(intrinsics: CameraIntrinsics, stride: int = 1) -> npt.NDArray[np.float32]:
+    """Returns the ray of every `stride`-th pixel, scaled to unit depth.
+
+    A pixel of depth z sees the point `z * ray` in the camera frame. The first pixel taken is
+    `stride // 2`, so that the taken ones lie evenly in the image.
+
+    Args:
+        intrinsics: The camera; its distortion is undone.
+        stride: Step between taken pixels along both axes.
+
+    Returns:
+        Read-only array (rows, columns, 3).
+    """
+    if stride < 1:
+        raise InputError(f"pixel_rays: stride {stride} must be at least 1.")
+    start = stride // 2
+    u, v = np.meshgrid(
+        np.arange(start, intrinsics.width, stride, dtype=float),
+        np.arange(start, intrinsics.height, stride, dtype=float),
+    )
+    pixels = np.stack([u.ravel(), v.ravel()], axis=-1)[:, None]
+    if intrinsics.is_distorted:
+        xy = cv2.undistortPoints(pixels, intrinsics.matrix, intrinsics.distortion_coefficients)[
+            :, 0
+        ]
+    else:
+        center = np.array([intrinsics.center_x, intrinsics.center_y])
+        xy = (pixels[:, 0] - center) / np.array([intrinsics.focal_x, intrinsics.focal_y])
+    rays = np.column_stack([xy, np.ones(len(xy))]).reshape(*u.shape, 3).astype(np.float32)
+    rays.setflags(write=False)
+    return rays
+
+
+@functools.lru_cache(maxsize=32)
+def ray_lengths(intrinsics: CameraIntrinsics, stride: int = 1) -> npt.NDArray[np.float32]:
+    """Returns the lengths (rows, columns) of `pixel_rays`: distance of a point of unit depth."""
+    lengths = np.linalg.norm(pixel_rays(intrinsics, stride), axis=-1)
+    lengths.setflags(write=False)
+    return lengths
+
+
+@functools.lru_cache(maxsize=8)
+def distortion_maps(
+    intrinsics: CameraIntrinsics,
+) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]:
+    """Returns the maps with which `cv2.remap` bends an ideal image into the distorted one."""
+    xy = pixel_rays(intrinsics)[..., :2].astype(float)
+    center = np.array([intrinsics.center_x, intrinsics.center_y])
+    source = xy * np.array([intrinsics.focal_x, intrinsics.focal_y]) + center
+    coarse, fine = cv2.convertMaps(source.astype(np.float32), None, cv2.CV_16SC2)
+    return coarse, fine
+
+
+def make_render_cameras(
+    intrinsics: CameraIntrinsics, renderer_name: str
+) -> tuple[ColorRenderCamera, DepthRenderCamera]:
+    """Makes the cameras with which Drake renders what these intrinsics see, without distortion.
+
+    Args:
+        intrinsics: The camera; near and far become the depth range.
+        renderer_name: Name under which the render engine was added to the scene graph.
+    """
+    info = CameraInfo(
+        intrinsics.width,
+        intrinsics.height,
+        intrinsics.focal_x,
+        intrinsics.focal_y,
+        intrinsics.center_x + 0.5,
+        intrinsics.center_y + 0.5,
+    )
+    # The clipping plane is nearer than the depth range: a thing too near to measure still hides
+    # what is behind it.
+    clipping = ClippingRange(min(0.01, intrinsics.near), intrinsics.far + 2.0)
+    core = RenderCameraCore(renderer_name, info, clipping, RigidTransform())
+    return (
+        ColorRenderCamera(core),
+        DepthRenderCamera(core, DepthRange(intrinsics.near, intrinsics.far)),
+    )
+
+
+@dataclass(frozen=True)
+class HeadCamera:
+    """One of Pepper's cameras: what it sees and where it sits on the link `Head`.
+
+    Attributes:
+        name: NAOqi's name; the optical frame is `<name>_optical_frame`.
+        intrinsics: The lens and sensor.
+        p_HeadC: Position of the optical centre in the Head frame [m].
+        tilt: Angle by which the camera looks down from the Head's x axis [rad].
+    """
+
+    name: str
+    intrinsics: CameraIntrinsics
+    p_HeadC: tuple[float, float, float]
+    tilt: float
+
+    @property
+    def frame_name(self) -> str:
+        """Name of the optical frame in Pepper's model."""
+        return f"{self.name}_optical_frame"
+
+    @functools.cached_property
+    def X_HeadC(self) -> RigidTransform:
+        """Pose of the optical frame (z along the view, x right, y down) in the Head frame."""
+        return RigidTransform(RollPitchYaw(0, self.tilt, 0), self.p_HeadC) @ RigidTransform(
+            RollPitchYaw(-math.pi / 2, 0, -math.pi / 2), np.zeros(3)
+        )
+
+
+# Distortion as calibrated on real Peppers (their driver's published calibrations); fields of view
+# and positions as in the vendor's documentation.
+CAMERA_TOP = HeadCamera(
+    "CameraTop",
+    CameraIntrinsics.from_vertical_fov(640, 480, 0.7627, distortion=(-0.05, 0.06, 0.0, 0.0, 0.0)),
+    p_HeadC=(0.08601, 0.0, 0.16284),
+    tilt=0.0,
+)
+CAMERA_BOTTOM = HeadCamera(
+    "CameraBottom",
+    CameraIntrinsics.from_vertical_fov(640, 480, 0.7627, distortion=(-0.065, 0.07, 0.0, 0.0, 0.0)),
+    p_HeadC=(0.09262, 0.0, 0.06177),
+    tilt=0.698132,
+)
+CAMERA_DEPTH = HeadCamera(
+    "CameraDepth",
+    CameraIntrinsics.from_vertical_fov(320, 240, math.pi / 4, near=0.4, far=8.0),
+    p_HeadC=(0.05138, 0.039, 0.1194),
+    tilt=0.0,
+)

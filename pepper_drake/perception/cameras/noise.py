@@ -1,0 +1,189 @@
+"""What real sensors do to a perfect image: colour noise, depth noise, quantisation, lost pixels.
+
+Every function is a function of its arguments alone: the same seed and frame number give the same
+image. Normal deviates come from a field that is drawn once for a seed and read from a place that
+the frame number chooses, since drawing a million of them anew would cost more than rendering.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.perception.cameras.camera import CameraIntrinsics, distortion_maps
+
+_SHIFTS = 96
+"""Number of places along each axis at which the field of deviates is read."""
+
+
+@dataclass(frozen=True)
+class ColorNoise:
+    """Noise of a small colour camera.
+
+    Attributes:
+        sigma: Standard deviation of every channel of every pixel, grey levels.
+    """
+
+    sigma: float = 3.0
+
+
+@dataclass(frozen=True)
+class DepthNoise:
+    """Noise of a structured-light depth camera.
+
+    The standard deviation is `floor + growth * (z - 0.4)^2` (Nguyen, Izadi and Lovell 2012,
+    "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", eq. 5).
+
+    Attributes:
+        floor: Standard deviation at 0.4 m [m].
+        growth: Growth with the square of the distance, 1/m.
+        edge_jump: Smallest step between neighbouring pixels that counts as an edge, as a share
+            of the depth.
+        edge_loss: Share of edge pixels that return nothing.
+        edge_mix: Share of edge pixels that return a depth between the two surfaces.
+        loss: Share of all pixels that return nothing.
+    """
+
+    floor: float = 0.0012
+    growth: float = 0.0019
+    edge_jump: float = 0.04
+    edge_loss: float = 0.5
+    edge_mix: float = 0.15
+    loss: float = 0.002
+
+    def sigma(self, depth: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+        """Standard deviation of a depth reading [m].
+
+        Args:
+            depth: Depths, m, any shape.
+        """
+        return self.floor + self.growth * np.square(depth - 0.4)
+
+
+@functools.lru_cache(maxsize=16)
+def _normal_field(
+    seed: int, height: int, width: int, channels: int, blur: float
+) -> npt.NDArray[np.float32]:
+    """Draws unit normal deviates (height + _SHIFTS, width + _SHIFTS[, channels])."""
+    rng = np.random.default_rng([seed, height, width, channels])
+    shape = (height + _SHIFTS, width + _SHIFTS, channels)
+    field = rng.standard_normal(shape, dtype=np.float32)
+    if blur > 0:
+        field = cv2.GaussianBlur(field, (0, 0), blur).reshape(shape)
+        field /= field.std()
+    field = np.squeeze(field)
+    field.setflags(write=False)
+    return field
+
+
+@functools.lru_cache(maxsize=16)
+def _uniform_field(seed: int, height: int, width: int) -> npt.NDArray[np.float32]:
+    rng = np.random.default_rng([seed, height, width])
+    field = rng.random((height + _SHIFTS, width + _SHIFTS), dtype=np.float32)
+    field.setflags(write=False)
+    return field
+
+
+@functools.lru_cache(maxsize=4)
+def _color_field(seed: int, height: int, width: int, sigma: float) -> npt.NDArray[np.int8]:
+    """Colour noise in grey levels; the alpha channel has none."""
+    noise = _normal_field(seed, height, width, 4, 0.0) * sigma
+    field = np.clip(np.rint(noise), -127, 127).astype(np.int8)
+    field[..., 3] = 0
+    field.setflags(write=False)
+    return field
+
+
+def _window(
+    rng: np.random.Generator, field: npt.NDArray[np.generic], height: int, width: int
+) -> npt.NDArray:
+    row, column = rng.integers(_SHIFTS, size=2)
+    return field[row : row + height, column : column + width]
+
+
+def degrade_color(
+    rgba: npt.NDArray[np.uint8],
+    intrinsics: CameraIntrinsics,
+    noise: ColorNoise,
+    *,
+    seed: int,
+    frame: int,
+) -> npt.NDArray[np.uint8]:
+    """Makes a perfect colour image look as the real camera's: bent by its lens, and noisy.
+
+    Args:
+        rgba: Rendered image (height, width, 4), or one of several times that size, of which each
+            block of pixels becomes one: a sensor's pixel gathers light over its whole area, a
+            renderer's looks at one point.
+        intrinsics: The camera; its distortion is applied.
+        noise: The noise.
+        seed: Seed of the camera's noise.
+        frame: Number of the image.
+
+    Returns:
+        A new image (height, width, 4).
+    """
+    if rgba.shape[1] > intrinsics.width:
+        size = (intrinsics.width, intrinsics.height)
+        rgba = cv2.resize(rgba, size, interpolation=cv2.INTER_AREA)
+    if intrinsics.is_distorted:
+        coarse, fine = distortion_maps(intrinsics)
+        rgba = cv2.remap(rgba, coarse, fine, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    if noise.sigma <= 0:
+        return rgba.copy()
+    height, width = rgba.shape[:2]
+    rng = np.random.default_rng([seed, frame])
+    field = _window(rng, _color_field(seed, height, width, noise.sigma), height, width)
+    return cv2.add(rgba, field, dtype=cv2.CV_8U)
+
+
+def degrade_depth(
+    depth: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    noise: DepthNoise,
+    *,
+    seed: int,
+    frame: int,
+) -> npt.NDArray[np.uint16]:
+    """Makes a perfect depth image look as the real sensor's.
+
+    Args:
+        depth: Rendered depths (height, width) [m]; zero, infinite or NaN where there is none.
+        intrinsics: The camera; depths outside its near and far are lost.
+        noise: The noise.
+        seed: Seed of the camera's noise.
+        frame: Number of the image.
+
+    Returns:
+        Depths (height, width) in whole millimetres; 0 where nothing came back.
+    """
+    height, width = depth.shape
+    rng = np.random.default_rng([seed, frame])
+    normal = _window(rng, _normal_field(seed, height, width, 1, 0.6), height, width)
+    chance = _window(rng, _uniform_field(seed, height, width), height, width)
+
+    measured = (depth >= intrinsics.near) & (depth <= intrinsics.far)
+    z = np.where(measured, depth, np.float32(0))
+    noisy = z + noise.sigma(z) * normal
+
+    # What is not measured counts as far away, so that silhouettes against it are edges too.
+    solid = np.where(measured, depth, np.float32(2 * intrinsics.far))
+    kernel = np.ones((3, 3), np.uint8)
+    nearest, farthest = cv2.erode(solid, kernel), cv2.dilate(solid, kernel)
+    edge = measured & (farthest - nearest > noise.edge_jump * nearest)
+    rows, columns = np.nonzero(edge)
+    draw = chance[rows, columns]
+    lost = draw < noise.edge_loss
+    noisy[rows[lost], columns[lost]] = 0
+    mixed = (draw >= noise.edge_loss) & (draw < noise.edge_loss + noise.edge_mix)
+    mixed &= farthest[rows, columns] <= intrinsics.far
+    rows, columns = rows[mixed], columns[mixed]
+    share = (draw[mixed] - noise.edge_loss) / max(noise.edge_mix, 1e-9)
+    low, high = nearest[rows, columns], farthest[rows, columns]
+    noisy[rows, columns] = low + share * (high - low)
+
+    noisy[chance > 1 - noise.loss] = 0
+    millimetres = np.rint(noisy * 1000)
+    return np.where(measured & (millimetres > 0), millimetres, 0).astype(np.uint16)

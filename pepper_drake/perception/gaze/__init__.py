@@ -1,0 +1,1 @@
+"""Head angles: aiming and view planning."""

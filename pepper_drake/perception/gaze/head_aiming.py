@@ -1,0 +1,294 @@
+"""Where the head has to turn for a camera to look at a point, and which camera sees it best.
+
+Head angles are (HeadYaw, HeadPitch), rad. HeadYaw turns about the torso's z at `P_T_NECK`, then
+HeadPitch about y; positive pitch looks down.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from pepper_drake.models.pepper import head_pitch_limits
+from pepper_drake.perception.cameras.camera import HeadCamera
+
+P_T_NECK = (-0.038, 0.0, 0.1699)
+"""The point in the torso frame where the axes of HeadYaw and HeadPitch meet [m]."""
+
+HEAD_YAW_LIMIT = 2.08567
+"""Largest HeadYaw to either side [rad]."""
+
+_EDGE = 0.95
+"""Offset beyond which nothing is looked at for another camera's sake."""
+_HALVINGS = 6
+"""With which the angles between two gazes are found, to a hundredth of the way."""
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gaze:
+    """How well one camera can look at a point.
+
+    Attributes:
+        camera: The camera.
+        head: Head angles (2,) within the coupled limits that bring the point closest to the
+            middle of the image.
+        offset: The point's distance from the middle of the image at these angles: 0 in the
+            middle, 1 at the nearest border or beyond, larger when out of the image.
+        in_view: Whether the point is in the image at these angles.
+    """
+
+    camera: HeadCamera
+    head: Vector
+    offset: float
+    in_view: bool
+
+
+def camera_pose(camera: HeadCamera, head: npt.ArrayLike) -> RigidTransform:
+    """Returns the pose X_TC of a camera in the torso frame at head angles (2,)."""
+    yaw, pitch = np.asarray(head, dtype=float)
+    return RigidTransform(RollPitchYaw(0, pitch, yaw), P_T_NECK) @ camera.X_HeadC
+
+
+def aim_head(camera: HeadCamera, p_TP: npt.ArrayLike) -> Vector:
+    """Computes the head angles that put a point on a camera's optical axis, limits aside.
+
+    In closed form. Yaw brings the point into the vertical plane of the optical axis, pitch then
+    onto the axis. A point closer to the neck than the axis gets is looked past as little as
+    possible.
+
+    Args:
+        camera: The camera.
+        p_TP: The point in the torso frame (3,) [m].
+
+    Returns:
+        (HeadYaw, HeadPitch), rad, in (-pi, pi].
+    """
+    x, y, z = (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist()
+    ahead, aside, up = camera.p_HeadC
+    radius = math.hypot(x, y)
+    yaw = math.atan2(y, x) - math.asin(min(max(aside / max(radius, 1e-9), -1.0), 1.0))
+    forward = math.sqrt(max(radius**2 - aside**2, 0.0))
+    # The optical axis in the head's vertical plane: (ahead, up) + s (cos tilt, -sin tilt). It
+    # meets the circle through the point where |.| equals the point's distance from the neck.
+    c, s = math.cos(camera.tilt), -math.sin(camera.tilt)
+    along = ahead * c + up * s
+    reach = math.sqrt(max(forward**2 + z**2 - (ahead**2 + up**2 - along**2), 0.0)) - along
+    elevation_on_axis = math.atan2(up + reach * s, ahead + reach * c)
+    pitch = elevation_on_axis - math.atan2(z, forward)
+    return np.array([math.remainder(yaw, math.tau), math.remainder(pitch, math.tau)])
+
+
+def clamp_head(head: npt.ArrayLike) -> Vector:
+    """Moves head angles (2,) into the limits; those of pitch depend on yaw."""
+    return np.array(_clamped(*np.asarray(head, dtype=float).tolist()))
+
+
+def _clamped(yaw: float, pitch: float) -> tuple[float, float]:
+    yaw = min(max(yaw, -HEAD_YAW_LIMIT), HEAD_YAW_LIMIT)
+    lower, upper = head_pitch_limits(yaw)
+    return yaw, min(max(pitch, lower), upper)
+
+
+def image_offset(camera: HeadCamera, head: npt.ArrayLike, p_TP: npt.ArrayLike) -> float:
+    """Returns a point's distance from the middle of the image: 0 there, 1 at the border.
+
+    Args:
+        camera: The camera.
+        head: Head angles (2,).
+        p_TP: The point in the torso frame (3,) [m].
+
+    Returns:
+        The larger of the two distances along the image's axes, each as a share of half the image,
+        lens distortion aside; infinite behind the camera.
+    """
+    angles = np.asarray(head, dtype=float).tolist()
+    return _offset(camera, angles, (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist())
+
+
+def _offset(
+    camera: HeadCamera, head: Sequence[float], p_NeckP_T: Sequence[float], radius: float = 0.0
+) -> float:
+    """What `image_offset` returns, in plain numbers, since it runs many times at every tick.
+
+    With a radius [m] it is that of the farthest corner of a square about the point.
+    """
+    # The point turned by -yaw, then by -(pitch + tilt).
+    yaw, pitch = head
+    x, y, z = p_NeckP_T
+    ahead, aside, up = camera.p_HeadC
+    cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
+    forward, left = x * cos_yaw + y * sin_yaw, y * cos_yaw - x * sin_yaw
+    cos_pitch, sin_pitch = math.cos(pitch), math.sin(pitch)
+    forward, rise = (
+        forward * cos_pitch - z * sin_pitch - ahead,
+        forward * sin_pitch + z * cos_pitch - up,
+    )
+    cos_tilt, sin_tilt = math.cos(camera.tilt), math.sin(camera.tilt)
+    depth = forward * cos_tilt - rise * sin_tilt
+    if depth <= 0:
+        return math.inf
+    rise = forward * sin_tilt + rise * cos_tilt
+    intrinsics = camera.intrinsics
+    return max(
+        (abs(left - aside) + radius) / depth * intrinsics.focal_x / (intrinsics.width / 2),
+        (abs(rise) + radius) / depth * intrinsics.focal_y / (intrinsics.height / 2),
+    )
+
+
+def look_at(camera: HeadCamera, p_TP: npt.ArrayLike) -> Gaze:
+    """Computes how a camera looks at a point best.
+
+    Args:
+        camera: The camera.
+        p_TP: The point in the torso frame (3,) [m].
+    """
+    head = clamp_head(aim_head(camera, p_TP))
+    offset = image_offset(camera, head, p_TP)
+    return Gaze(camera, head, offset, offset < 1)
+
+
+def choose_camera(
+    cameras: Sequence[HeadCamera],
+    p_TP: npt.ArrayLike,
+    *,
+    current: HeadCamera | None = None,
+    good_offset: float = 0.5,
+    patience: float = 0.15,
+) -> Gaze:
+    """Chooses the camera that sees a point best.
+
+    The first camera that brings the point well into its image is taken; if none does, the one
+    that brings it closest to the middle.
+
+    Args:
+        cameras: In order of preference.
+        p_TP: The point in the torso frame (3,) [m].
+        current: The camera in use; it is kept until it is worse than `good_offset` by `patience`,
+            so that the choice does not flicker.
+        good_offset: Offset up to which a camera sees a point well.
+        patience: See `current`.
+    """
+    gazes = [look_at(camera, p_TP) for camera in cameras]
+    for gaze in gazes:
+        if current is not None and gaze.camera.name == current.name:
+            if gaze.offset <= good_offset + patience and not any(
+                other.offset <= good_offset - patience for other in gazes[: gazes.index(gaze)]
+            ):
+                return gaze
+            break
+    good = [gaze for gaze in gazes if gaze.offset <= good_offset]
+    return good[0] if good else min(gazes, key=lambda gaze: gaze.offset)
+
+
+def aim_for_two_cameras(
+    cameras: Sequence[HeadCamera],
+    other: HeadCamera,
+    p_TP: npt.ArrayLike,
+    *,
+    radius: float = 0.0,
+    aside: float = 0.0,
+    current: HeadCamera | None = None,
+    patience: float = 0.15,
+) -> Gaze:
+    """Chooses the camera and the head angles that show a thing to another camera, too.
+
+    From where a camera has the thing in its middle, the head turns towards where the other one has
+    it there, as far as the first still has all of it in its image. The camera that leaves the other
+    one the best view is taken.
+
+    Args:
+        cameras: One of them has to see the thing.
+        other: It should see what is around the thing as well as can be.
+        p_TP: The thing's middle in the torso frame (3,) [m].
+        radius: Of the thing [m].
+        aside: By which the other camera should look past the thing, to the left if positive [rad].
+        current: The camera in use; it is kept until another one's view is better by `patience`.
+        patience: See `current`.
+
+    Returns:
+        That of the camera chosen; of `choose_camera` if no camera gets all of it into its image.
+    """
+    middle = aim_head(other, p_TP)
+    p_NeckP_T = (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist()
+    best, least = None, math.inf
+    for camera in cameras:
+        own = look_at(camera, p_TP)
+        if _offset(camera, own.head.tolist(), p_NeckP_T, radius) > _EDGE:
+            continue
+        gaze = _turned_towards(own, clamp_head(middle), p_TP, radius)
+        loss = image_offset(other, gaze.head, p_TP)
+        if current is not None and camera.name == current.name:
+            loss -= patience
+        if loss < least:
+            best, least = gaze, loss
+    if best is None:
+        return choose_camera(cameras, p_TP, current=current)
+    if aside == 0.0:
+        return best
+    # To the side first: how far down it looks matters less.
+    own = look_at(best.camera, p_TP)
+    yaw, pitch = clamp_head(middle + [aside, 0.0])
+    turned = _turned_towards(own, np.array([yaw, own.head[1]]), p_TP, radius)
+    return _turned_towards(turned, np.array([turned.head[0], pitch]), p_TP, radius)
+
+
+def _turned_towards(gaze: Gaze, wanted: Vector, p_TP: npt.ArrayLike, radius: float) -> Gaze:
+    """A gaze turned towards head angles as far as its camera still sees all of a thing."""
+    best, share, step = gaze, 1.0, 1.0
+    yaw, pitch = gaze.head.tolist()
+    turn, nod = (wanted - gaze.head).tolist()
+    p_NeckP_T = (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist()
+    for _ in range(_HALVINGS):
+        head = _clamped(yaw + share * turn, pitch + share * nod)
+        step *= 0.5
+        if _offset(gaze.camera, head, p_NeckP_T, radius) <= _EDGE:
+            best = Gaze(gaze.camera, np.array(head), _offset(gaze.camera, head, p_NeckP_T), True)
+            if share == 1.0:
+                break
+            share += step
+        else:
+            share -= step
+    return best
+
+
+def step_head_trajectory(
+    head: npt.ArrayLike,
+    velocity: npt.ArrayLike,
+    target: npt.ArrayLike,
+    time_step: float,
+    *,
+    max_velocity: float,
+    max_acceleration: float,
+) -> tuple[Vector, Vector]:
+    """Moves the head one step towards its target, at limited velocity and acceleration.
+
+    Each angle brakes in time to stop at the target. The result is within the coupled limits.
+
+    Args:
+        head: Head angles (2,).
+        velocity: Their velocities (2,) [rad/s].
+        target: Head angles (2,) to reach.
+        time_step: s.
+        max_velocity: rad/s.
+        max_acceleration: rad/s^2.
+
+    Returns:
+        Head angles and velocities after the step.
+    """
+    start, speed = np.asarray(head, dtype=float), np.asarray(velocity, dtype=float)
+    error = np.asarray(target, dtype=float) - start
+    # Largest velocity from which braking in whole steps still stops at the target.
+    brake = max_acceleration * time_step / 2
+    stopping = np.sqrt(brake**2 + 2 * max_acceleration * np.abs(error)) - brake
+    wanted = np.sign(error) * np.minimum(
+        np.minimum(stopping, max_velocity), np.abs(error) / time_step
+    )
+    change = max_acceleration * time_step
+    speed = speed + np.clip(wanted - speed, -change, change)
+    moved = clamp_head(start + speed * time_step)
+    return moved, (moved - start) / time_step

@@ -1,0 +1,109 @@
+"""Where to look next, so that nothing around an object is left unseen for long.
+
+What moves comes from where nobody looked. So the places around an object are kept with the times at
+which they were last in the image, and of the gazes that are possible the one is chosen that shows
+most of what was not seen for longest, for the time that it takes.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from pepper_drake.perception.cameras.camera import HeadCamera
+from pepper_drake.perception.gaze.head_aiming import P_T_NECK, camera_pose
+
+Vector = npt.NDArray[np.float64]
+
+_NEAREST = 0.3
+"""What is nearer to a depth camera than its near limit shows by what it hides; but not if it is
+nearer than this [m]."""
+_MOST = 4.0
+"""What was not seen for longer counts no more [s]."""
+
+VIEW_POINTS = np.array(
+    [
+        (ahead, left, up)
+        for ahead in np.linspace(-0.15, 0.35, 5)
+        for left in np.linspace(-0.4, 0.6, 11)
+        for up in (-0.12, 0.0)
+    ]
+)
+"""(110, 3) the places around a marked object that count [m]: ahead of it as seen from the neck, to
+its left, and up, for a left arm."""
+_AROUND_THINGS = 0.12
+"""Places so near to something are where it may move [m]."""
+_EMPTY = 0.25
+"""Weight of places with nothing around them against others'."""
+_COMING = np.array([-0.1, 0.3])
+"""From where the hand comes [m]: ahead of the object and to its left."""
+
+
+def _weights() -> Vector:
+    """How much places count: what comes there is the sooner at the hand's way the nearer it is."""
+    flat = VIEW_POINTS[:, :2]
+    share = np.clip(flat @ _COMING / (_COMING @ _COMING), 0.0, 1.0)
+    distances = np.linalg.norm(flat - share[:, None] * _COMING, axis=1)
+    return np.asarray(1.0 / (1.0 + (distances / 0.15) ** 2))
+
+
+_WEIGHTS = _weights()
+
+
+def surroundings(p_TP: npt.ArrayLike, side: float) -> Vector:
+    """The places (N, 3) around an object's marker that count, in the torso frame [m].
+
+    Args:
+        p_TP: The marker (3,) [m].
+        side: Of the arm that reaches for it, 1 left or -1 right.
+    """
+    p_TP = np.asarray(p_TP, dtype=float)
+    x, y = (p_TP - P_T_NECK)[:2] / math.hypot(*(p_TP - P_T_NECK)[:2])
+    axes = np.array([[x, y, 0.0], [-side * y, side * x, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(p_TP + VIEW_POINTS @ axes)
+
+
+def visible(camera: HeadCamera, head: npt.ArrayLike, places: Vector) -> npt.NDArray[np.bool_]:
+    """Which places (N, 3) of the torso frame are in a depth camera's image at head angles (2,)."""
+    X_TC = camera_pose(camera, head)
+    p_C = (places - X_TC.translation()) @ X_TC.rotation().matrix()
+    return np.asarray((p_C[:, 2] > _NEAREST) & camera.intrinsics.sees(p_C))
+
+
+def view_weights(places: Vector, things: Vector) -> Vector:
+    """How much places (N, 3) count: much more where something is that may move, (P, 3) [m]."""
+    if not len(things):
+        return _WEIGHTS
+    far = cKDTree(things).query(places, distance_upper_bound=_AROUND_THINGS)[0]
+    return np.asarray(_WEIGHTS * np.where(np.isfinite(far), 1.0, _EMPTY))
+
+
+def next_best_view(
+    camera: HeadCamera,
+    heads: Sequence[Vector],
+    durations: Sequence[float],
+    places: Vector,
+    weights: Vector,
+    unseen: Vector,
+) -> int:
+    """Chooses the head angles that show most of what was not seen for longest.
+
+    Args:
+        camera: The depth camera.
+        heads: Head angles (2,) to choose from.
+        durations: What each takes [s].
+        places: (N, 3) in the torso frame [m].
+        weights: (N,) how much they count.
+        unseen: (N,) for how long each was not seen [s].
+
+    Returns:
+        The index of the best.
+    """
+    urgency = weights * np.minimum(unseen, _MOST)
+    gains = [
+        urgency @ visible(camera, head, places) / duration
+        for head, duration in zip(heads, durations, strict=True)
+    ]
+    return int(np.argmax(gains))

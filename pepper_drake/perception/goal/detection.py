@@ -1,0 +1,158 @@
+"""From one colour image to one measurement of where the goal object is."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import Box, Cylinder
+from pydrake.math import RigidTransform, RotationMatrix
+
+from pepper_drake.errors import InputError
+from pepper_drake.models.markers import plate_size
+from pepper_drake.models.scene import GoalObject
+from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.goal.imm_filter import GoalMeasurement
+from pepper_drake.perception.goal.marker import (
+    MARKER_DICTIONARY,
+    Detection,
+    choose_pose,
+    detect_markers,
+    marker_poses,
+    refine_poses,
+    to_gray,
+)
+from pepper_drake.perception.mapping.solids import Solid
+
+_SYSTEMATIC_SHARE = 0.003
+"""Standard deviation along the line of sight of what errs alike in every image (the sampling of
+edges by the sensor, the lens, the marker's printed size), as a share of the distance."""
+
+
+@dataclass(frozen=True)
+class MarkedObject:
+    """An object that is found by its marker.
+
+    Attributes:
+        marker_id: The marker's number in its dictionary.
+        marker_size: Side of the marker's black square [m].
+        X_OM: Pose of the marker (x right, y up, z out of the printed face) on the object. The
+            object's z axis is up when the object stands.
+        solids: The object's shape in its frame O, to cut it out of clouds.
+        dictionary: Name of OpenCV's dictionary.
+    """
+
+    marker_id: int
+    marker_size: float
+    X_OM: RigidTransform
+    solids: tuple[Solid, ...] = ()
+    dictionary: str = MARKER_DICTIONARY
+
+    def __post_init__(self) -> None:
+        if self.marker_id < 0:
+            raise InputError(f"marker id {self.marker_id} must not be negative.")
+        if not self.marker_size > 0:
+            raise InputError(f"marker size {self.marker_size} must be positive.")
+
+    @classmethod
+    def from_scene(cls, goal: GoalObject) -> "MarkedObject":
+        """Returns a scene's goal object: a cylinder with its marker on a plate."""
+        X_OM = goal.marker.pose()
+        edge, thickness = plate_size(goal.marker.size), 0.004
+        plate = Box(edge, edge, thickness)
+        return cls(
+            goal.marker.id,
+            goal.marker.size,
+            X_OM,
+            (
+                Solid(Cylinder(goal.radius, goal.height), RigidTransform([0, 0, goal.height / 2])),
+                Solid(plate, X_OM @ RigidTransform([0, 0, -thickness / 2])),
+            ),
+        )
+
+
+def detect_goal(
+    image: npt.NDArray[np.uint8],
+    time: float,
+    X_WC: RigidTransform,
+    intrinsics: CameraIntrinsics,
+    marked: MarkedObject,
+    *,
+    p_WM_expected: npt.NDArray[np.float64] | None = None,
+    R_WO_expected: RotationMatrix | None = None,
+) -> GoalMeasurement | None:
+    """Looks for the goal object's marker in an image.
+
+    Args:
+        image: RGBA, RGB or grey.
+        time: When it was taken [s].
+        X_WC: The camera's pose at that time.
+        intrinsics: The camera.
+        marked: The object to look for.
+        p_WM_expected: Where the marker probably is [m]: its neighbourhood is searched first, and of
+            several markers with the object's id the one next to it counts.
+        R_WO_expected: The object's probable orientation, which decides between poses that look
+            alike.
+
+    Returns:
+        The measurement; None when the marker is not seen, or seen twice without an expectation
+        that would tell which is meant.
+    """
+    image = to_gray(image) if image.size else image
+    window = None
+    if p_WM_expected is not None:
+        window = _expected_window(X_WC.inverse() @ p_WM_expected, intrinsics, marked.marker_size)
+    found = _find(image, marked, window) if window is not None else []
+    if not found:
+        found = _find(image, marked, None)
+    choices = []
+    for detection in found:
+        poses = refine_poses(
+            image,
+            marker_poses(detection.corners, marked.marker_size, intrinsics),
+            marked.marker_id,
+            marked.marker_size,
+            intrinsics,
+            dictionary=marked.dictionary,
+        )
+        pose = choose_pose(poses, X_WC, marked.X_OM, R_WO_last=R_WO_expected)
+        if pose is not None:
+            choices.append(pose)
+    if not choices or (len(choices) > 1 and p_WM_expected is None):
+        return None
+
+    def distance(pose_index: int) -> float:
+        p_WM = X_WC @ choices[pose_index].X_CM.translation()
+        return float(np.linalg.norm(p_WM - p_WM_expected))
+
+    pose = choices[min(range(len(choices)), key=distance) if len(choices) > 1 else 0]
+    X_WM = X_WC @ pose.X_CM
+    R_WC = X_WC.rotation().matrix()
+    systematic = _SYSTEMATIC_SHARE * (R_WC @ pose.X_CM.translation())
+    systematic_covariance = np.outer(systematic, systematic)
+    return GoalMeasurement(
+        time,
+        X_WM.translation(),
+        (X_WM @ marked.X_OM.inverse()).rotation(),
+        R_WC @ pose.covariance[3:, 3:] @ R_WC.T + systematic_covariance,
+        float(np.trace(pose.covariance[:3, :3])) / 3,
+        systematic_covariance,
+    )
+
+
+def _find(
+    image: npt.NDArray[np.uint8], marked: MarkedObject, window: tuple[int, int, int, int] | None
+) -> list[Detection]:
+    found = detect_markers(image, dictionary=marked.dictionary, window=window)
+    return [detection for detection in found if detection.id == marked.marker_id]
+
+
+def _expected_window(
+    p_CM: npt.NDArray[np.float64], intrinsics: CameraIntrinsics, size: float
+) -> tuple[int, int, int, int] | None:
+    """The part of the image that surely holds a marker expected at p_CM; None if out of it."""
+    if p_CM[2] <= 0 or not intrinsics.sees(p_CM):
+        return None
+    u, v = intrinsics.project(p_CM)
+    reach = math.ceil(1.5 * intrinsics.focal_x * size / p_CM[2] + 40)
+    return (int(u) - reach, int(v) - reach, int(u) + reach, int(v) + reach)

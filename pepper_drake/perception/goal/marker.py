@@ -1,0 +1,280 @@
+"""ArUco markers: finding them in an image and the pose of a square marker from its corners.
+
+The marker frame M has its origin at the middle of the black square, x to the right and y up on the
+printed face, z out of it.
+"""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform, RotationMatrix
+
+from pepper_drake.errors import InputError
+from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.goal.marker_edges import marker_edges, refine_on_edges
+
+MARKER_DICTIONARY = "DICT_4X4_50"
+
+_SMALLEST_SIDE = 10.0
+"""Markers of a shorter side [pixels] are not trusted: their bits are smaller than two pixels."""
+
+_LARGEST_REPROJECTION_ERROR = 1.5
+"""A quadrilateral that no square projects to within this rms [pixels] is not a marker."""
+
+_AMBIGUITY_RATIO = 2.5
+"""Two poses are told apart by the errors of four corners when these differ by this factor, ..."""
+
+_EDGE_AMBIGUITY_RATIO = 1.2
+"""... and by the errors of all edges of the pattern when these differ by this one."""
+
+_LEAST_SUPPORT = 0.8
+"""A pattern of whose edges fewer are seen than this share is hidden, or another one."""
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A marker found in an image.
+
+    Attributes:
+        id: Its number in the dictionary.
+        corners: Pixel coordinates (4, 2) of the printed marker's top left, top right, bottom right
+            and bottom left corner.
+    """
+
+    id: int
+    corners: npt.NDArray[np.float64]
+
+    @property
+    def side(self) -> float:
+        """Length of its shortest side [pixels]."""
+        return float(np.linalg.norm(self.corners - np.roll(self.corners, 1, axis=0), axis=1).min())
+
+
+@dataclass(frozen=True)
+class MarkerPose:
+    """One of the (up to two) poses that explain a marker's corners.
+
+    Attributes:
+        X_CM: Pose of the marker in the camera frame.
+        reprojection_error: Root mean square distance of the corners, or of the pattern's edges,
+            from where the pose puts them [pixels].
+        covariance: Covariance (6, 6) of rotation (rad, axes of C) and position (m, in C).
+        on_edges: Whether the pose was fitted to all edges of the pattern.
+    """
+
+    X_CM: RigidTransform
+    reprojection_error: float
+    covariance: npt.NDArray[np.float64]
+    on_edges: bool = False
+
+
+@functools.lru_cache(maxsize=4)
+def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
+    number = getattr(cv2.aruco, dictionary, None)
+    if not (dictionary.startswith("DICT_") and isinstance(number, int)):
+        raise InputError(
+            f"marker dictionary {dictionary!r} is unknown; OpenCV's are named like "
+            f'"{MARKER_DICTIONARY}".'
+        )
+    parameters = cv2.aruco.DetectorParameters()
+    # Lines fitted to the edges instead of corner sub-pixels: a tenth of the depth error.
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
+    # Without these two the sensor's noise is taken for edges, and a frame costs 100 ms.
+    parameters.aprilTagMinWhiteBlackDiff = 25
+    parameters.aprilTagQuadSigma = 0.8
+    return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(number), parameters)
+
+
+def to_gray(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """Returns an RGBA, RGB or one-channel image (height, width[, channels]) as (height, width)."""
+    if image.ndim == 2:
+        return image
+    if image.shape[2] == 1:
+        return image[..., 0]
+    code = cv2.COLOR_RGBA2GRAY if image.shape[2] == 4 else cv2.COLOR_RGB2GRAY
+    return cv2.cvtColor(image, code)
+
+
+def detect_markers(
+    image: npt.NDArray[np.uint8],
+    *,
+    dictionary: str = MARKER_DICTIONARY,
+    window: tuple[int, int, int, int] | None = None,
+) -> list[Detection]:
+    """Finds the markers in an image.
+
+    Args:
+        image: RGBA, RGB or grey image; an empty one has no markers.
+        dictionary: Name of an OpenCV dictionary.
+        window: Part of the image to search, (left, top, right, bottom) in pixels, right and
+            bottom exclusive; all of it when left out.
+
+    Returns:
+        The markers, in no particular order; several may have the same id.
+    """
+    if image.size == 0:
+        return []
+    left, top = 0, 0
+    if window is not None:
+        height, width = image.shape[:2]
+        left, top = max(window[0], 0), max(window[1], 0)
+        right, bottom = min(window[2], width), min(window[3], height)
+        if right - left < 2 * _SMALLEST_SIDE or bottom - top < 2 * _SMALLEST_SIDE:
+            return []
+        image = image[top:bottom, left:right]
+    corners, ids, _ = _detector(dictionary).detectMarkers(np.ascontiguousarray(to_gray(image)))
+    if ids is None:
+        return []
+    # This refinement counts pixel edges: the first pixel's centre is at 0.5.
+    shift = np.array([left - 0.5, top - 0.5])
+    found = [
+        Detection(int(number), quad.reshape(4, 2).astype(float) + shift)
+        for number, quad in zip(np.ravel(ids), corners, strict=True)
+    ]
+    return [detection for detection in found if detection.side >= _SMALLEST_SIDE]
+
+
+def marker_corners(size: float) -> npt.NDArray[np.float64]:
+    """Returns the corners (4, 3) of a marker of side `size` [m] in the marker frame."""
+    if not size > 0:
+        raise InputError(f"marker size {size} must be positive.")
+    h = size / 2
+    return np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
+
+
+def marker_poses(
+    corners: npt.NDArray[np.float64],
+    size: float,
+    intrinsics: CameraIntrinsics,
+    *,
+    corner_sigma: float = 0.2,
+) -> list[MarkerPose]:
+    """Computes the poses that explain a marker's corners, the better one first.
+
+    A plane seen from afar has two poses that look nearly alike (Collins and Bartoli 2014,
+    "Infinitesimal Plane-Based Pose Estimation", doi:10.1007/s11263-014-0725-5). Both are returned,
+    each refined to least reprojection error.
+
+    Args:
+        corners: Pixel coordinates (4, 2) in the order of `Detection.corners`.
+        size: Side of the black square [m].
+        intrinsics: The camera, with its distortion.
+        corner_sigma: Standard deviation of a corner's coordinate [pixels].
+
+    Returns:
+        One or two poses; none when no square projects to these corners.
+    """
+    model = marker_corners(size)
+    matrix, distortion = intrinsics.matrix, intrinsics.distortion_coefficients
+    image_points = np.ascontiguousarray(corners, dtype=float).reshape(4, 1, 2)
+    count, rotations, translations, _ = cv2.solvePnPGeneric(
+        model, image_points, matrix, distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
+    )
+    poses: list[MarkerPose] = []
+    for k in range(count):
+        rotation, translation = cv2.solvePnPRefineLM(
+            model, image_points, matrix, distortion, rotations[k], translations[k]
+        )
+        if not (np.all(np.isfinite(rotation)) and translation[2, 0] > 0):
+            continue
+        projected, jacobian = cv2.projectPoints(model, rotation, translation, matrix, distortion)
+        error = float(np.sqrt(np.mean(np.sum((projected - image_points) ** 2, axis=2))))
+        R_CM = RotationMatrix(cv2.Rodrigues(rotation)[0])
+        if error > _LARGEST_REPROJECTION_ERROR or R_CM.col(2) @ translation[:, 0] >= 0:
+            continue
+        covariance = corner_sigma**2 * np.linalg.pinv(jacobian[:, :6].T @ jacobian[:, :6])
+        if not any(_angle(R_CM, other.X_CM.rotation()) < 0.02 for other in poses):
+            poses.append(MarkerPose(RigidTransform(R_CM, translation[:, 0]), error, covariance))
+    return sorted(poses, key=lambda pose: pose.reprojection_error)
+
+
+def refine_poses(
+    image: npt.NDArray[np.uint8],
+    poses: Sequence[MarkerPose],
+    marker_id: int,
+    size: float,
+    intrinsics: CameraIntrinsics,
+    *,
+    dictionary: str = MARKER_DICTIONARY,
+) -> list[MarkerPose]:
+    """Fits poses to all edges of the marker's pattern.
+
+    Args:
+        image: RGBA, RGB or grey image.
+        poses: What `marker_poses` returned. The second is left out when it is clearly worse.
+        marker_id: The marker's number.
+        size: Side of the black square [m].
+        intrinsics: The camera.
+        dictionary: Name of an OpenCV dictionary.
+
+    Returns:
+        The refined poses, the better one first. None when the pattern is not seen where a pose
+        puts it. Poses of a marker that is too small in the image are returned as they are.
+    """
+    if len(poses) > 1 and _is_better(poses[0], poses[1]):
+        poses = poses[:1]
+    gray, edges = to_gray(image), marker_edges(dictionary, marker_id)
+    refined = []
+    for pose in poses:
+        fit = refine_on_edges(gray, pose.X_CM, edges, size, intrinsics)
+        if fit is None:
+            refined.append(pose)
+        elif fit.support >= _LEAST_SUPPORT:
+            refined.append(MarkerPose(fit.X_CM, fit.error, fit.covariance, on_edges=True))
+    return sorted(refined, key=lambda pose: pose.reprojection_error)
+
+
+def choose_pose(
+    poses: Sequence[MarkerPose],
+    X_WC: RigidTransform,
+    X_OM: RigidTransform,
+    *,
+    R_WO_last: RotationMatrix | None = None,
+) -> MarkerPose | None:
+    """Chooses between a marker's two poses.
+
+    The smaller reprojection error decides when it is clearly smaller. Otherwise it is the pose that
+    turns the object least from where it was last; without a last orientation, the pose with which
+    the object's z axis is closest to upright.
+
+    Args:
+        poses: What `marker_poses` returned.
+        X_WC: Pose of the camera.
+        X_OM: Pose of the marker on the object.
+        R_WO_last: The object's last known orientation.
+
+    Returns:
+        The chosen pose; None when there is none.
+    """
+    if not poses:
+        return None
+    if len(poses) == 1:
+        return poses[0]
+    best, other = poses[:2]
+    if _is_better(best, other):
+        return best
+
+    def strangeness(pose: MarkerPose) -> float:
+        R_WO = (X_WC @ pose.X_CM @ X_OM.inverse()).rotation()
+        if R_WO_last is not None:
+            return _angle(R_WO, R_WO_last)
+        return -float(R_WO.col(2)[2])
+
+    return min((best, other), key=strangeness)
+
+
+def _is_better(best: MarkerPose, other: MarkerPose) -> bool:
+    """Whether the errors alone tell which of two poses is the right one."""
+    on_edges = best.on_edges and other.on_edges
+    ratio = _EDGE_AMBIGUITY_RATIO if on_edges else _AMBIGUITY_RATIO
+    return other.reprojection_error > ratio * max(best.reprojection_error, 0.02)
+
+
+def _angle(R1: RotationMatrix, R2: RotationMatrix) -> float:
+    """Angle between two orientations [rad]."""
+    cosine = (np.sum(R1.matrix() * R2.matrix()) - 1) / 2
+    return float(np.arccos(np.clip(cosine, -1, 1)))

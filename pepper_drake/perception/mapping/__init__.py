@@ -1,0 +1,1 @@
+"""Obstacles: depth images to clouds, voxel map, moving obstacles."""

@@ -1,0 +1,177 @@
+"""One step of watching for what moves: a depth image and the map that it left."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.perception.mapping.dynamic_obstacles import (
+    DepthFrame,
+    NewPoints,
+    TrackedObstacle,
+    associate,
+    predict_occupancy,
+)
+from pepper_drake.perception.mapping.near_field_occlusion import (
+    ON_TABLE,
+    background_points,
+    occluded_points,
+)
+from pepper_drake.perception.mapping.obstacle_map import ExcludedSolids, ObstacleParameters
+from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
+
+_APART = 0.5
+"""In less time what moves slowly does not come far enough to be told from noise [s]."""
+_HIDDEN = 2.0
+"""How long what was found by what it hides is supposed to be there [s]."""
+_MOST_VIEWS = 9
+"""So many images are held against a new one at most, besides the last."""
+
+
+@dataclass(frozen=True, eq=False)
+class DynamicObstacleTracker:
+    """What is known of things that move. Never changed once made.
+
+    Attributes:
+        views: Images of late in which something else was to be seen each, the last image last.
+        keys: Of the map's voxels, after the last image.
+        seen: The map's voxels that the last image showed: their keys and places (S, 3), in W [m].
+        behind: (B, 3) what would be seen if nothing hid it, in W [m].
+        things: What moves.
+        visitors: Keys of the map's voxels that came where nothing had been.
+        hidden: (H, 3) where something too near to be measured was lately, in W, m, and when (H,),
+            s.
+        expected: (Q, 3) where what moves may be soon, in W [m].
+    """
+
+    views: tuple[DepthFrame, ...] = ()
+    keys: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    seen: tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]] = field(
+        default_factory=lambda: (np.zeros(0, np.int64), np.zeros((0, 3), np.float32))
+    )
+    behind: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    things: tuple[TrackedObstacle, ...] = ()
+    transient_keys: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    hidden: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] = field(
+        default_factory=lambda: (np.zeros((0, 3)), np.zeros(0))
+    )
+    expected: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+def update_tracker(
+    watch: DynamicObstacleTracker,
+    voxels: VoxelMap,
+    view: DepthFrame,
+    ignored: Sequence[ExcludedSolids],
+    parameters: ObstacleParameters,
+    table: float = -np.inf,
+) -> tuple[DynamicObstacleTracker, VoxelMap]:
+    """Takes one depth image into what is known of things that move.
+
+    Args:
+        watch: What was known before.
+        voxels: The map of obstacles, with the image taken in.
+        view: The image.
+        ignored: What is no obstacle, where it was at that time.
+        parameters: How obstacles are seen and remembered.
+        table: Height of what things stand on, in W [m].
+
+    Returns:
+        What is known now, and the map without what came, was not seen for long, and has most likely
+        gone again.
+    """
+    memory, approach = parameters.memory, parameters.approach
+    is_seen = voxels.hit_times == view.time
+    keys, places = seen = voxels.keys[is_seen], voxels.positions[is_seen]
+    # What was there before did not come.
+    fresh = np.flatnonzero(~np.isin(keys, watch.keys, assume_unique=True))
+    new = fresh[_was_empty(watch.views, places[fresh], memory)]
+    transient_keys = np.union1d(watch.transient_keys, keys[new])
+    is_visitor = np.isin(voxels.keys, transient_keys)
+    behind, veil = watch.behind, watch.behind[:0]
+    if parameters.treat_holes_as_near:
+        behind = background_points(behind, view.depth, view.intrinsics, view.X_WC)
+        # What came does not explain a hole beside it: that may be more of it.
+        known = voxels.positions[~is_visitor]
+        veil = occluded_points(
+            behind, known, view.depth, view.intrinsics, view.X_WC, ignored, table
+        )
+    things = watch.things
+    if watch.views:
+        last = watch.views[-1]
+        near = veil[last.sees_free_space(veil, memory)]
+        normals = voxels.normals[is_seen][new]
+        lengths = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+        come = NewPoints(
+            np.concatenate((places[new], near)),
+            np.concatenate((normals / lengths, np.zeros_like(near))),
+            watch.seen[1][~np.isin(watch.seen[0], keys, assume_unique=True)],
+            last.time,
+        )
+        above = places[places[:, 2] > table + ON_TABLE]
+        things = associate(things, come, view, memory, approach, above)
+    voxels = voxels.select(~(is_visitor & (view.time - voxels.hit_times > approach.visit)))
+    hidden, times = watch.hidden
+    still = (view.time - times < _HIDDEN) & ~view.sees_free_space(hidden, memory)
+    hidden = np.concatenate((hidden[still], veil))
+    times = np.concatenate((times[still], np.full(len(veil), view.time)))
+    views = _kept(watch.views, view, approach.visit)
+    return DynamicObstacleTracker(
+        (*views, view),
+        voxels.keys,
+        seen,
+        behind,
+        things,
+        np.intersect1d(transient_keys, voxels.keys),
+        (hidden, times),
+        predict_occupancy(things, hidden, view, memory, approach),
+    ), voxels
+
+
+def reset_while_driving(
+    watch: DynamicObstacleTracker,
+    view: DepthFrame,
+    parameters: ObstacleParameters,
+) -> DynamicObstacleTracker:
+    """What is known after an image that was taken on the way: to who drives all moves.
+
+    Args:
+        watch: What was known before.
+        view: The image.
+        parameters: How obstacles are seen and remembered.
+
+    Returns:
+        A watch that begins anew, but for what will be seen if nothing hides it.
+    """
+    if not parameters.treat_holes_as_near:
+        return DynamicObstacleTracker()
+    return DynamicObstacleTracker(
+        behind=background_points(watch.behind, view.depth, view.intrinsics, view.X_WC)
+    )
+
+
+def _kept(views: Sequence[DepthFrame], view: DepthFrame, visit: float) -> list[DepthFrame]:
+    """The views that a new one is added to.
+
+    None is too old, and of those that show the same there is one from before what moves slowly came
+    in, and those after it.
+    """
+    alike = [one for one in views if view.is_like(one) and view.time - one.time >= _APART]
+    return [
+        one
+        for one in views[-_MOST_VIEWS:]
+        if view.time - one.time < visit and not any(one is other for other in alike[:-1])
+    ]
+
+
+def _was_empty(
+    views: Sequence[DepthFrame], places: npt.NDArray[np.float32], memory: VoxelMapParameters
+) -> npt.NDArray[np.bool_]:
+    """Which places (N, 3) were looked through: in the last image, or surely in one before."""
+    empty = np.zeros(len(places), dtype=bool)
+    for view in reversed(views):
+        left = np.flatnonzero(~empty)
+        surely = view is not views[-1]
+        empty[left] = view.sees_free_space(places[left], memory, surely=surely)
+    return empty

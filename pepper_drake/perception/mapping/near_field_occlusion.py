@@ -1,0 +1,162 @@
+"""What is too near for the depth camera, from what it hides.
+
+A depth camera measures nothing of what is nearer than its near limit: it leaves a hole in the
+image. Where a hole hides what is known to be there, be it the floor alone, and neither the robot
+nor anything else that is known stands in the way, something is between.
+"""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+from scipy.spatial import cKDTree
+
+from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays
+from pepper_drake.perception.mapping.obstacle_map import ExcludedSolids
+from pepper_drake.perception.mapping.solids import near_solids
+from pepper_drake.perception.mapping.voxel_map import voxel_keys
+
+Points = npt.NDArray[np.floating]
+
+_HOLE = 7
+"""Edge of the square of pixels that have to have measured nothing, all of them."""
+_BEYOND = 0.05
+"""What is hidden is farther than the near limit by this [m]."""
+_PITCH = 6
+"""One ray of each square of so many pixels is enough."""
+_FARTHEST = 3.0
+"""What is farther is no backdrop [m]."""
+_GRAIN = 0.03
+"""Of the backdrop [m]."""
+_STEP = 0.02
+"""Between points on a ray [m]."""
+_NEAREST, _LIKELY = 0.15, 0.25
+"""Nothing is nearer to the camera than the first, and most likely not than the second [m]."""
+_MARGIN = 0.03
+"""So far beyond the near limit a ray is followed [m]."""
+_AROUND_KNOWN = 0.05
+"""What passes by a known thing by less may be hidden by it: of that one side is known only [m]."""
+ON_TABLE = 0.02
+"""What is no higher above the table is the table: of that there is no other side [m]."""
+_LEAST_RAYS = 4
+"""Fewer are noise."""
+
+
+def background_points(
+    before: Points,
+    depth: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+) -> npt.NDArray[np.float64]:
+    """What is to be seen when nothing hides it: all surfaces, floor and robot's table alike.
+
+    Args:
+        before: (P, 3) the backdrop before this image, in W [m].
+        depth: Depth image (height, width), m, 0 where nothing was measured.
+        intrinsics: The camera.
+        X_WC: Its pose when the image was taken.
+
+    Returns:
+        (Q, 3) what the image shows, and what was seen before where it measured nothing.
+    """
+    if depth.size == 0:
+        return np.asarray(before, dtype=float)
+    kept = np.ones(len(before), dtype=bool)
+    p_C = _in_camera(before, X_WC)
+    inside = np.flatnonzero((p_C[:, 2] > 0.0) & intrinsics.sees(p_C))
+    columns, rows = _pixels(p_C[inside], intrinsics)
+    kept[inside] = _is_hole(depth)[rows, columns]
+    half = _PITCH // 2
+    z = depth[half::_PITCH, half::_PITCH]
+    rays = pixel_rays(intrinsics, _PITCH)
+    measured = (z > intrinsics.near + _BEYOND) & (z < _FARTHEST)
+    p_W = (rays[measured] * z[measured][:, None]) @ X_WC.rotation().matrix().T
+    points = np.concatenate((p_W + X_WC.translation(), before[kept]))
+    return np.asarray(points[np.unique(voxel_keys(points, _GRAIN), return_index=True)[1]])
+
+
+def occluded_points(
+    behind: Points,
+    known: Points,
+    depth: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    ignored: Sequence[ExcludedSolids],
+    table: float = -np.inf,
+) -> npt.NDArray[np.float64]:
+    """Finds where something may be that is too near to be measured.
+
+    Args:
+        behind: (B, 3) what would be seen if nothing hid it, in W [m]; the floor, z = 0, at latest.
+        known: (P, 3) points on known obstacles, in W [m].
+        depth: Depth image (height, width), m, 0 where nothing was measured.
+        intrinsics: The camera.
+        X_WC: Its pose when the image was taken.
+        ignored: The robot and the goal object, where they were.
+        table: Height of what things stand on, in W [m].
+
+    Returns:
+        (Q, 3) points in W, m, on the rays through such holes, up to the near limit; none for an
+        image without any measurement.
+    """
+    nothing = np.zeros((0, 3))
+    if not depth.any():
+        return nothing
+    behind = np.concatenate((behind, _floor(intrinsics, X_WC)))
+    R_WC, p_WC = X_WC.rotation().matrix(), X_WC.translation()
+    p_C = _in_camera(behind, X_WC)
+    ahead = p_C[(p_C[:, 2] > intrinsics.near + _BEYOND) & intrinsics.sees(p_C)]
+    columns, rows = _pixels(ahead, intrinsics)
+    hidden = _is_hole(depth)[rows, columns]
+    squares = columns[hidden] // _PITCH + (rows[hidden] // _PITCH) * intrinsics.width
+    ahead = ahead[hidden][np.unique(squares, return_index=True)[1]]
+    if len(ahead) < _LEAST_RAYS:
+        return nothing
+    depths = np.arange(_NEAREST, intrinsics.near + _MARGIN, _STEP)
+    rays_C = (ahead / ahead[:, 2:])[:, None] * depths[:, None]
+    rays_W = rays_C @ R_WC.T + p_WC
+    points = rays_W.reshape(-1, 3)
+    near = np.asarray(known[np.sum((known - p_WC) ** 2, axis=1) < (2 * intrinsics.near) ** 2])
+    explained = np.zeros(len(points), dtype=bool)
+    is_table = near[:, 2] < table + ON_TABLE
+    for some, margin in ((near[~is_table], _AROUND_KNOWN), (near[is_table], ON_TABLE)):
+        if len(some):
+            explained |= np.isfinite(cKDTree(some).query(points, distance_upper_bound=margin)[0])
+    for each in ignored:
+        explained |= near_solids(points, each.solids, each.poses, each.margin)
+    open_rays = ~explained.reshape(len(ahead), -1).any(axis=1)
+    if open_rays.sum() < _LEAST_RAYS:
+        return nothing
+    return np.asarray(rays_W[open_rays][:, depths >= _LIKELY].reshape(-1, 3))
+
+
+def _floor(intrinsics: CameraIntrinsics, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
+    """Where the image's rays meet the floor (N, 3), z = 0 in W, if nothing is in between [m]."""
+    rays_C = pixel_rays(intrinsics, _PITCH).reshape(-1, 3).astype(float)
+    rays_W = rays_C @ X_WC.rotation().matrix().T
+    p_WC = X_WC.translation()
+    downward = rays_W[:, 2] * _FARTHEST < -p_WC[2]
+    if p_WC[2] <= 0.0 or not downward.any():
+        return np.zeros((0, 3))
+    rays_W = rays_W[downward]
+    return np.asarray(p_WC - (p_WC[2] / rays_W[:, 2])[:, None] * rays_W)
+
+
+def _in_camera(p_W: Points, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
+    """Points (N, 3) of W in the camera frame [m]."""
+    p_C = (np.asarray(p_W, dtype=float) - X_WC.translation()) @ X_WC.rotation().matrix()
+    return np.asarray(p_C)
+
+
+def _pixels(p_C: Points, intrinsics: CameraIntrinsics) -> npt.NDArray[np.int64]:
+    """Columns and rows (2, N) of points (N, 3) that the camera sees."""
+    return np.rint(intrinsics.project(p_C)).astype(np.int64).T
+
+
+def _is_hole(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+    """Which pixels have measured nothing, nor have any around them."""
+    measured = (depth > 0).astype(np.uint8)
+    hole: npt.NDArray[np.bool_] = cv2.dilate(measured, np.ones((_HOLE, _HOLE), np.uint8)) == 0
+    return hole

@@ -1,0 +1,103 @@
+"""One step of obstacle perception: a depth image taken into the memory of what stands where."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.mapping.cloud import (
+    CloudParameters,
+    depth_in_metres,
+    observe_surfaces,
+    remove_solids,
+)
+from pepper_drake.perception.mapping.dynamic_obstacles import ApproachParameters
+from pepper_drake.perception.mapping.solids import Solid, near_solids
+from pepper_drake.perception.mapping.voxel_map import (
+    VoxelMap,
+    VoxelMapParameters,
+    add_points,
+    carve_free_space,
+    prune,
+)
+
+
+@dataclass(frozen=True)
+class ExcludedSolids:
+    """Solids that are seen but are no obstacles: the robot itself, the goal object.
+
+    Attributes:
+        solids: The solids.
+        poses: Pose X_WF of each solid's frame.
+        margin: Points closer than this belong to them [m].
+        keep_known_voxels: Whether points remembered within the margin, but not inside the solids,
+            are kept: the hand must not forget an obstacle because it comes close to it.
+    """
+
+    solids: Sequence[Solid]
+    poses: Sequence[RigidTransform]
+    margin: float
+    keep_known_voxels: bool = False
+
+
+@dataclass(frozen=True)
+class ObstacleParameters:
+    """How obstacles are seen and remembered.
+
+    Attributes:
+        cloud: What of a depth image is kept.
+        memory: How the map remembers.
+        approach: How what moves is followed.
+        treat_holes_as_near: Whether a hole in the image is of something too near to be measured; if
+            not, it means nothing.
+    """
+
+    cloud: CloudParameters = field(default_factory=CloudParameters)
+    memory: VoxelMapParameters = field(default_factory=VoxelMapParameters)
+    approach: ApproachParameters = field(default_factory=ApproachParameters)
+    treat_holes_as_near: bool = True
+
+
+def update_obstacles(
+    voxels: VoxelMap,
+    image: npt.NDArray[np.generic],
+    time: float,
+    X_WC: RigidTransform,
+    intrinsics: CameraIntrinsics,
+    ignored: Sequence[ExcludedSolids],
+    parameters: ObstacleParameters,
+) -> VoxelMap:
+    """Takes one depth image into the memory.
+
+    Args:
+        voxels: What was remembered before.
+        image: Depth image, see `depth_in_metres`; one without any measurement changes nothing.
+        time: When it was taken [s].
+        X_WC: The camera's pose at that time.
+        intrinsics: The camera.
+        ignored: What is no obstacle, where it was at that time.
+        parameters: How obstacles are seen and remembered.
+
+    Returns:
+        What is remembered now.
+    """
+    depth = depth_in_metres(image, intrinsics)
+    surface = observe_surfaces(depth, intrinsics, X_WC, parameters.cloud)
+    for each in ignored:
+        surface = remove_solids(surface, each.solids, each.poses, each.margin)
+    voxels = add_points(voxels, surface, time, parameters.memory)
+    spared = np.zeros(len(voxels), dtype=bool)
+    gone = np.zeros(len(voxels), dtype=bool)
+    for each in ignored:
+        near = near_solids(voxels.positions, each.solids, each.poses, each.margin)
+        spared |= near
+        if each.keep_known_voxels:
+            depth_inside = -parameters.memory.voxel_size / 2
+            near[near] = near_solids(voxels.positions[near], each.solids, each.poses, depth_inside)
+        gone |= near
+    voxels, spared = voxels.select(~gone), spared[~gone]
+    voxels = carve_free_space(voxels, depth, intrinsics, X_WC, time, parameters.memory, spared)
+    return prune(voxels, X_WC.translation(), time, parameters.memory)

@@ -1,0 +1,308 @@
+"""What was seen of the obstacles, kept in the world frame while the camera looks elsewhere.
+
+Pepper's depth camera is blind below 0.4 m, and near a table its view is full of table and arm. So
+each depth image adds to a map of voxels that stays. A voxel holds the mean of the points that fell
+into it, their mean normal, a score and the time when it was last hit. An image that looks through a
+voxel to something farther away takes from its score: things that left leave no ghosts. Where
+nothing came back nothing is known, and nothing changes.
+"""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.errors import InputError
+from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.mapping.cloud import SurfacePoints
+
+_KEY_BITS = 21
+_KEY_OFFSET = 1 << (_KEY_BITS - 1)
+_MAX_WEIGHT = 40.0
+"""Points that a voxel's mean remembers: it follows what changes slowly."""
+
+_LEAST_PIXELS = 4
+"""Pixels, of nine, that have to have measured something for a voxel to be looked through."""
+
+
+@dataclass(frozen=True)
+class VoxelMapParameters:
+    """How the map remembers.
+
+    Attributes:
+        voxel_size: Edge of a voxel [m].
+        hit: What a frame with a point in the voxel adds to its score.
+        miss: What a frame that looks through the voxel takes from its score.
+        doubt: What a frame takes that sees the voxel's surface, but no point in the voxel: so go
+            the voxels beside a surface that only the noise of a few frames has filled.
+        max_score: Highest score: it decides how long a voxel outlives its object.
+        carve_margin: A voxel is looked through when what is seen there is this much farther away,
+            m; beside it, three standard deviations of the depth noise.
+        depth_noise: Standard deviation of the depth at 1 m [m]; it grows with the square of depth.
+        max_age: Voxels not hit for this long are forgotten [s].
+        max_distance: Voxels farther than this from the camera are forgotten [m].
+    """
+
+    voxel_size: float = 0.0125
+    hit: int = 1
+    miss: int = 2
+    doubt: int = 1
+    max_score: int = 3
+    carve_margin: float = 0.012
+    depth_noise: float = 0.002
+    max_age: float = np.inf
+    max_distance: float = 3.0
+
+    def __post_init__(self) -> None:
+        if not self.voxel_size > 0:
+            raise InputError(f"voxel_size {self.voxel_size} must be positive.")
+
+
+@dataclass(frozen=True)
+class VoxelMap:
+    """Occupied voxels, sorted by key. Never changed once made: updates make new maps.
+
+    Attributes:
+        keys: (N,) int64, the voxel's place in the world's grid.
+        positions: (N, 3) float32, mean of its points in W [m].
+        normals: (N, 3) float32, sum of its points' normals, not normalised; zero if unknown.
+        weights: (N,) float32, points behind the mean.
+        scores: (N,) int16, hits less misses; all positive.
+        hit_times: (N,) when last hit [s].
+    """
+
+    keys: npt.NDArray[np.int64]
+    positions: npt.NDArray[np.float32]
+    normals: npt.NDArray[np.float32]
+    weights: npt.NDArray[np.float32]
+    scores: npt.NDArray[np.int16]
+    hit_times: npt.NDArray[np.float64]
+
+    @classmethod
+    def empty(cls) -> "VoxelMap":
+        """Returns a map of nothing."""
+        return cls(
+            np.zeros(0, np.int64),
+            np.zeros((0, 3), np.float32),
+            np.zeros((0, 3), np.float32),
+            np.zeros(0, np.float32),
+            np.zeros(0, np.int16),
+            np.zeros(0),
+        )
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def __deepcopy__(self, memo: dict) -> "VoxelMap":
+        """Returns itself: Drake copies the state at each event, and a map never changes."""
+        return self
+
+    def select(self, kept: npt.NDArray[np.bool_]) -> "VoxelMap":
+        """Returns the map of some of its voxels, by a mask (N,)."""
+        if kept.all():
+            return self
+        return VoxelMap(
+            self.keys[kept],
+            self.positions[kept],
+            self.normals[kept],
+            self.weights[kept],
+            self.scores[kept],
+            self.hit_times[kept],
+        )
+
+    def surface(self) -> SurfacePoints:
+        """Returns one point and unit normal for each voxel; normals are NaN where unknown."""
+        length = np.linalg.norm(self.normals, axis=1, keepdims=True)
+        unit = np.divide(
+            self.normals, length, out=np.full_like(self.normals, np.nan), where=length > 0
+        )
+        return SurfacePoints(self.positions, unit)
+
+
+def voxel_keys(positions: npt.NDArray[np.floating], voxel_size: float) -> npt.NDArray[np.int64]:
+    """Returns the key of the voxel that holds each point (N, 3).
+
+    Keys of points beyond about a million voxels from the origin are not unique.
+    """
+    cells = np.floor(positions * (1.0 / voxel_size)).astype(np.int64) + _KEY_OFFSET
+    return (cells[:, 0] << 2 * _KEY_BITS) | (cells[:, 1] << _KEY_BITS) | cells[:, 2]
+
+
+def add_points(
+    voxels: VoxelMap, surface: SurfacePoints, time: float, parameters: VoxelMapParameters
+) -> VoxelMap:
+    """Adds one frame's points; each voxel that gets any is hit once.
+
+    Args:
+        voxels: The map.
+        surface: The frame's points.
+        time: When the frame was taken [s].
+        parameters: Voxel size and scores.
+    """
+    if len(surface.positions) == 0:
+        return voxels
+    keys, cell = np.unique(
+        voxel_keys(surface.positions, parameters.voxel_size), return_inverse=True
+    )
+    count = len(keys)
+    weight = np.bincount(cell, minlength=count)
+    normals = np.nan_to_num(surface.normals, nan=0.0)
+    position_sum = np.stack(
+        [np.bincount(cell, surface.positions[:, k], count) for k in range(3)], axis=1
+    )
+    normal_sum = np.stack([np.bincount(cell, normals[:, k], count) for k in range(3)], axis=1)
+
+    place = np.searchsorted(voxels.keys, keys)
+    known = np.zeros(count, dtype=bool)
+    inside = place < len(voxels)
+    known[inside] = voxels.keys[place[inside]] == keys[inside]
+    old = place[known]
+
+    positions, all_normals = voxels.positions.copy(), voxels.normals.copy()
+    weights, scores, times = voxels.weights.copy(), voxels.scores.copy(), voxels.hit_times.copy()
+    total = weights[old] + weight[known]
+    positions[old] = (positions[old] * weights[old, None] + position_sum[known]) / total[:, None]
+    fading = np.minimum(1.0, _MAX_WEIGHT / total)
+    all_normals[old] = (all_normals[old] + normal_sum[known]) * fading[:, None]
+    weights[old] = total * fading
+    scores[old] = np.minimum(scores[old] + parameters.hit, parameters.max_score)
+    times[old] = time
+
+    new = ~known
+    at = place[new]
+    return VoxelMap(
+        np.insert(voxels.keys, at, keys[new]),
+        np.insert(positions, at, position_sum[new] / weight[new, None], axis=0),
+        np.insert(all_normals, at, normal_sum[new], axis=0),
+        np.insert(weights, at, weight[new]),
+        np.insert(scores, at, parameters.hit),
+        np.insert(times, at, time),
+    )
+
+
+def sees_free_space(
+    p_W: npt.NDArray[np.floating],
+    depth: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    parameters: VoxelMapParameters,
+) -> npt.NDArray[np.bool_]:
+    """Tells through which places an image looks to something farther away.
+
+    All that was measured by the nine pixels around a place's projection, at least four of them, is
+    clearly farther away.
+
+    Args:
+        p_W: The places (N, 3) [m].
+        depth: Depth image (height, width), m, 0 where nothing was measured.
+        intrinsics: The camera.
+        X_WC: Its pose when the image was taken.
+        parameters: Margins.
+
+    Returns:
+        (N,).
+    """
+    return is_free_space(p_W, minimum_depth(depth, intrinsics), intrinsics, X_WC, parameters)
+
+
+def minimum_depth(
+    depth: npt.NDArray[np.float32], intrinsics: CameraIntrinsics, width: int = 3
+) -> npt.NDArray[np.float32]:
+    """The least depth that was measured around each pixel [m]; 0 where too little was measured.
+
+    Args:
+        depth: Depth image (height, width), m, 0 where nothing was measured.
+        intrinsics: The camera.
+        width: Of the square around a pixel, an odd number.
+    """
+    if depth.size == 0:
+        return depth
+    measured = depth > 0
+    count = cv2.boxFilter(measured.astype(np.uint8), -1, (3, 3), normalize=False)
+    distant = np.where(measured, depth, np.float32(2 * intrinsics.far))
+    nearest = cv2.erode(distant, np.ones((width, width), np.uint8))
+    return np.where(count >= _LEAST_PIXELS, nearest, np.float32(0.0))
+
+
+def is_free_space(
+    p_W: npt.NDArray[np.floating],
+    clear: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    parameters: VoxelMapParameters,
+) -> npt.NDArray[np.bool_]:
+    """Tells which places (N, 3) an image looks through, by its `minimum_depth`."""
+    through = np.zeros(len(p_W), dtype=bool)
+    if len(p_W) == 0 or clear.size == 0:
+        return through
+    R_WC = X_WC.rotation().matrix().astype(p_W.dtype)
+    p_C = (p_W - X_WC.translation().astype(p_W.dtype)) @ R_WC
+    z = p_C[:, 2]
+    inside = np.flatnonzero((z > 0.05) & intrinsics.sees(p_C))
+    columns, rows = np.rint(intrinsics.project(p_C[inside])).astype(np.int64).T
+    margin = parameters.carve_margin + 3 * parameters.depth_noise * np.square(z[inside])
+    through[inside] = clear[rows, columns] - margin > z[inside]
+    return through
+
+
+def carve_free_space(
+    voxels: VoxelMap,
+    depth: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    time: float,
+    parameters: VoxelMapParameters,
+    spared: npt.NDArray[np.bool_] | None = None,
+) -> VoxelMap:
+    """Takes from the score of every voxel that the camera looks through, or sees no longer filled.
+
+    A voxel is looked through when all that was measured by the nine pixels around its projection,
+    at least four of them, is clearly farther away. Voxels hit at `time` are left alone.
+
+    Args:
+        voxels: The map.
+        depth: Depth image (height, width), m, 0 where nothing was measured.
+        intrinsics: The camera.
+        X_WC: Its pose when the image was taken.
+        time: When the image was taken [s].
+        parameters: Scores and margins.
+        spared: Voxels (N,) in which no points were looked for, so that having none means nothing.
+
+    Returns:
+        The map of voxels whose score is still positive.
+    """
+    if len(voxels) == 0 or depth.size == 0:
+        return voxels
+    R_WC = X_WC.rotation().matrix().astype(np.float32)
+    p_C = (voxels.positions - X_WC.translation().astype(np.float32)) @ R_WC
+    z = p_C[:, 2]
+    ahead = np.flatnonzero((z > 0.05) & (voxels.hit_times < time))
+    uv = np.rint(intrinsics.project(p_C[ahead])).astype(np.int64)
+    inside = np.all((uv >= 0) & (uv < [intrinsics.width, intrinsics.height]), axis=1)
+    ahead, uv = ahead[inside], uv[inside]
+    rows, columns = uv[:, 1], uv[:, 0]
+    clear = minimum_depth(depth, intrinsics)[rows, columns]
+    margin = parameters.carve_margin + 3 * parameters.depth_noise * np.square(z[ahead])
+    scores = voxels.scores.copy()
+    scores[ahead[clear - margin > z[ahead]]] -= parameters.miss
+    unfilled = np.abs(depth[rows, columns] - z[ahead]) <= margin
+    if spared is not None:
+        unfilled &= ~spared[ahead]
+    scores[ahead[unfilled]] -= parameters.doubt
+    return replace(voxels, scores=scores).select(scores > 0)
+
+
+def prune(
+    voxels: VoxelMap,
+    p_WC: npt.NDArray[np.float64],
+    time: float,
+    parameters: VoxelMapParameters,
+) -> VoxelMap:
+    """Drops voxels that were not hit for too long or are too far from the camera at p_WC (3,)."""
+    if len(voxels) == 0:
+        return voxels
+    offset = voxels.positions - p_WC.astype(np.float32)
+    near = np.einsum("ij,ij->i", offset, offset) <= parameters.max_distance**2
+    return voxels.select(near & (time - voxels.hit_times <= parameters.max_age))

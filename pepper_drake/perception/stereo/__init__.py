@@ -1,0 +1,1 @@
+"""Stereo matching and segmentation."""

@@ -1,0 +1,73 @@
+"""What a stereo pair sees: matched, cut into things, the robot's own body masked."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.perception.goal.marker import to_gray
+from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.perception.stereo.matching import (
+    Rectification,
+    StereoParameters,
+    disparity_to_depth,
+    match,
+    rectify_images,
+)
+from pepper_drake.perception.stereo.segmentation import (
+    SegmentationParameters,
+    body_mask,
+    segment_disparity,
+)
+
+
+@dataclass(frozen=True)
+class StereoResult:
+    """A pair of images, understood; all (height, width[, 3]) of the rectified left camera.
+
+    Attributes:
+        depth: m; 0 where nothing was matched, and where no thing or the robot is.
+        disparity: Pixels; 0 where nothing was matched.
+        things: 1, 2, ... for the things, 0 for what belongs to none.
+        body: Where the robot's own body may be.
+        image: The rectified left image.
+    """
+
+    depth: npt.NDArray[np.float32]
+    disparity: npt.NDArray[np.float32]
+    things: npt.NDArray[np.int32]
+    body: npt.NDArray[np.bool_]
+    image: npt.NDArray[np.uint8]
+
+
+def compute_stereo_depth(
+    left: npt.NDArray[np.uint8],
+    right: npt.NDArray[np.uint8],
+    rectification: Rectification,
+    X_WC: RigidTransform,
+    solids: Sequence[Solid],
+    poses: Sequence[RigidTransform],
+    parameters: StereoParameters,
+    segmentation: SegmentationParameters,
+) -> StereoResult:
+    """Makes a depth image of things from a pair of raw images.
+
+    Args:
+        left: The left camera's image (height, width, 3 or 4).
+        right: The right camera's.
+        rectification: Of the two.
+        X_WC: Pose of the rectified left camera.
+        solids: The robot's solids.
+        poses: Pose X_WF of each solid's frame.
+        parameters: Of the matching.
+        segmentation: How the image is cut into things.
+    """
+    left, right = rectify_images(left, right, rectification)
+    disparity = match(to_gray(left), to_gray(right), rectification, parameters)
+    things = segment_disparity(disparity, left[..., :3], segmentation)
+    body = body_mask(solids, poses, X_WC, rectification.intrinsics, parameters.body_margin)
+    depth = disparity_to_depth(disparity, rectification)
+    depth[(things == 0) | body] = 0
+    return StereoResult(depth, disparity, things, body, left[..., :3])

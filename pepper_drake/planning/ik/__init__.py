@@ -1,0 +1,1 @@
+"""Inverse kinematics, joint limits and checks of commands."""

@@ -1,0 +1,63 @@
+"""Is a joint command one that the robot may be given?"""
+
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.models.control_model import CommandLimits
+
+Vector = npt.NDArray[np.float64]
+
+
+class StopReason(IntEnum):
+    """Why the robot was told to hold still."""
+
+    NONE = 0
+    COMMAND_NOT_FINITE = 1
+    COMMAND_OUTSIDE_LIMITS = 2
+    COMMAND_TOO_FAST = 3
+    LINK_TOO_CLOSE = 4
+    REQUESTED = 5
+
+
+STOP_SENTENCES: dict[StopReason, str] = {
+    StopReason.NONE: "",
+    StopReason.COMMAND_NOT_FINITE: "a joint command was not a finite number",
+    StopReason.COMMAND_OUTSIDE_LIMITS: "a joint command was outside its position limits",
+    StopReason.COMMAND_TOO_FAST: "a joint command asked for more than the rated velocity",
+    StopReason.LINK_TOO_CLOSE: "a link of the arm came too close to an obstacle",
+    StopReason.REQUESTED: "the robot was asked to stop",
+}
+
+
+def check_command(
+    command: Vector,
+    previous: Vector,
+    limits: CommandLimits,
+    *,
+    time_step: float,
+    tolerance: float = 1e-6,
+) -> StopReason:
+    """Checks a joint command against the one before it.
+
+    Args:
+        command: Joint positions (n,) [rad].
+        previous: The command of the tick before (n,) [rad].
+        limits: Of the same joints.
+        time_step: Time between the two [s].
+        tolerance: Rounding allowed to positions [rad].
+
+    Returns:
+        `StopReason.NONE` when the command is finite, inside the position limits and no farther
+        from the previous one than the velocity limits allow; else the first of these that fails.
+    """
+    inside = (command >= limits.position_lower - tolerance) & (
+        command <= limits.position_upper + tolerance
+    )
+    if not inside.all():  # What is not finite is not inside either.
+        finite = np.isfinite(command).all()
+        return StopReason.COMMAND_OUTSIDE_LIMITS if finite else StopReason.COMMAND_NOT_FINITE
+    if (np.abs(command - previous) > limits.velocity * time_step + tolerance).any():
+        return StopReason.COMMAND_TOO_FAST
+    return StopReason.NONE

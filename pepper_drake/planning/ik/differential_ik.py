@@ -1,0 +1,186 @@
+"""Differential inverse kinematics of one arm, of Drake's own parts."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RigidTransform
+from pydrake.multibody.inverse_kinematics import DifferentialInverseKinematicsSystem
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.planning import DofMask, JointLimits
+
+from pepper_drake.learning import rotations
+from pepper_drake.models.control_model import CONTROL_PERIOD, ControlModel, arm_joints
+from pepper_drake.models.pepper import elbow_roll_limits, hand_frame
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass
+class DifferentialIkParams:
+    """Weights and limits of the arm's inverse kinematics.
+
+    Each tick solves, for the arm's five joint velocities v,
+
+        min  position_weight |p-dot_d - J_p v|^2 + orientation_weight |w_d - J_w v|^2
+             + |P (v - posture_gain (q_nominal - q))|^2
+
+    Position comes first: an error of 1 cm/s weighs as much as one of
+    0.01 sqrt(position_weight / orientation_weight) = 0.45 rad/s of direction. The posture term's
+    unit weight is at once the damping near the singular poses: a direction in which the hand
+    hardly moves, |J u| << position_weight^-1/2 = 0.007 m/rad, is left to the posture.
+    """
+
+    time_step: float = CONTROL_PERIOD
+    """Period of the controller [s]."""
+    position_weight: float = 2e4
+    orientation_weight: float = 10.0
+    posture_gain: float = 5.0
+    """Pull to the nominal posture [1/s]."""
+    tracking_rate: float = 40.0
+    """Rate at which the hand's pose error is made up for, 1/s. The hand's velocity is fed forward
+    besides, so that this costs no lag; much faster, the acceleration limits of the joint commands
+    would turn the loop into an oscillator."""
+    speed_fraction: float = 0.5
+    """Share of the rated joint velocities that may be used."""
+    limit_margin: float = 1e-3
+    """Distance to a position limit at which motion towards it ends [rad]."""
+    limit_influence: float = 0.1
+    """Distance to a position limit from which on motion towards it is slowed [rad]."""
+    linear_velocity_limit: float = 1.0
+    """Per axis of the torso frame [m/s]."""
+    angular_velocity_limit: float = 3.0
+    """Per axis of the torso frame [rad/s]."""
+
+    @property
+    def tracking_gain(self) -> float:
+        """Share of the hand's pose error that is made up for in one tick, below 1."""
+        return -math.expm1(-self.tracking_rate * self.time_step)
+
+
+def hand_key(arm: str) -> str:
+    """The hand's scoped frame name, the key of its pose on the bus `desired_cartesian_poses`."""
+    return f"pepper::{hand_frame(arm)}"
+
+
+def feedforward_pose(
+    position: Vector, next_position: Vector, rotation: Vector, next_rotation: Vector, gain: float
+) -> RigidTransform:
+    """The pose to ask for so that the hand moves with its path and makes up for its error.
+
+    Drake's system asks for the velocity gain (X_asked - X) / dt. With
+
+        X_asked = X_next + (1 - gain) / gain (X_next - X_now)
+
+    that is the path's own velocity (X_next - X_now) / dt, and gain times the present error.
+
+    Args:
+        position: (3,) where the hand should be now [m], in T.
+        next_position: (3,) where it should be one tick later.
+        rotation: (4,) its orientation now, unit quaternion w, x, y, z.
+        next_rotation: (4,) the same one tick later.
+        gain: In (0, 1].
+    """
+    p, R = feedforward_poses(position, next_position, rotation, next_rotation, gain)
+    return RigidTransform(Quaternion(R), p)
+
+
+def feedforward_poses(
+    position: Vector, next_position: Vector, rotation: Vector, next_rotation: Vector, gain: float
+) -> tuple[Vector, Vector]:
+    """Feed-forward poses of many ticks at once: positions (..., 3) [m], rotations (..., 4)."""
+    lead = (1.0 - gain) / gain
+    turn = rotations.log_map(rotations.multiply(next_rotation, rotations.conjugate(rotation)))
+    asked = rotations.multiply(rotations.exp_map(lead * turn), next_rotation)
+    return next_position + lead * (next_position - position), rotations.normalize(asked)
+
+
+def conservative_elbow_roll_limits(arm: str) -> tuple[float, float]:
+    """The elbow roll's range (lower, upper), rad, that every elbow yaw allows.
+
+    The solver knows only constant limits. The 11 degrees that some yaws would allow besides are
+    at the folded end, where the hand is nearest to the shoulder.
+    """
+    ranges = [elbow_roll_limits(yaw, arm) for yaw in np.linspace(-2.1, 2.1, 85)]
+    return max(lower for lower, _ in ranges), min(upper for _, upper in ranges)
+
+
+def make_differential_ik(
+    model: ControlModel, arm: str, params: DifferentialIkParams
+) -> DifferentialInverseKinematicsSystem:
+    """Makes the system that turns the hand's next pose in the torso frame into joint velocities.
+
+    Ports (Drake's): `position` and `nominal_posture` are plant positions (18,),
+    `desired_cartesian_poses` a bus with X_TH under `hand_key(arm)`; `commanded_velocity` has the
+    arm's five joints, shoulder to wrist.
+
+    Position is weighed over direction by two least-squares costs. Two joint-centering costs,
+    each blind to one rotation axis only, together pull every joint to the nominal posture with
+    unit weight, which damps the singular poses (see `DifferentialIkParams`).
+    """
+    dik = DifferentialInverseKinematicsSystem
+    key = hand_key(arm)
+    translation = {key: np.array([0.0, 0, 0, 1, 1, 1])}
+    rotation = {key: np.array([1.0, 1, 1, 0, 0, 0])}
+
+    indices = model.position_indices(arm_joints(arm))
+    mask = DofMask([k in indices for k in range(model.plant.num_positions())])
+    rated = JointLimits(model.plant)
+    lower, upper = rated.position_lower(), rated.position_upper()
+    elbow_roll = indices[3]
+    lower[elbow_roll], upper[elbow_roll] = conservative_elbow_roll_limits(arm)
+    limits = JointLimits(
+        position_lower=lower,
+        position_upper=upper,
+        velocity_lower=params.speed_fraction * rated.velocity_lower(),
+        velocity_upper=params.speed_fraction * rated.velocity_upper(),
+        acceleration_lower=rated.acceleration_lower(),
+        acceleration_upper=rated.acceleration_upper(),
+    )
+
+    recipe = dik.Recipe()
+    recipe.AddIngredient(
+        dik.LeastSquaresCost(
+            dik.LeastSquaresCost.Config(
+                cartesian_qp_weight=params.position_weight, cartesian_axis_masks=translation
+            )
+        )
+    )
+    recipe.AddIngredient(
+        dik.LeastSquaresCost(
+            dik.LeastSquaresCost.Config(
+                cartesian_qp_weight=params.orientation_weight, cartesian_axis_masks=rotation
+            )
+        )
+    )
+    for axis in range(2):
+        blind = np.zeros(6)
+        blind[axis] = 1
+        recipe.AddIngredient(
+            dik.JointCenteringCost(
+                dik.JointCenteringCost.Config(
+                    posture_gain=params.posture_gain, cartesian_axis_masks={key: blind}
+                )
+            )
+        )
+    recipe.AddIngredient(
+        dik.JointVelocityLimitConstraint(
+            dik.JointVelocityLimitConstraint.Config(
+                min_margin=params.limit_margin, influence_margin=params.limit_influence
+            ),
+            JointLimits(limits, mask),
+        )
+    )
+    return dik(
+        recipe=recipe,
+        task_frame="pepper::torso",
+        collision_checker=model.make_collision_checker(),
+        active_dof=mask,
+        time_step=params.time_step,
+        K_VX=params.tracking_gain,
+        Vd_TG_limit=SpatialVelocity(
+            w=[params.angular_velocity_limit] * 3, v=[params.linear_velocity_limit] * 3
+        ),
+    )

@@ -1,0 +1,69 @@
+"""Postures of an arm that put its hand at a point: many at once.
+
+Five joints reach a point in space with two degrees of freedom to spare, which turn the hand and
+move the elbow. A library of random postures, made once, is searched for those whose hand is near;
+a few damped least-squares steps bring each of them to the point, and what was random about them
+spreads them over the two degrees of freedom.
+"""
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+
+Vector = npt.NDArray[np.float64]
+
+_LIBRARY_SIZE = 20000
+_SEED = 1
+_DAMPING = 0.01
+"""Of the least-squares steps, m/rad."""
+_LARGEST_STEP = 0.3
+"""Of a joint in one step [rad]."""
+
+
+class GoalConfigurations:
+    """Finds postures for hand positions.
+
+    Args:
+        kinematics: Of the arm.
+        lower: (5,) limits of its joints [rad].
+        upper: (5,) rad.
+    """
+
+    def __init__(self, kinematics: ArmKinematics, lower: Vector, upper: Vector) -> None:
+        self._kinematics, self._lower, self._upper = kinematics, lower, upper
+        rng = np.random.default_rng(_SEED)
+        self._joints = rng.uniform(lower, upper, (_LIBRARY_SIZE, 5))
+        self._hands = cKDTree(kinematics.poses(self._joints).hand_position)
+
+    def near(self, p_TH: Vector, count: int) -> Vector:
+        """The library's postures (count, 5), rad, whose hands are nearest to a point (3,) in T."""
+        return self._joints[self._hands.query(p_TH, k=count)[1]]
+
+    def solve(
+        self, targets: Vector, starts: Vector, *, steps: int = 8, tolerance: float = 2e-4
+    ) -> tuple[Vector, npt.NDArray[np.bool_]]:
+        """Moves postures by the least they need to put their hands at points.
+
+        Args:
+            targets: (M, 3) in T, m, or one point (3,).
+            starts: (M, 5) rad.
+            steps: Number of steps of damped least squares.
+            tolerance: m.
+
+        Returns:
+            Postures (M, 5), and which of them are there.
+        """
+        q = np.clip(starts, self._lower, self._upper)
+        damping = _DAMPING**2 * np.eye(3)
+        for _ in range(steps):
+            poses = self._kinematics.poses(q)
+            error = targets - poses.hand_position
+            J = poses.hand_jacobian()[:, 3:]
+            push = np.linalg.solve(J @ J.swapaxes(1, 2) + damping, error[..., None])
+            step = (J.swapaxes(1, 2) @ push)[..., 0]
+            step /= np.maximum(np.abs(step).max(axis=1, keepdims=True) / _LARGEST_STEP, 1.0)
+            q = np.clip(q + step, self._lower, self._upper)
+        error = np.linalg.norm(targets - self._kinematics.poses(q).hand_position, axis=1)
+        return q, error <= tolerance

@@ -1,0 +1,1 @@
+"""The reach: planning scene, simulation, planner, base placement, supervision."""

@@ -1,0 +1,162 @@
+"""A movement played through: the joint commands that the diagram would give for it."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import BusValue
+
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+from pepper_drake.models.control_model import ControlModel, arm_joints
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.command_limits import limit_joint_command
+from pepper_drake.planning.ik.differential_ik import (
+    DifferentialIkParams,
+    feedforward_poses,
+    hand_key,
+    make_differential_ik,
+)
+from pepper_drake.planning.reach.movement import Movement
+
+Vector = npt.NDArray[np.float64]
+
+_STILL = 0.02
+"""Joint speed below which the arm counts as standing [rad/s]."""
+
+
+class HandPath(NamedTuple):
+    """Where a movement wants the hand and the joints, every time step.
+
+    Attributes:
+        positions: (N, 3) in T [m].
+        rotations: (N, 4) unit quaternions w, x, y, z.
+        joints: (N, 5) nominal [rad].
+        ends: Index of the sample at which the motion itself ends; from there on it settles.
+    """
+
+    positions: Vector
+    rotations: Vector
+    joints: Vector
+    ends: int
+
+
+class ArmState(NamedTuple):
+    """Command of the arm's joints (5,), rad, and its velocity (5,) [rad/s]."""
+
+    position: Vector
+    velocity: Vector
+
+
+class KinematicSimulator:
+    """Plays movements through: primitive, coupling, inverse kinematics and command limits.
+
+    Args:
+        model: Pepper.
+        geometry: Of the arm.
+        ik: Parameters of the inverse kinematics.
+        settle: How long a motion goes on after its end at most, in tau.
+    """
+
+    def __init__(
+        self,
+        model: ControlModel,
+        geometry: ArmGeometry,
+        ik: DifferentialIkParams,
+        settle: float,
+    ) -> None:
+        self._geometry, self._params, self._settle = geometry, ik, settle
+        self._ik = make_differential_ik(model, geometry.arm, ik)
+        names = arm_joints(geometry.arm)
+        self.limits = model.command_limits(names, speed_fraction=ik.speed_fraction)
+        self.time_step = ik.time_step
+        self._indices = model.position_indices(names)
+        self._num_positions = model.plant.num_positions()
+
+    def roll_out(
+        self,
+        movement: Movement,
+        start: ArmState,
+        X_TG: RigidTransform,
+        field: PointCloudDistance,
+        duration: float | None = None,
+    ) -> HandPath:
+        """The hand's path from where the arm is to its goal.
+
+        Args:
+            movement: What to perform.
+            start: Of the arm.
+            X_TG: The hand's goal.
+            field: The obstacles that the coupling knows, in T.
+            duration: tau [s]; the primitive's if left out.
+        """
+        X_TH = self._geometry.hand_pose(start.position)
+        velocity = np.zeros(3)
+        if start.velocity.any():
+            J = self._geometry.kinematics.poses(start.position[None]).hand_jacobian()[0]
+            velocity = J[3:] @ start.velocity
+        time_step = self._params.time_step
+        path = movement.primitive.rollout(
+            time_step=time_step,
+            start=X_TH.translation(),
+            goal=X_TG.translation(),
+            start_velocity=velocity,
+            start_rotation=X_TH.rotation().ToQuaternion().wxyz(),
+            goal_rotation=X_TG.rotation().ToQuaternion().wxyz(),
+            duration=duration,
+            obstacles=None if movement.coupling is None else field,
+            coupling="barrier" if movement.coupling is None else movement.coupling,
+            settle=self._settle,
+        )
+        assert path.rotations is not None
+        assert path.joints is not None
+        tau = movement.primitive.duration if duration is None else duration
+        ends = len(path.times) - 1 - int(self._settle * tau / time_step)
+        return HandPath(path.positions, path.rotations, path.joints, max(ends, 0))
+
+    def track(self, start: ArmState, path: HandPath, tolerance: float) -> Vector:
+        """The arm's joint commands (N, 5) along a hand path, as the diagram would give them.
+
+        They end with the path, or when the arm stands within half a tolerance [m] of its end.
+        """
+        ik = self._ik
+        context = ik.CreateDefaultContext()
+        position_port = ik.get_input_port_position()
+        nominal_port = ik.get_input_port_nominal_posture()
+        poses_port = ik.get_input_port_desired_cartesian_poses()
+        velocity_port = ik.get_output_port()
+        key, gain = hand_key(self._geometry.arm), self._params.tracking_gain
+        p, R = path.positions, path.rotations
+        asked_p, asked_R = feedforward_poses(p[:-1], p[1:], R[:-1], R[1:], gain)
+        q = np.zeros(self._num_positions)
+        nominal = q.copy()
+        joints, velocity = start
+        commands = np.empty((len(path.positions), 5))
+        commands[0] = joints
+        # The inputs' values are written in place, which saves making three of them every tick.
+        position = position_port.FixValue(context, q)
+        posture = nominal_port.FixValue(context, nominal)
+        poses = poses_port.FixValue(context, Value(BusValue()))
+        for n in range(1, len(commands)):
+            q[self._indices] = joints
+            nominal[self._indices] = path.joints[n - 1]
+            pose = RigidTransform(Quaternion(asked_R[n - 1]), asked_p[n - 1])
+            poses.GetMutableData().get_mutable_value().Set(key, Value(pose))
+            position.GetMutableData().get_mutable_value().SetFromVector(q)
+            posture.GetMutableData().get_mutable_value().SetFromVector(nominal)
+            joints, velocity = limit_joint_command(
+                joints,
+                velocity,
+                velocity_port.Eval(context),
+                arm=self._geometry.arm,
+                limits=self.limits,
+                time_step=self._params.time_step,
+            )
+            commands[n] = joints
+            if n >= path.ends and n % 5 == 0 and np.abs(velocity).max() < _STILL:
+                off = self._geometry.hand_pose(joints).translation() - path.positions[-1]
+                if np.sqrt(off @ off) < 0.5 * tolerance:
+                    return commands[: n + 1]
+        return commands

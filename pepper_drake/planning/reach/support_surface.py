@@ -1,0 +1,91 @@
+"""What was not seen of the surface on which the goal object stands.
+
+A camera that looks at the goal from near sees a part of a table only. To a search for free space
+the rest looks free, and swinging out sideways, over where nothing was seen, looks best of all. So
+the surface is taken to go on along its front edge.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+Vector = npt.NDArray[np.float64]
+
+_THICKNESS = 0.025
+"""How far points may be from the goal object's bottom and belong to the surface [m]."""
+_BIN = 0.04
+"""Width of the stripes in which the front edge is looked for [m]."""
+_FEWEST = 5
+"""Stripes that it takes to see an edge."""
+_BEYOND = 0.5
+"""How far the surface is taken to go on [m]."""
+_DEPTH = 0.2
+"""How deep, from the edge [m]."""
+_SPACING = 0.02
+_RAGGED = 0.012
+"""How far points of a straight edge may be off it [m]."""
+
+
+def extrapolate_support_surface(cloud_W: Vector, p_WO: Vector, p_WB: Vector) -> Vector:
+    """Points (K, 3) of the surface beside what was seen of it [m].
+
+    The front edge is where the surface begins in front of the goal, stripe by stripe. Farther aside
+    the view, which is a fan, may begin behind the edge: those stripes do not count.
+
+    Args:
+        cloud_W: (P, 3) what was seen.
+        p_WO: (3,) the goal object's bottom.
+        p_WB: (2,) or more: where the robot is.
+
+    Returns:
+        None, (0, 3), where no surface was seen.
+    """
+    on = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < _THICKNESS]
+    ahead = p_WO[:2] - p_WB[:2]
+    distance = np.linalg.norm(ahead)
+    if len(on) < _FEWEST or distance < 1e-6:
+        return np.zeros((0, 3))
+    ahead = ahead / distance
+    left = np.array([-ahead[1], ahead[0]])
+    along = (on[:, :2] - p_WB[:2]) @ left
+    depth = (on[:, :2] - p_WB[:2]) @ ahead
+    stripes = np.floor(along / _BIN).astype(int)
+    numbers, index = np.unique(stripes, return_inverse=True)
+    if len(numbers) < _FEWEST:
+        return np.zeros((0, 3))
+    front = np.full(len(numbers), np.inf)
+    np.minimum.at(front, index, depth)
+    slope, offset = _front_line((numbers + 0.5) * _BIN, front)
+    behind = depth - (offset + slope * along)
+    beyond = np.arange(_SPACING, _BEYOND, _SPACING)
+    rows = []
+    for deep in np.arange(0.0, _DEPTH, _SPACING):
+        seen = along[np.abs(behind - deep) < _SPACING]
+        if len(seen):
+            y = np.concatenate((seen.min() - beyond, seen.max() + beyond))
+            x = offset + slope * y + deep
+            rows.append(p_WB[:2] + x[:, None] * ahead + y[:, None] * left)
+    xy = np.concatenate(rows) if rows else np.zeros((0, 2))
+    return np.column_stack((xy, np.full(len(xy), p_WO[2])))
+
+
+def _front_line(y: Vector, front: Vector) -> tuple[float, float]:
+    """Slope and offset of the edge x = offset + slope y from where stripes (N,) at y begin.
+
+    The edge is the side of their convex hull that faces the robot, at y = 0, made better by least
+    squares through all stripes that begin there.
+    """
+    best = (0.0, float(front.min()))
+    rise = (front - front[:, None]) / np.where(y == y[:, None], 1.0, y - y[:, None])
+    # Of all lines through a stripe on either side, the one below which none begins.
+    i, j = np.nonzero((y[:, None] <= 0.0) & (y > 0.0))
+    offsets = front[i] - rise[i, j] * y[i]
+    below = front < offsets[:, None] + rise[i, j][:, None] * y - 1e-9
+    hull = np.flatnonzero(~below.any(axis=1))
+    if len(hull):
+        best = (float(rise[i, j][hull[0]]), float(offsets[hull[0]]))
+    slope, offset = best
+    on = front <= offset + slope * y + _RAGGED
+    if np.count_nonzero(on) < 2:
+        return best
+    slope, offset = np.polyfit(y[on], front[on], 1)
+    return float(slope), float(offset)

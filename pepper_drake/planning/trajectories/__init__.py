@@ -1,0 +1,1 @@
+"""Joint trajectories: cost, search, adaptation, retreat."""

@@ -1,0 +1,97 @@
+"""Paths of an arm's joints from one posture to another, as functions of relative time."""
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import BSpline
+
+Vector = npt.NDArray[np.float64]
+
+_DEGREE = 4
+
+
+def minimum_jerk(relative_times: Vector) -> Vector:
+    """The share (N,) of the way at relative times (N,) from 0 to 1: 10 s³ - 15 s⁴ + 6 s⁵."""
+    s = np.clip(relative_times, 0.0, 1.0)
+    return s**3 * (10.0 + s * (6.0 * s - 15.0))
+
+
+def retarget(paths: Vector, start: Vector, goals: Vector) -> Vector:
+    """Paths with another start and other goals.
+
+    The demonstrated path q_d becomes q_d + (1 - m) (q_0 - q_d(0)) + m (q_g - q_d(1)), m of
+    `minimum_jerk`: both ends are met, at the rest at which the demonstration was there.
+
+    Args:
+        paths: (..., N, 5) at even relative times [rad].
+        start: (5,) rad.
+        goals: (..., 5) rad.
+
+    Returns:
+        (..., N, 5).
+    """
+    m = minimum_jerk(np.linspace(0.0, 1.0, paths.shape[-2]))[:, None]
+    before = (start - paths[..., 0, :])[..., None, :]
+    after = (goals - paths[..., -1, :])[..., None, :]
+    return paths + (1.0 - m) * before + m * after
+
+
+def resampled(paths: Vector, samples: int) -> Vector:
+    """Paths (..., N, 5) at another number of even times, (..., samples, 5)."""
+    place = np.linspace(0.0, paths.shape[-2] - 1, samples)
+    before = np.minimum(place.astype(int), paths.shape[-2] - 2)
+    share = (place - before)[:, None]
+    return (1.0 - share) * paths[..., before, :] + share * paths[..., before + 1, :]
+
+
+@lru_cache(maxsize=8)
+def perturbation_basis(count: int, samples: int) -> Vector:
+    """Smooth bumps (samples, count) at even relative times, of peak 1.
+
+    They are B-splines of fourth degree; those that move the ends or the velocity or acceleration
+    there are left out, so that a path to which they are added keeps its start and goal.
+    """
+    inner = count + 6 - _DEGREE
+    knots = np.concatenate((np.zeros(_DEGREE), np.linspace(0, 1, inner + 1), np.ones(_DEGREE)))
+    s = np.linspace(0.0, 1.0, samples)
+    values = BSpline.design_matrix(s, knots, _DEGREE).toarray()[:, 3:-3]
+    values = np.asarray(values / values.max(axis=0), dtype=np.float64)
+    values.setflags(write=False)
+    return values
+
+
+def minimum_duration(paths: Vector, velocity: Vector, acceleration: Vector) -> Vector:
+    """The shortest durations (...) [s] in which paths keep limits, timed as they are.
+
+    Args:
+        paths: (..., N, 5) at even relative times [rad].
+        velocity: (5,) rad/s.
+        acceleration: (5,) rad/s².
+    """
+    count = paths.shape[-2] - 1
+    rates = np.diff(paths, axis=-2)
+    speed = (np.abs(rates) / velocity).max(axis=(-2, -1)) * count
+    bend = (np.abs(np.diff(rates, axis=-2)) / acceleration).max(axis=(-2, -1)) * count**2
+    return np.maximum(speed, np.sqrt(bend))
+
+
+def time_parameterize(waypoints: Vector, samples: int) -> Vector:
+    """A path (samples, 5) through waypoints (K, 5), K >= 2, at rest at both ends.
+
+    The arm goes along the straight lines between them by minimum jerk of the way; the corners are
+    then rounded by a running mean over a tenth of the time.
+    """
+    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))))
+    share = minimum_jerk(np.linspace(0.0, 1.0, samples)) * way[-1]
+    path = np.stack([np.interp(share, way, column) for column in waypoints.T], axis=1)
+    return smoothed(path)
+
+
+def smoothed(path: Vector) -> Vector:
+    """A path (N, 5) with its corners rounded by a running mean over a tenth of it, same ends."""
+    half = max(len(path) // 20, 1)
+    padded = np.concatenate((np.repeat(path[:1], half, 0), path, np.repeat(path[-1:], half, 0)))
+    sums = np.cumsum(np.concatenate((np.zeros((1, 5)), padded)), axis=0)
+    mean = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
+    return retarget(mean, path[0], path[-1])

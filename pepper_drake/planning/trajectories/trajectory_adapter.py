@@ -1,0 +1,340 @@
+"""Adapts a demonstrated movement of the whole arm to a scene."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.models.control_model import ControlModel, arm_joints
+from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.ik.differential_ik import conservative_elbow_roll_limits
+from pepper_drake.planning.ik.goal_configurations import GoalConfigurations
+from pepper_drake.planning.trajectories.joint_trajectories import (
+    minimum_duration,
+    resampled,
+    retarget,
+    smoothed,
+    time_parameterize,
+)
+from pepper_drake.planning.trajectories.rrt_connect import RrtConnectParams, rrt_connect
+from pepper_drake.planning.trajectories.trajectory_cost import PathCostParams, TrajectoryCost
+from pepper_drake.planning.trajectories.trajectory_search import (
+    PathSearchParams,
+    optimize_trajectory,
+)
+
+Vector = npt.NDArray[np.float64]
+
+PLANNED = -1
+"""The origin of a path that came from a planner."""
+
+_LOOKED_AT = 32
+"""How many goal postures are looked at together."""
+_ROUNDING = 0.001
+"""How much nearer than start and goal the way between them may be [m]."""
+
+
+@dataclass
+class AdaptationParams:
+    """How a demonstration is adapted; m, rad [s]."""
+
+    cost: PathCostParams = field(default_factory=PathCostParams)
+    search: PathSearchParams = field(default_factory=PathSearchParams)
+    samples: int = 50
+    """Of a path."""
+    starts: int = 150
+    """Postures of the library from which goal postures are solved for."""
+    goals_kept: int = 3
+    """Goal postures per demonstration."""
+    turn: float = 0.6
+    """Turn of the hand from the wanted goal orientation that costs 1 [rad]."""
+    posture: float = 1.0
+    """Distance of the joints from the demonstration's end that costs 1 [rad]."""
+    goal_clearance: float = 0.014
+    """Wanted at the goal posture [m]."""
+    least_goal_clearance: float = 0.006
+    """With less a goal posture is none [m]."""
+    object_clearance: float = 0.004
+    """Least distance to the goal object there, whose shape and place are known well [m]."""
+    limit_margin: float = 0.02
+    """Kept to joint limits [rad]."""
+    candidates: int = 3
+    """How many demonstrations' paths are searched from at most."""
+    good_cost: float = 4.0
+    """A clear path that costs less is taken at once; others are compared."""
+    planner: RrtConnectParams = field(default_factory=RrtConnectParams)
+    """Looks for a way where none of them could be bent to one."""
+    padding: float = 0.015
+    """Clearance with which it looks [m]."""
+    accepted_slack: float = -0.005
+    """Lack of clearance with which a path is taken [m]."""
+    speed_share: float = 0.4
+    """Share of the rated joint velocities that a path may use."""
+    acceleration_share: float = 0.8
+    """Share of the joints' acceleration limit that it may use."""
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptedTrajectory:
+    """A path of the arm's joints through a scene.
+
+    Attributes:
+        joints: (N, 5) at even times [rad].
+        duration: s.
+        slack: Least clearance less the wanted one [m].
+        cost: Its cost.
+        origin: Which demonstration it came from, or `PLANNED`.
+        generations: Of the search.
+    """
+
+    joints: Vector
+    duration: float
+    slack: float
+    cost: float
+    origin: int
+    generations: int
+
+
+class TrajectoryAdapter:
+    """Finds clear paths of an arm from demonstrated ones.
+
+    Args:
+        model: Pepper.
+        arm: "left" or "right".
+        demonstrations: (D, N, 5) joints at even relative times [rad]; the first is the one to be
+            like.
+        duration: Of the demonstrations [s].
+        params: Weights and sizes.
+    """
+
+    def __init__(
+        self,
+        model: ControlModel,
+        arm: str,
+        demonstrations: Vector,
+        duration: float,
+        params: AdaptationParams,
+    ) -> None:
+        self._duration, self.params = duration, params
+        self._demonstrations = resampled(demonstrations, params.samples)
+        self._kinematics = arm_kinematics(model, arm)
+        limits = model.command_limits(arm_joints(arm), speed_fraction=params.speed_share)
+        lower, upper = limits.position_lower.copy(), limits.position_upper.copy()
+        lower[3], upper[3] = conservative_elbow_roll_limits(arm)
+        self._lower, self._upper = lower + params.limit_margin, upper - params.limit_margin
+        self._limits = limits.velocity, params.acceleration_share * limits.acceleration
+        self._postures = GoalConfigurations(self._kinematics, self._lower, self._upper)
+
+    def adapt(
+        self,
+        start: Vector,
+        X_TG: RigidTransform,
+        surroundings: ArmCollisionChecker,
+        rollout: Vector | None = None,
+        *,
+        plan: bool = True,
+        allowance: float = 0.0,
+    ) -> AdaptedTrajectory | None:
+        """Looks for a clear path from a posture to a hand goal.
+
+        Args:
+            start: (5,) rad.
+            X_TG: Where the hand's position should end, and how it should be turned there if
+                that can be had.
+            surroundings: What is around the arm.
+            rollout: (K, 5) what the demonstration alone would make of it, one more to start from.
+            plan: Whether a path planner is asked where no demonstration can be bent to a way.
+            allowance: How much less clearance than otherwise is enough at the goal [m].
+
+        Returns:
+            The best path found, whether it is clear or not; None if no clear posture reaches the
+            goal.
+        """
+        demonstrations = self._demonstrations
+        if rollout is not None:
+            # What the barrier and the limits did to it leaves it jerky.
+            own = smoothed(smoothed(resampled(rollout, self.params.samples)))[None]
+            demonstrations = np.concatenate((own, demonstrations))
+        return self._adapt(
+            start, X_TG, surroundings, demonstrations, self._duration, plan, allowance
+        )
+
+    def adapt_remaining(
+        self,
+        start: Vector,
+        X_TG: RigidTransform,
+        surroundings: ArmCollisionChecker,
+        remaining: Vector,
+        duration: float,
+    ) -> AdaptedTrajectory | None:
+        """Looks for a clear path to go on with, while the arm is on its way; see `adapt`.
+
+        Args:
+            start: (5,) where the arm is [rad].
+            X_TG: The hand's goal.
+            surroundings: What is around the arm now.
+            remaining: (K, 5) the rest of its path [rad]: the new path starts with its velocity.
+            duration: That the rest would take [s].
+        """
+        rest = resampled(remaining, self.params.samples)[None]
+        return self._adapt(start, X_TG, surroundings, rest, duration, plan=False)
+
+    def _adapt(
+        self,
+        start: Vector,
+        X_TG: RigidTransform,
+        surroundings: ArmCollisionChecker,
+        demonstrations: Vector,
+        duration: float,
+        plan: bool,
+        allowance: float = 0.0,
+    ) -> AdaptedTrajectory | None:
+        goals, discomfort = self.goal_postures(X_TG, surroundings, demonstrations[:, -1], allowance)
+        if not len(goals):
+            return None
+        shape = len(demonstrations), len(goals)
+        origins, ends = (index.ravel() for index in np.indices(shape))
+        lower, upper = np.minimum(self._lower, start), np.maximum(self._upper, start)
+        paths = retarget(demonstrations[origins], start, goals[ends]).clip(lower, upper)
+        cost = self._rate(paths, surroundings, duration)(paths).cost + discomfort[ends, origins]
+        chosen = _different(paths, cost, self.params.candidates)
+        references = [(paths[number], int(origins[number])) for number in chosen]
+        best: AdaptedTrajectory | None = None
+        for number, (reference, origin) in enumerate(
+            itertools.chain(references, self._planned(start, goals, surroundings) if plan else ()),
+            start=1,
+        ):
+            found = optimize_trajectory(
+                reference,
+                self._rate(reference[None], surroundings, duration),
+                lower=lower,
+                upper=upper,
+                params=self.params.search,
+            )
+            path = AdaptedTrajectory(
+                found.path,
+                max(float(minimum_duration(found.path, *self._limits)), duration),
+                found.slack,
+                found.cost,
+                origin,
+                found.generations,
+            )
+            best = path if best is None else max(best, path, key=self._rank)
+            if self._rank(best) > (True, -self.params.good_cost):
+                break
+            if number >= len(references) and best.slack > self.params.accepted_slack:
+                break  # The planner is asked for want of anything else.
+        return best
+
+    def _rank(self, path: AdaptedTrajectory) -> tuple[bool, float]:
+        """Order of paths: those that are clear by their cost, others by how much they lack."""
+        clear = path.slack > self.params.accepted_slack
+        return clear, -path.cost if clear else path.slack
+
+    def _planned(
+        self, start: Vector, goals: Vector, surroundings: ArmCollisionChecker
+    ) -> Iterator[tuple[Vector, int]]:
+        """The way that a path planner finds through the map, as one more to start from."""
+        ends = surroundings.approximate_distances(np.concatenate((start[None], goals)))
+        allowed = np.minimum(ends.min(axis=1, keepdims=True), self.params.padding)
+
+        def free(postures: Vector) -> npt.NDArray[np.bool_]:
+            return (surroundings.approximate_distances(postures) >= allowed - _ROUNDING).all(axis=0)
+
+        corners = rrt_connect(
+            start,
+            goals,
+            free,
+            lower=np.minimum(self._lower, start),
+            upper=np.maximum(self._upper, start),
+            params=self.params.planner,
+        )
+        if corners is not None:
+            yield time_parameterize(corners, self.params.samples), PLANNED
+
+    def _rate(
+        self, references: Vector, surroundings: ArmCollisionChecker, duration: float
+    ) -> TrajectoryCost:
+        return TrajectoryCost(
+            surroundings,
+            references,
+            duration=duration,
+            velocity=self._limits[0],
+            acceleration=self._limits[1],
+            params=self.params.cost,
+        )
+
+    def goal_postures(
+        self,
+        X_TG: RigidTransform,
+        surroundings: ArmCollisionChecker,
+        ends: Vector | None = None,
+        allowance: float = 0.0,
+    ) -> tuple[Vector, Vector]:
+        """Clear postures with the hand at the goal, and what each costs after each demonstration.
+
+        Args:
+            X_TG: The hand's goal.
+            surroundings: What is around the arm.
+            ends: (D, 5) the demonstrations' last postures [rad]; if left out those of our own.
+            allowance: How much less clearance than otherwise is enough [m].
+
+        Returns:
+            The best postures (G, 5) for each demonstration [rad]; and (G, D) their costs.
+        """
+        params = self.params
+        ends = self._demonstrations[:, -1] if ends is None else ends
+        p_TG = X_TG.translation()
+        starts = np.concatenate((ends, self._postures.near(p_TG, params.starts)))
+        q, there = self._postures.solve(p_TG, starts)
+        q = q[there]
+        turn = orientation_error(self._kinematics.poses(q).hand_rotation, X_TG.rotation().matrix())
+        room = np.minimum(q - self._lower, self._upper - q).min(axis=1, initial=np.inf)
+        shared = (turn / params.turn) ** 2 + 2.0 * np.maximum(1.0 - room / 0.1, 0.0) ** 2
+        away = np.sum((q[:, None] - ends) ** 2, axis=2) / params.posture**2
+        cost = shared[:, None] + away
+        # The cheapest are looked at first: to see whether a posture is clear takes longest.
+        order = np.argsort(cost.min(axis=1), kind="stable")
+        goals, costs, wanted = q[:0], cost[:0], params.goals_kept * len(ends)
+        for first in range(0, len(q), _LOOKED_AT):
+            some = order[first : first + _LOOKED_AT]
+            least = self._goal_clearance(q[some], surroundings)
+            clear = least >= params.least_goal_clearance - allowance
+            lack = np.maximum(1.0 - least[clear] / params.goal_clearance, 0.0)
+            goals = np.concatenate((goals, q[some[clear]]))
+            costs = np.concatenate((costs, cost[some[clear]] + 5.0 * lack[:, None] ** 2))
+            if len(goals) >= wanted:
+                break
+        if not len(goals):
+            return goals, costs
+        kept = np.unique(np.argsort(costs, axis=0, kind="stable")[: params.goals_kept])
+        return goals[kept], costs[kept]
+
+    def _goal_clearance(self, q: Vector, surroundings: ArmCollisionChecker) -> Vector:
+        """Clearances (M,) at goal postures (M, 5); none where the goal object is too near [m]."""
+        off_object = surroundings.object_clearances(q) >= self.params.object_clearance
+        clearance = np.full(len(q), -np.inf)
+        clearance[off_object] = surroundings.clearances(q[off_object])
+        return clearance
+
+
+def orientation_error(R_TH: Vector, R_TG: Vector) -> Vector:
+    """Angles (M,) [rad] between hand orientations (M, 3, 3) and a wanted one (3, 3)."""
+    trace = np.einsum("mij,ij->m", R_TH, R_TG)
+    return np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
+
+
+def _different(paths: Vector, cost: Vector, count: int) -> list[int]:
+    """The cheapest path, and then others that differ from those before it by 0.2 rad (rms)."""
+    chosen: list[int] = []
+    for number in np.argsort(cost, kind="stable"):
+        off = [np.sqrt(np.mean((paths[number] - paths[other]) ** 2)) for other in chosen]
+        if all(distance > 0.2 for distance in off):
+            chosen.append(int(number))
+            if len(chosen) == count:
+                break
+    return chosen

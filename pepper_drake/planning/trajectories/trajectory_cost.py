@@ -1,0 +1,129 @@
+"""What a path of the arm's joints costs: nearness to obstacles, haste, unlikeness."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
+from pepper_drake.planning.trajectories.joint_trajectories import minimum_duration, minimum_jerk
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass
+class PathCostParams:
+    """Weights of the cost's terms, and what they measure against."""
+
+    clearance: float = 0.020
+    """Wanted between the arm's spheres and everything around it [m]."""
+    end_allowance: float = 0.001
+    """How much less than at start and goal the clearance near them may be [m]."""
+    leaving: float = 0.2
+    """Share of the time over which the wanted clearance rises from what the start allows."""
+    arriving: float = 0.3
+    """The same towards the goal."""
+    proximity_weight: float = 20.0
+    """Weight of the sum over spheres of the squared lack of clearance, in `clearance`s."""
+    slack: float = 300.0
+    """Weight of the greatest lack of clearance, 1/m."""
+    deviation: float = 0.1
+    """Root mean square deviation of the hand from the reference that costs 1 [m]."""
+    effort: float = 0.002
+    """Weight of the mean squared joint acceleration, s⁴/rad²."""
+    duration_weight: float = 8.0
+    """Weight of the share of the duration by which a path is too fast."""
+
+
+class TrajectoryRating(NamedTuple):
+    """Costs of K paths.
+
+    Attributes:
+        cost: (K,).
+        slack: (K,) least of clearance less wanted clearance [m].
+    """
+
+    cost: Vector
+    slack: Vector
+
+
+class TrajectoryCost:
+    """Rates paths against references with the same start and goal postures.
+
+    With d_i the distance of sphere i, c_i the clearance wanted of it at that time, e the hand's
+    deviation from the reference and T' the duration that the joints' limits ask for,
+
+        J = nearness mean_t sum_i [max(0, c_i - d_i) / clearance]² + slack max(0, -min(d_i - c_i))
+            + (rms e / deviation)² + effort mean |q''|² + haste max(0, T' / T - 1).
+
+    Args:
+        surroundings: What is around the arm.
+        references: (R, N, 5) what the paths are to be like, with their start and goal [rad]: one for
+            all of them, or one for each.
+        duration: Of the paths, T [s].
+        velocity: (5,) what the joints may do [rad/s].
+        acceleration: (5,) what the joints may do [rad/s²].
+        params: The weights.
+    """
+
+    def __init__(
+        self,
+        surroundings: ArmCollisionChecker,
+        references: Vector,
+        *,
+        duration: float,
+        velocity: Vector,
+        acceleration: Vector,
+        params: PathCostParams,
+    ) -> None:
+        self._surroundings, self._params = surroundings, params
+        self._duration, self._limits = duration, (velocity, acceleration)
+        count, samples, joints = references.shape
+        self._step = duration / (samples - 1)
+        hand = surroundings.kinematics.poses(references.reshape(-1, joints)).hand_position
+        self._hand = hand.reshape(count, samples, 3)
+        ends = surroundings.approximate_distances(references[:, [0, -1]].reshape(-1, joints))
+        self._wanted = wanted_clearance(ends.reshape(-1, count, 2), samples, params)
+
+    def __call__(self, paths: Vector) -> TrajectoryRating:
+        """Rates paths (K, N, 5)."""
+        params = self._params
+        count, samples, joints = paths.shape
+        gaps, poses = self._surroundings.approximate_distances_and_poses(paths.reshape(-1, joints))
+        lack = self._wanted - gaps.reshape(len(gaps), count, samples)
+        slack = -lack.max(axis=(0, 2))
+        np.maximum(lack, 0.0, out=lack)
+        lack *= np.float32(1.0 / params.clearance)
+        proximity_weight = np.einsum("skn,skn->k", lack, lack) / samples
+        off = poses.hand_position.reshape(count, samples, 3) - self._hand
+        bend = np.diff(paths, n=2, axis=1) / self._step**2
+        duration_weight = minimum_duration(paths, *self._limits) / self._duration - 1.0
+        cost = (
+            params.proximity_weight * proximity_weight
+            + params.slack * np.maximum(-slack, 0.0)
+            + np.einsum("kni,kni->k", off, off) / samples / params.deviation**2
+            + params.effort * np.einsum("kni,kni->k", bend, bend) / samples
+            + params.duration_weight * np.maximum(duration_weight, 0.0)
+        )
+        return TrajectoryRating(cost, slack.astype(float))
+
+
+def wanted_clearance(
+    end_gaps: npt.NDArray[np.floating], samples: int, params: PathCostParams
+) -> npt.NDArray[np.float32]:
+    """The clearance (..., samples) wanted of each sphere along paths.
+
+    Where a path starts and where it ends is given; a sphere that is nearer than wanted there need
+    not be farther close to there, either.
+
+    Args:
+        end_gaps: (..., 2) distances at the start and at the goal [m].
+        samples: Number of even times along a path.
+        params: Clearance and shares.
+    """
+    s = np.linspace(0.0, 1.0, samples)
+    away = 1.0 - minimum_jerk(s / params.leaving)
+    close = minimum_jerk((s - 1.0 + params.arriving) / params.arriving)
+    lack = np.maximum(params.clearance - (end_gaps - params.end_allowance), 0.0)
+    return (params.clearance - lack[..., :1] * away - lack[..., 1:] * close).astype(np.float32)

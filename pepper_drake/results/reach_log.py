@@ -1,0 +1,91 @@
+"""The log of one reach: named arrays with their units in their names."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.models.pepper import BODY_JOINTS
+from pepper_drake.results.log_files import check_rows, read_arrays
+
+Vector = npt.NDArray[np.float64]
+
+_COLUMNS: dict[str, int | None] = {
+    "mode": None,
+    "joint_position_rad": len(BODY_JOINTS),
+    "joint_command_rad": len(BODY_JOINTS),
+    "base_pose_m_m_rad": 3,
+    "hand_position_torso_m": 3,
+    "desired_position_torso_m": 3,
+    "goal_position_torso_m": 3,
+    "goal_distance_m": None,
+    "phase": None,
+    "tau_s": None,
+    "coupling_m_per_s2": 3,
+    "clearance_m": None,
+    "seen_clearance_m": None,
+}
+"""Columns of what has a row for each time; None is an array of one dimension."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReachLog:
+    """What happened, sampled every 10 ms: N rows. T is the torso frame, W the world.
+
+    Attributes:
+        time_s: (N,).
+        mode: (N,) the supervisor's `ReachMode`.
+        joint_position_rad: (N, 15) measured, in the order of `BODY_JOINTS`.
+        joint_command_rad: (N, 15) what the safety monitor passed on.
+        base_pose_m_m_rad: (N, 3) x, y, yaw in W.
+        object_offset_m: (N, 3 K) of the K things that move, obstacles in the scene's order and then
+            the goal object: x, y, z in W from where each stands in the scene.
+        hand_position_torso_m: (N, 3) measured.
+        desired_position_torso_m: (N, 3) the primitive's.
+        goal_position_torso_m: (N, 3) estimated.
+        goal_distance_m: (N,) between the hand and the true pre-grasp position.
+        phase: (N,).
+        tau_s: (N,).
+        coupling_m_per_s2: (N, 3) the coupling term as an acceleration, C_t / tau^2.
+        clearance_m: (N,) true least distance between Pepper and the obstacles, cut at 0.1.
+        seen_clearance_m: (N,) the same between the arm and the cloud, as the robot sees it.
+        cloud_torso_m: (P, 3) the cloud when the arm started.
+        demonstration_m: (M, 3) the demonstrated path.
+    """
+
+    time_s: Vector
+    mode: Vector
+    joint_position_rad: Vector
+    joint_command_rad: Vector
+    base_pose_m_m_rad: Vector
+    object_offset_m: Vector
+    hand_position_torso_m: Vector
+    desired_position_torso_m: Vector
+    goal_position_torso_m: Vector
+    goal_distance_m: Vector
+    phase: Vector
+    tau_s: Vector
+    coupling_m_per_s2: Vector
+    clearance_m: Vector
+    seen_clearance_m: Vector
+    cloud_torso_m: Vector
+    demonstration_m: Vector
+
+    def save(self, path: Path) -> None:
+        """Writes all arrays into one compressed file."""
+        np.savez_compressed(path, **{f.name: getattr(self, f.name) for f in fields(self)})
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Reads what `save` wrote.
+
+        Raises:
+            InputError: The file is missing, is no log, lacks an array, or one has another shape.
+        """
+        arrays = read_arrays(path, (f.name for f in fields(cls)))
+        offsets = arrays["object_offset_m"]
+        things = offsets.shape[1] // 3 if offsets.ndim == 2 else 1
+        check_rows(path, arrays, {**_COLUMNS, "object_offset_m": 3 * things})
+        return cls(**arrays)

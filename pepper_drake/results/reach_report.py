@@ -1,0 +1,107 @@
+"""The numbers of one reach, from its log and from the truth."""
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass
+class CloudReport:
+    """Quality of the obstacle cloud at the moment when the arm started, against the truth."""
+
+    points: int = 0
+    rms_error: float | None = None
+    """Root mean square distance of the points to the true surfaces [m]; None without points."""
+    robot_points: int = 0
+    """Points that lie on Pepper itself."""
+    goal_points: int = 0
+    """Points that lie on the goal object."""
+
+
+@dataclass
+class ReachReport:
+    """What `report.json` says. Errors are against the truth, in m, rad and s."""
+
+    outcome: str = "failed"
+    """"reached" or "failed"."""
+    reason: str = ""
+    """In one word why it failed; empty when it did not."""
+    message: str = ""
+    """The same as a sentence."""
+    scene: str = ""
+    arm: str = ""
+    seed: int = 0
+    coupling: str = ""
+    final_position_error: float | None = None
+    """Distance between the hand and the true pre-grasp pose at the end."""
+    final_orientation_error: float | None = None
+    """Angle between the two. Five joints cannot take every pose: position comes first."""
+    goal_estimate_error: float | None = None
+    """Distance between the estimated and the true pre-grasp position at the end."""
+    minimum_clearance: float | None = None
+    """Least signed distance between any link of Pepper and any obstacle over the whole run."""
+    closest_pair: str = ""
+    """Link and obstacle of the least clearance."""
+    contacts: int = 0
+    """Time steps (of 20 ms) with a link in contact with an obstacle."""
+    tracking_error_rms: float | None = None
+    """Root mean square distance between the hand and the primitive's position during the reach."""
+    planning_seconds: float | None = None
+    """Computing time between the robot's arrival and the arm's start."""
+    cloud: CloudReport = field(default_factory=CloudReport)
+    simulated_seconds: float = 0.0
+    wall_seconds: float = 0.0
+    realtime_factor: float = 0.0
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def save(self, path: Path) -> None:
+        """Writes the report as JSON; what is not finite becomes null."""
+        path.write_text(json.dumps(_finite(asdict(self)), indent=2) + "\n")
+
+    def summary(self) -> str:
+        """A few lines for the terminal."""
+        lines = [f"{self.outcome}" + (f": {self.message}" if self.message else "")]
+        if self.final_position_error is not None:
+            lines.append(
+                f"  hand to goal      {1000 * self.final_position_error:6.1f} mm"
+                + (
+                    f"   (goal estimate {1000 * self.goal_estimate_error:.1f} mm)"
+                    if self.goal_estimate_error is not None
+                    else ""
+                )
+            )
+        if self.minimum_clearance is not None:
+            lines.append(
+                f"  least clearance   {1000 * self.minimum_clearance:6.1f} mm"
+                f"   ({self.contacts} steps in contact"
+                + (f"; {self.closest_pair})" if self.closest_pair else ")")
+            )
+        if self.tracking_error_rms is not None:
+            lines.append(f"  tracking error    {1000 * self.tracking_error_rms:6.1f} mm rms")
+        lines.append(
+            f"  simulated {self.simulated_seconds:.1f} s in {self.wall_seconds:.1f} s"
+            f" ({self.realtime_factor:.1f} times real time)"
+        )
+        return "\n".join(lines)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def pose_error(X_WA: RigidTransform, X_WB: RigidTransform) -> tuple[float, float]:
+    """Distance (m) and angle (rad) between two poses."""
+    distance = float(np.linalg.norm(X_WA.translation() - X_WB.translation()))
+    angle = (X_WA.rotation().inverse() @ X_WB.rotation()).ToAngleAxis().angle()
+    return distance, float(abs(angle))

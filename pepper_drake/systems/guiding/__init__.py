@@ -1,0 +1,1 @@
+"""LeafSystems that lead the hand and record it."""

@@ -1,0 +1,1 @@
+"""LeafSystems of the movement primitive."""

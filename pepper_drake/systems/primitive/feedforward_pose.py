@@ -1,0 +1,56 @@
+"""The hand's pose to ask for, in the form that Drake's differential inverse kinematics takes."""
+
+from pydrake.common.value import Value
+from pydrake.systems.framework import BusValue, Context, InputPort, LeafSystem, OutputPort
+
+from pepper_drake.planning.ik.differential_ik import feedforward_pose
+
+
+class FeedforwardPose(LeafSystem):
+    """Puts the pose that the hand should be asked for on a bus (see `feedforward_pose`).
+
+    .. pydrake_system::
+
+        name: FeedforwardPose
+        input_ports:
+        - position
+        - next_position
+        - orientation
+        - next_orientation
+        output_ports:
+        - desired_cartesian_poses
+
+    Inputs: `position` and `next_position` (3), m, `orientation` and `next_orientation` (4), unit
+    quaternions w, x, y, z: of the hand H in the torso frame T, now and one tick later.
+    Output: a BusValue with the pose under `key`.
+
+    Args:
+        key: The hand's scoped frame name.
+        gain: Share of the hand's error that is made up for in one tick.
+    """
+
+    def __init__(self, key: str, gain: float) -> None:
+        super().__init__()
+        self._key, self._gain = key, gain
+        self._inputs: list[InputPort] = [
+            self.DeclareVectorInputPort(name, size)
+            for name, size in (
+                ("position", 3),
+                ("next_position", 3),
+                ("orientation", 4),
+                ("next_orientation", 4),
+            )
+        ]
+        self.bus_output: OutputPort = self.DeclareAbstractOutputPort(
+            "desired_cartesian_poses",
+            lambda: Value(BusValue()),
+            self._calc_bus,
+            prerequisites_of_calc={port.ticket() for port in self._inputs},
+        )
+
+    def _calc_bus(self, context: Context, output: Value) -> None:
+        bus = BusValue()
+        now, following, rotation, next_rotation = (port.Eval(context) for port in self._inputs)
+        pose = feedforward_pose(now, following, rotation, next_rotation, self._gain)
+        bus.Set(self._key, Value(pose))
+        output.set_value(bus)

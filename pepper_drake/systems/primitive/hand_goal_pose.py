@@ -1,0 +1,91 @@
+"""Where the hand should go: the pre-grasp pose at the goal object, in the torso frame."""
+
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    InputPort,
+    LeafSystem,
+)
+
+Vector = npt.NDArray[np.float64]
+
+_STILL = 5e-5
+"""Changes up to this in all numbers of a pose (m and parts of a quaternion) are none."""
+
+
+class HandGoalPose(LeafSystem):
+    """X_TG = X_TO X_OG, with X_TO = X_TW X_WO held over a tick of the controller.
+
+    The torso's measured pose changes at every step of the plant, if only in its last digits; an
+    object that has not moved by a twentieth of a millimetre stays where it is, and with it all
+    that is computed from it. X_OG is not held: a movement and its goal begin together.
+
+    .. pydrake_system::
+
+        name: HandGoalPose
+        input_ports:
+        - object_pose
+        - torso_pose
+        - X_OG (optional)
+        output_ports:
+        - goal_position
+        - goal_orientation
+
+    Inputs: `object_pose` X_WO, `torso_pose` X_WT and `X_OG`, RigidTransform; the last is used in
+    place of the one that the system was made with, and fed through. Outputs: `goal_position` (3),
+    m, and `goal_orientation` (4), unit quaternion w, x, y, z, of the hand's goal G in T.
+    State: X_TO, position and quaternion (7), at `time_step`; the identity before initialization.
+
+    Args:
+        X_OG: The hand's pre-grasp pose in the object frame.
+        time_step: s.
+    """
+
+    def __init__(self, X_OG: RigidTransform, *, time_step: float = 0.01) -> None:
+        super().__init__()
+        self._X_OG = X_OG
+        self.object_pose_input: InputPort = self.DeclareAbstractInputPort(
+            "object_pose", Value(RigidTransform())
+        )
+        self.torso_pose_input: InputPort = self.DeclareAbstractInputPort(
+            "torso_pose", Value(RigidTransform())
+        )
+        self.X_OG_input: InputPort = self.DeclareAbstractInputPort("X_OG", Value(X_OG))
+        self._object = self.DeclareDiscreteState(_numbers(RigidTransform()))
+        sources = {self.discrete_state_ticket(self._object), self.X_OG_input.ticket()}
+        for name, size, part in (
+            ("goal_position", 3, slice(0, 3)),
+            ("goal_orientation", 4, slice(3, 7)),
+        ):
+            self.DeclareVectorOutputPort(
+                name, size, partial(self._calc_goal, part), prerequisites_of_calc=sources
+            )
+        self.DeclareInitializationDiscreteUpdateEvent(self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+
+    def _calc_goal(self, part: slice, context: Context, output: BasicVector) -> None:
+        p_TO, q_TO = np.split(context.get_discrete_state(self._object).value(), [3])
+        given = self.X_OG_input.HasValue(context)
+        X_OG = self.X_OG_input.Eval(context) if given else self._X_OG
+        X_TG = RigidTransform(Quaternion(wxyz=q_TO), p_TO) @ X_OG
+        output.SetFromVector(_numbers(X_TG)[part])
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        X_WT = self.torso_pose_input.Eval(context)
+        now = _numbers(X_WT.InvertAndCompose(self.object_pose_input.Eval(context)))
+        before = context.get_discrete_state(self._object).value()
+        if np.abs(now - before).max() > _STILL:
+            discrete_state.set_value(self._object, now)
+
+
+def _numbers(X: RigidTransform) -> Vector:
+    """Position [m] and quaternion w, x, y, z of a pose (7,)."""
+    return np.concatenate((X.translation(), X.rotation().ToQuaternion().wxyz()))

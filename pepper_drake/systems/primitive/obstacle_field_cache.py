@@ -1,0 +1,58 @@
+"""The distance field of a cloud at an input port, made once for each new cloud."""
+
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import CacheEntry, Context, InputPort, LeafSystem, ValueProducer
+
+from pepper_drake.learning.dmp.point_cloud_distance import (
+    EXTENSION,
+    FieldFollower,
+    PointCloudDistance,
+)
+from pepper_drake.perception.mapping.cloud_points import cloud_points
+
+
+class ObstacleFieldCache:
+    """An PointCloudDistance of the PointCloud at a port of a system, in its cache.
+
+    A missing cloud is an empty one. A source that computes the same cloud again costs a comparison,
+    not a k-d tree.
+
+    Args:
+        system: Whose cache it is; to be made in its constructor.
+        cloud_port: Its port of the cloud.
+        extension: How far each point reaches down [m]; see `PointCloudDistance`.
+    """
+
+    def __init__(
+        self, system: LeafSystem, cloud_port: InputPort, extension: float = EXTENSION
+    ) -> None:
+        self._cloud_port, self._extension = cloud_port, extension
+        self.entry: CacheEntry = system.DeclareCacheEntry(
+            "obstacle field",
+            ValueProducer(allocate=lambda: Value({}), calc=self._calc),
+            prerequisites_of_calc={cloud_port.ticket()},
+        )
+
+    def eval(self, context: Context) -> PointCloudDistance:
+        """The field of the cloud of now."""
+        field: PointCloudDistance = self.entry.Eval(context)["field"]
+        return field
+
+    def follower(self, context: Context) -> FieldFollower:
+        """The same, faster for a hand that moves in small steps."""
+        follower: FieldFollower = self.entry.Eval(context)["follower"]
+        return follower
+
+    def _calc(self, context: Context, value: Any) -> None:
+        points: Any = np.zeros((0, 3), dtype=np.float32)
+        if self._cloud_port.HasValue(context):
+            points = cloud_points(self._cloud_port.Eval(context))
+        known = value.get_mutable_value()
+        content = points.tobytes()
+        if known.get("content") != content:
+            known["content"] = content
+            known["field"] = PointCloudDistance(points, extension=self._extension)
+            known["follower"] = known["field"].follow()

@@ -1,0 +1,200 @@
+"""The hand's orientation along a learned motion."""
+
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import LeafSystem, ValueProducer
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.dmp.orientation import OrientationAttractor, OrientationState
+from pepper_drake.learning.dmp.primitive import MovementPrimitive
+
+_NUMBER = 13
+"""Where in the state the number of the motion is."""
+
+
+class OrientationTransformationSystem(LeafSystem):
+    """The transformation system of a primitive's orientation, in step with its translation.
+
+    .. pydrake_system::
+
+        name: OrientationTransformationSystem
+        input_ports:
+        - active
+        - phase
+        - phase_velocity
+        - tau
+        - goal_orientation
+        - start_orientation
+        - primitive (optional)
+        output_ports:
+        - orientation
+        - angular_velocity
+        - next_orientation
+        - next_angular_velocity
+
+    See `learning.orientation` for the equations. Orientations are unit quaternions w, x, y, z of
+    the hand, angular velocities [rad/s], both in the frame of the demonstration, normally T.
+
+    Inputs: `active` (1) 0, or the number of the motion: with another number a motion starts anew,
+    with the orientation and the angular velocity of now; `phase` (1), `phase_velocity` (1) [1/s],
+    `tau` (1) [s] of the same `CanonicalSystem` as the translation; `goal_orientation` (4), followed
+    smoothly; `start_orientation` (4): the motion starts from there; `primitive`, abstract
+    MovementPrimitive, is performed in place of the one that the system was made with.
+
+    Outputs: `orientation` (4) and `angular_velocity` (3) are state; `next_orientation` (4) and
+    `next_angular_velocity` (3) are the state one step ahead, fed through from all inputs. While
+    inactive they are `start_orientation` and zero.
+
+    State: coordinates (3) [rad], their rates (3) [rad/s], coordinates at the start (3) [rad], the
+    goal that the spring sees (4), and the number of the motion; discrete with period `time_step`.
+    """
+
+    def __init__(
+        self,
+        primitive: MovementPrimitive,
+        *,
+        time_step: float = 0.01,
+        start_moving: bool = False,
+    ) -> None:
+        """Makes the system.
+
+        Args:
+            primitive: What is performed.
+            time_step: [s].
+            start_moving: Whether the motion starts with the demonstration's angular velocity, or
+                from rest; see `TransformationSystem`.
+
+        Raises:
+            InputError: The primitive has no orientation.
+        """
+        super().__init__()
+        if primitive.orientation is None:
+            raise InputError(
+                f"{primitive.name}: the primitive has no orientation; learn it from a"
+                " demonstration with rotations"
+            )
+        self._primitive = primitive
+        self._time_step = time_step
+        self._start_moving = start_moving
+        self.active_port = self.DeclareVectorInputPort("active", 1)
+        self.phase_port = self.DeclareVectorInputPort("phase", 1)
+        self.phase_velocity_port = self.DeclareVectorInputPort("phase_velocity", 1)
+        self.tau_port = self.DeclareVectorInputPort("tau", 1)
+        self.goal_orientation_port = self.DeclareVectorInputPort("goal_orientation", 4)
+        self.start_orientation_port = self.DeclareVectorInputPort("start_orientation", 4)
+        self.primitive_port = self.DeclareAbstractInputPort("primitive", Value[object](primitive))
+
+        # Identity for the goal: contexts that nothing has initialised are valid as well.
+        index = self.DeclareDiscreteState([0.0] * 9 + [1.0, 0.0, 0.0, 0.0] + [0.0])
+        self.DeclareInitializationDiscreteUpdateEvent(self._rest)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+        state_ticket = self.discrete_state_ticket(index)
+        self._next = self.DeclareCacheEntry(
+            "next state",
+            ValueProducer(allocate=lambda: Value({}), calc=self._calc_next_state),
+            prerequisites_of_calc={
+                state_ticket,
+                *(self.get_input_port(k).ticket() for k in range(self.num_input_ports())),
+            },
+        )
+
+        def output(name: str, size: int, calc: Any, tickets: set[Any]) -> Any:
+            return self.DeclareVectorOutputPort(
+                name,
+                size,
+                lambda context, out: out.SetFromVector(calc(context)),
+                prerequisites_of_calc=tickets,
+            )
+
+        self.orientation_port = output(
+            "orientation",
+            4,
+            lambda c: self._learned(c).orientation_of(self._state(c)),
+            {state_ticket, self.primitive_port.ticket()},
+        )
+        self.angular_velocity_port = output(
+            "angular_velocity",
+            3,
+            lambda c: self._learned(c).angular_velocity_of(self._state(c)),
+            {state_ticket, self.primitive_port.ticket()},
+        )
+        cached = {self._next.ticket()}
+        self.next_orientation_port = output(
+            "next_orientation",
+            4,
+            lambda c: self._learned(c).orientation_of(self._next_state(c)),
+            cached,
+        )
+        self.next_angular_velocity_port = output(
+            "next_angular_velocity",
+            3,
+            self._next_angular_velocity,
+            cached | {self.active_port.ticket()},
+        )
+
+    def _state(self, context: Any) -> OrientationState:
+        values = context.get_discrete_state_vector().CopyToVector()
+        return OrientationState(values[:6].reshape(2, 3), values[6:9], values[9:_NUMBER])
+
+    def _state_now(self, context: Any) -> OrientationState:
+        """Returns the state, of a motion that starts anew if one does."""
+        state = self._state(context)
+        before = context.get_discrete_state_vector()[_NUMBER]
+        now = self.active_port.Eval(context)[0]
+        if before > 0.5 and now > 0.5 and before != now:
+            goal = self.goal_orientation_port.Eval(context)
+            return self._learned(context).started_anew(state, goal)
+        return state
+
+    def _learned(self, context: Any) -> OrientationAttractor:
+        primitive = self._primitive
+        if self.primitive_port.HasValue(context):
+            primitive = self.primitive_port.Eval(context)
+        assert primitive.orientation is not None
+        return primitive.orientation
+
+    def _next_angular_velocity(self, context: Any) -> Any:
+        if self.active_port.Eval(context)[0] <= 0.5:
+            return np.zeros(3)
+        return self._learned(context).angular_velocity_of(self._next_state(context))
+
+    def _start_state(self, context: Any) -> OrientationState:
+        tau = float(self.tau_port.Eval(context)[0]) if self._start_moving else None
+        return self._learned(context).start_state(
+            self.start_orientation_port.Eval(context),
+            self.goal_orientation_port.Eval(context),
+            tau,
+        )
+
+    def _calc_next_state(self, context: Any, value: Any) -> None:
+        if self.active_port.Eval(context)[0] > 0.5:
+            phase = float(self.phase_port.Eval(context)[0])
+            velocity = float(self.phase_velocity_port.Eval(context)[0])
+            later = self._learned(context).advance(
+                self._state_now(context),
+                self.goal_orientation_port.Eval(context),
+                phase,
+                -velocity / phase if phase > 0.0 else 0.0,
+                float(self.tau_port.Eval(context)[0]),
+                self._time_step,
+            )
+        else:
+            later = self._start_state(context)
+        value.get_mutable_value()["state"] = later
+
+    def _next_state(self, context: Any) -> OrientationState:
+        state: OrientationState = self._next.Eval(context)["state"]
+        return state
+
+    def _rest(self, context: Any, discrete: Any) -> None:
+        discrete.set_value(_values(self._start_state(context), 0.0))
+
+    def _update(self, context: Any, discrete: Any) -> None:
+        number = float(self.active_port.Eval(context)[0])
+        discrete.set_value(_values(self._next_state(context), number))
+
+
+def _values(state: OrientationState, number: float) -> Any:
+    return np.concatenate((state.coordinates.ravel(), state.start, state.goal, [number]))

@@ -1,0 +1,376 @@
+"""The hand's position along a learned motion."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from pepper_drake.learning.dmp.primitive import MovementPrimitive
+from pepper_drake.learning.dmp.transformation import (
+    DelayedGoal,
+    Forcing,
+    TransformationModel,
+    node_phases,
+)
+
+# Parts of the discrete state, each of three coordinates.
+_POSITION, _VELOCITY, _GOAL, _DELAYED, _START = (slice(3 * k, 3 * k + 3) for k in range(5))
+_NUMBER = 15
+
+
+class _Present(NamedTuple):
+    """What both the acceleration of now and the step from now on need.
+
+    Attributes:
+        attractor: What is performed.
+        state: (15,) of a motion that starts anew if one does.
+        goal: As it is seen now.
+        forcing: The forcing term.
+        phase: Of the canonical system.
+        tau: [s].
+        active: What comes in as `active`.
+    """
+
+    attractor: TransformationModel
+    state: Any
+    goal: DelayedGoal
+    forcing: Forcing
+    phase: Any
+    tau: Any
+    active: Any
+
+
+@TemplateSystem.define("TransformationSystem_")
+def TransformationSystem_(T: type) -> type:
+    """Makes `TransformationSystem` for a scalar type."""
+
+    class Impl(LeafSystem_[T]):
+        """The transformation system of a primitive's translation.
+
+        .. pydrake_system::
+
+            name: TransformationSystem
+            input_ports:
+            - active
+            - phase
+            - phase_velocity
+            - tau
+            - goal_position
+            - start_position
+            - goal_velocity (optional)
+            - coupling (optional)
+            - primitive (optional)
+            output_ports:
+            - position
+            - velocity
+            - nominal_acceleration
+            - delayed_goal_position
+            - next_position
+            - next_velocity
+
+        tau² y'' = alpha_z (beta_z (g - y) + tau (g' - y')) + f(x) + C_t (equations 2.4 to 2.6 of
+        the report); each step is the one of `learning.spring`. All vectors are in the frame of the
+        demonstration, normally T.
+
+        Inputs: `active` (1) 0, or the number of the motion: with another number a motion starts
+        anew, with the position and the velocity of now (not in continuous time, where it is 0 or
+        1); `phase` (1), `phase_velocity` (1) [1/s], `tau` (1) [s] of a
+        `CanonicalSystem`; `goal_position` (3) [m], followed smoothly, moves under 3 mm ignored;
+        `goal_velocity` (3) [m/s] if known; `start_position` (3) [m], where the hand is: the motion
+        starts from there; `coupling` (3) [m], C_t; `primitive`, abstract MovementPrimitive, is
+        performed in place of the one that the system was made with.
+
+        Outputs: `position` (3) [m], `velocity` (3) [m/s] and `delayed_goal_position` (3) [m], the
+        goal that the spring sees, are state. `nominal_acceleration` (3) [m/s²] is without
+        coupling and does not depend on it, nor on `phase_velocity`. `next_position` and
+        `next_velocity` are the state one step ahead, fed through from all inputs: what follows the
+        motion with them has no delay. While inactive they are `start_position` and zero.
+
+        State: position, velocity, goal, delayed goal, start, each (3), and the number of the
+        motion. Discrete with period `time_step`. With `time_step` 0 position, velocity and delayed
+        goal are continuous and the rest is updated after each step of the integrator; there is
+        then no next step, and the two ports are missing. In continuous time, derivatives exist for
+        Expression as well.
+
+        Parameters: numeric parameter 0 has the weights of the forcing term, row by row, if the
+        approximator has any; with AutoDiffXd, gradients by them follow. They are not used while
+        `primitive` is connected.
+        """
+
+        def _construct(
+            self,
+            primitive: MovementPrimitive,
+            *,
+            time_step: float = 0.01,
+            start_moving: bool = False,
+            converter: Any = None,
+        ) -> None:
+            """Makes the system.
+
+            Args:
+                primitive: What is performed.
+                time_step: [s]; 0 for a continuous state.
+                start_moving: Whether the motion starts with the demonstration's velocity, as a
+                    rollout does, or from rest, as a hand does. With it, `velocity` has that start
+                    velocity already while inactive.
+                converter: For the framework.
+            """
+            super().__init__(converter)
+            self._primitive = primitive
+            self._time_step = time_step
+            self._start_moving = start_moving
+            self._attractor = primitive.translation
+            model = self._attractor.linear_model
+            self._weights_shape: tuple[int, int] | None = None
+            if model is not None:
+                rows, columns = model.weights.shape
+                self._weights_shape = (rows, columns)
+                self.DeclareNumericParameter(BasicVector_[T](model.weights.ravel()))
+
+            declare = self.DeclareVectorInputPort
+            self.active_port = declare("active", 1)
+            self.phase_port = declare("phase", 1)
+            self.phase_velocity_port = declare("phase_velocity", 1)
+            self.tau_port = declare("tau", 1)
+            self.goal_position_port = declare("goal_position", 3)
+            self.start_position_port = declare("start_position", 3)
+            self.goal_velocity_port = declare("goal_velocity", 3)
+            self.coupling_port = declare("coupling", 3)
+            self.primitive_port = self.DeclareAbstractInputPort(
+                "primitive", Value[object](primitive)
+            )
+
+            if time_step > 0.0:
+                index = self.DeclareDiscreteState(16)
+                state_tickets = {self.discrete_state_ticket(index)}
+                self.DeclareInitializationDiscreteUpdateEvent(self._rest)
+                self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+            else:
+                self.DeclareContinuousState(3, 3, 3)
+                index = self.DeclareDiscreteState(6)
+                state_tickets = {self.xc_ticket(), self.discrete_state_ticket(index)}
+                self.DeclareInitializationUnrestrictedUpdateEvent(self._update_between_steps)
+                self.DeclarePerStepUnrestrictedUpdateEvent(self._update_between_steps)
+
+            def output(name: str, calc: Any, tickets: set[Any]) -> Any:
+                return self.DeclareVectorOutputPort(
+                    name,
+                    3,
+                    lambda context, out: out.SetFromVector(calc(context)),
+                    prerequisites_of_calc=tickets,
+                )
+
+            self.position_port = output(
+                "position", lambda c: self._state(c)[_POSITION], state_tickets
+            )
+            self.velocity_port = output(
+                "velocity", lambda c: self._state(c)[_VELOCITY], state_tickets
+            )
+            self.delayed_goal_position_port = output(
+                "delayed_goal_position", lambda c: self._state(c)[_DELAYED], state_tickets
+            )
+            nominal_tickets = state_tickets | {
+                port.ticket()
+                for port in (
+                    self.active_port,
+                    self.phase_port,
+                    self.tau_port,
+                    self.goal_position_port,
+                    self.goal_velocity_port,
+                    self.primitive_port,
+                )
+            }
+            if self._weights_shape is not None:
+                nominal_tickets |= {self.all_parameters_ticket()}
+            self._present_entry = self.DeclareCacheEntry(
+                "present",
+                ValueProducer(allocate=lambda: Value({}), calc=self._calc_present),
+                prerequisites_of_calc=nominal_tickets,
+            )
+            present = {self._present_entry.ticket()}
+            self.nominal_acceleration_port = output(
+                "nominal_acceleration", self._nominal_acceleration, present
+            )
+            if time_step > 0.0:
+                next_tickets = present | {
+                    port.ticket()
+                    for port in (
+                        self.phase_velocity_port,
+                        self.start_position_port,
+                        self.coupling_port,
+                    )
+                }
+                self._next = self.DeclareCacheEntry(
+                    "next state",
+                    ValueProducer(allocate=lambda: Value({}), calc=self._calc_next_state),
+                    prerequisites_of_calc=next_tickets,
+                )
+                cached = {self._next.ticket()}
+                self.next_position_port = output(
+                    "next_position", lambda c: self._next_state(c)[_POSITION], cached
+                )
+                self.next_velocity_port = output(
+                    "next_velocity",
+                    lambda c: self._next_state(c)[_VELOCITY] * self._running(self._active(c)),
+                    cached | {self.active_port.ticket()},
+                )
+
+        def _construct_copy(self, other: Any, converter: Any = None) -> None:
+            Impl._construct(
+                self,
+                other._primitive,
+                time_step=other._time_step,
+                start_moving=other._start_moving,
+                converter=converter,
+            )
+
+        def _state(self, context: Any) -> Any:
+            """Returns position, velocity, goal, delayed goal, start: (15,)."""
+            discrete = context.get_discrete_state_vector().CopyToVector()
+            if self._time_step > 0.0:
+                return discrete[:_NUMBER]
+            continuous = context.get_continuous_state_vector().CopyToVector()
+            return np.concatenate((continuous[:6], discrete[:3], continuous[6:], discrete[3:]))
+
+        def _state_now(self, context: Any) -> Any:
+            """Returns the state (15,), of a motion that starts anew if one does."""
+            state = self._state(context)
+            if self._time_step == 0.0:
+                return state
+            before, now = context.get_discrete_state_vector()[_NUMBER], self._active(context)
+            if before > 0.5 and now > 0.5 and before != now:
+                goal = self.goal_position_port.Eval(context)
+                return np.concatenate((state[:6], goal, goal, state[_POSITION]))
+            return state
+
+        def _performed(self, context: Any) -> TransformationModel:
+            if self.primitive_port.HasValue(context):
+                performed: TransformationModel = self.primitive_port.Eval(context).translation
+                return performed
+            return self._attractor
+
+        def _running(self, active: Any) -> Any:
+            """Returns 1 while active, else 0; a number of T in continuous time."""
+            return active if self._time_step == 0.0 else float(active > 0.5)
+
+        def _optional(self, port: Any, context: Any) -> Any:
+            return port.Eval(context) if port.HasValue(context) else np.zeros(3)
+
+        def _active(self, context: Any) -> Any:
+            return self.active_port.Eval(context)[0]
+
+        def _weights(self, context: Any) -> Any:
+            """Returns the weights of the parameters, None where they are not used."""
+            if self._weights_shape is None or self.primitive_port.HasValue(context):
+                return None
+            weights = context.get_numeric_parameter(0).CopyToVector()
+            return weights.reshape(self._weights_shape)
+
+        def _calc_present(self, context: Any, value: Any) -> None:
+            attractor, state = self._performed(context), self._state_now(context)
+            value.get_mutable_value()["present"] = _Present(
+                attractor,
+                state,
+                self._goal(context, state),
+                attractor.forcing(state[_START], state[_DELAYED], self._weights(context)),
+                self.phase_port.Eval(context)[0],
+                self.tau_port.Eval(context)[0],
+                self._active(context),
+            )
+
+        def _present(self, context: Any) -> _Present:
+            present: _Present = self._present_entry.Eval(context)["present"]
+            return present
+
+        def _goal(self, context: Any, state: Any) -> DelayedGoal:
+            velocity = self._optional(self.goal_velocity_port, context)
+            lag = state[_DELAYED] - state[_GOAL]
+            goal = DelayedGoal(np.array((state[_GOAL], velocity)), lag)
+            if self._time_step == 0.0:
+                return goal
+            return goal.seen(self.goal_position_port.Eval(context), velocity)
+
+        def _nominal_acceleration(self, context: Any) -> Any:
+            now = self._present(context)
+            forcing = now.forcing(np.array([now.phase]))[0]
+            position_and_velocity = now.state[:6].reshape(2, 3)
+            nominal = now.attractor.acceleration(position_and_velocity, now.goal, forcing, now.tau)
+            return nominal * self._running(now.active)
+
+        def _start_state(self, context: Any) -> Any:
+            """Returns the state (15,) of a motion that starts now."""
+            start = self.start_position_port.Eval(context)
+            goal = self.goal_position_port.Eval(context)
+            velocity = np.zeros(3)
+            if self._start_moving:
+                tau = self.tau_port.Eval(context)[0]
+                velocity = self._performed(context).start_velocity(start, goal, tau)
+            return np.concatenate((start, velocity, goal, goal, start))
+
+        def _calc_next_state(self, context: Any, value: Any) -> None:
+            if self._active(context) > 0.5:
+                now = self._present(context)
+                velocity = self.phase_velocity_port.Eval(context)[0]
+                decay = -velocity / now.phase if now.phase > 0.0 else 0.0
+                moved = now.attractor.advance(
+                    now.state[:6].reshape(2, 3),
+                    now.goal,
+                    now.forcing(node_phases(now.phase, decay, self._time_step)),
+                    now.tau,
+                    self._time_step,
+                    self._optional(self.coupling_port, context),
+                )
+                later = now.goal.later(self._time_step, now.attractor.goal_rate(now.tau))
+                state = np.concatenate(
+                    (moved.ravel(), later.position, later.delayed, now.state[_START], [now.active])
+                )
+            else:
+                state = self._resting_state(context)
+            value.get_mutable_value()["state"] = state
+
+        def _next_state(self, context: Any) -> Any:
+            return self._next.Eval(context)["state"]
+
+        def _resting_state(self, context: Any) -> Any:
+            return np.concatenate((self._start_state(context), [0.0]))
+
+        def _rest(self, context: Any, discrete: Any) -> None:
+            discrete.set_value(self._resting_state(context))
+
+        def _update(self, context: Any, discrete: Any) -> None:
+            discrete.set_value(self._next_state(context))
+
+        def _update_between_steps(self, context: Any, state: Any) -> None:
+            values = self._state(context)
+            phase = self.phase_port.Eval(context)[0]
+            if self._active(context) > 0.5 and phase < 1.0:
+                seen = self.goal_position_port.Eval(context)
+                goal = self._goal(context, values)
+                values[_GOAL] = goal.seen(seen, goal.line[1]).position
+            else:
+                values = self._start_state(context)
+                continuous = np.concatenate((values[:6], values[_DELAYED]))
+                state.get_mutable_continuous_state().SetFromVector(continuous)
+            memory = np.concatenate((values[_GOAL], values[_START]))
+            state.get_mutable_discrete_state(0).SetFromVector(memory)
+
+        def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:
+            if self._time_step > 0.0:
+                return
+            now = self._present(context)
+            push = self._optional(self.coupling_port, context) / (now.tau * now.tau)
+            goal_rate = now.attractor.goal_rate(now.tau)
+            following = (now.goal.position - now.goal.delayed) * goal_rate
+            rates = (
+                now.state[_VELOCITY] * now.active,
+                self._nominal_acceleration(context) + push * now.active,
+                (following + now.goal.line[1]) * now.active,
+            )
+            derivatives.get_mutable_vector().SetFromVector(np.concatenate(rates))
+
+    return Impl
+
+
+TransformationSystem = TransformationSystem_[None]

@@ -1,0 +1,1 @@
+"""LeafSystems of joints, base and safety."""

@@ -1,0 +1,76 @@
+"""The base's own velocity controller: odometry that follows a velocity command."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
+
+
+class BaseVelocityController(LeafSystem):
+    """Integrates a velocity command in the base frame to the base's desired place and velocity.
+
+    .. pydrake_system::
+
+        name: BaseVelocityController
+        input_ports:
+        - base_velocity_command
+        - base_pose
+        output_ports:
+        - desired_state
+
+    Inputs: `base_velocity_command` (3), m/s, m/s, rad/s in B; `base_pose` (3), where the base
+    is when the first command arrives, x, y, yaw in W.
+    Output: `desired_state` (6), x, y, yaw and their rates in W.
+    State: x, y, yaw, rates, and whether the first place is known (7), at `time_step`. Until it is,
+    in a context that was never initialized, the base stands at `start_pose` (x, y, yaw).
+
+    Commands beyond the base's rated speeds are cut to them, and one that is not finite stops it.
+    """
+
+    def __init__(
+        self,
+        start_pose: Sequence[float] = (0.0, 0.0, 0.0),
+        *,
+        time_step: float = 0.01,
+        speed: float = 0.55,
+        turning_speed: float = 2.0,
+    ) -> None:
+        super().__init__()
+        self._time_step = time_step
+        self._limit = np.array([speed, speed, turning_speed])
+        self.velocity_input: InputPort = self.DeclareVectorInputPort("base_velocity_command", 3)
+        self.base_pose_input: InputPort = self.DeclareVectorInputPort("base_pose", 3)
+        self._state = self.DeclareDiscreteState([*start_pose, 0.0, 0.0, 0.0, 0.0])
+        self.DeclareVectorOutputPort(
+            "desired_state",
+            6,
+            self._calc_desired_state,
+            prerequisites_of_calc={self.discrete_state_ticket(self._state)},
+        )
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        pose = self.base_pose_input.Eval(context)
+        discrete_state.set_value(self._state, np.concatenate((pose, np.zeros(3), [1.0])))
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state = context.get_discrete_state(self._state).value()
+        if state[6] == 0:
+            self._initialize(context, discrete_state)
+            return
+        command = self.velocity_input.Eval(context)
+        if not np.all(np.isfinite(command)):
+            command = np.zeros(3)
+        vx, vy, turning = np.clip(command, -self._limit, self._limit).tolist()
+        # The chord of the arc that the base drives in one period.
+        heading = float(state[2]) + turning * self._time_step / 2
+        cos, sin = math.cos(heading), math.sin(heading)
+        rates = np.array([cos * vx - sin * vy, sin * vx + cos * vy, turning])
+        discrete_state.set_value(
+            self._state, np.concatenate((state[:3] + self._time_step * rates, rates, [1.0]))
+        )
+
+    def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._state).value()[:6])

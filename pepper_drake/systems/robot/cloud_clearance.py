@@ -1,0 +1,66 @@
+"""How near the arm is to what the robot has seen."""
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.perception import PointCloud
+from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
+
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
+
+
+class CloudClearance(LeafSystem):
+    """Least distance between the arm, as spheres, and the cloud.
+
+    .. pydrake_system::
+
+        name: CloudClearance
+        input_ports:
+        - cloud
+        - joint_position
+        - joint_velocity
+        - active (optional)
+        output_ports:
+        - clearance
+
+    Inputs: `cloud`, a PointCloud in the torso frame T; `joint_position` (5) and `joint_velocity`
+    (5), the arm's, rad and rad/s. Output: `clearance` (1) [m]: the lesser of now and of `lookahead`
+    later at this velocity; infinite before the first tick, for an empty cloud, and while `active`
+    (1) is 0: an arm at rest has nothing to watch. State: the same, every `time_step`.
+
+    Args:
+        geometry: Of the arm.
+        extension: How far each point reaches down, m (see `PointCloudDistance`); zero takes the
+            cloud as it was seen.
+        lookahead: How far ahead the arm's motion is thought on [s]: at least a period and the time
+            that the arm needs to brake.
+        time_step: s.
+    """
+
+    def __init__(
+        self,
+        geometry: ArmGeometry,
+        *,
+        extension: float = 0.0,
+        lookahead: float = 0.1,
+        time_step: float = 0.04,
+    ) -> None:
+        super().__init__()
+        self._geometry, self._lookahead = geometry, lookahead
+        self.cloud_input: InputPort = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
+        self.joint_position_input: InputPort = self.DeclareVectorInputPort("joint_position", 5)
+        self.joint_velocity_input: InputPort = self.DeclareVectorInputPort("joint_velocity", 5)
+        self.active_input: InputPort = self.DeclareVectorInputPort("active", 1)
+        self._field = ObstacleFieldCache(self, self.cloud_input, extension)
+        self._clearance = self.DeclareDiscreteState([np.inf])
+        self.DeclareStateOutputPort("clearance", self._clearance)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        if self.active_input.HasValue(context) and not self.active_input.Eval(context)[0]:
+            discrete_state.set_value(self._clearance, [np.inf])
+            return
+        now = self.joint_position_input.Eval(context)
+        later = now + self._lookahead * self.joint_velocity_input.Eval(context)
+        clearances = self._geometry.clearances(np.stack((now, later)), self._field.eval(context))
+        discrete_state.set_value(self._clearance, [clearances.min()])

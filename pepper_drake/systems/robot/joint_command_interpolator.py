@@ -1,0 +1,73 @@
+"""The joints' own servos: between two commands they go on evenly."""
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
+
+
+class JointCommandInterpolator(LeafSystem):
+    """Leads the joints from each position command to the next, as Pepper's DCM does.
+
+    .. pydrake_system::
+
+        name: JointCommandInterpolator
+        input_ports:
+        - joint_position_command
+        output_ports:
+        - desired_state
+
+    Input: `joint_position_command` (n), rad, new every `command_period`: where the joints should be
+    one period later.
+    Output: `desired_state` (2 n), rad and rad/s. With the last command q_1 and the one before, q_0,
+    it is q_0 + (q_1 - q_0) / 2 in the first half of the period and q_1 in the second, and
+    (q_1 - q_0) / `command_period` at all times. The first command is q_0, too: nothing jumps.
+    State: q_0 and q_1 (2 n), the latter as it is in the middle of the period, so that it does not
+    matter whether a command comes just before or just after the period begins; the share of the
+    way; whether there was a command.
+
+    Args:
+        size: n, the number of joints.
+        command_period: s.
+    """
+
+    def __init__(self, size: int, command_period: float) -> None:
+        super().__init__()
+        self._size, self._period = size, command_period
+        self.command_input: InputPort = self.DeclareVectorInputPort("joint_position_command", size)
+        self._state = self.DeclareDiscreteState(2 * size + 2)
+        self.DeclareVectorOutputPort(
+            "desired_state",
+            2 * size,
+            self._calc_desired_state,
+            prerequisites_of_calc={
+                self.discrete_state_ticket(self._state),
+                self.command_input.ticket(),
+            },
+        )
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
+        self.DeclarePeriodicDiscreteUpdateEvent(command_period, 0.0, self._begin)
+        self.DeclarePeriodicDiscreteUpdateEvent(command_period, command_period / 2, self._finish)
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        command = self.command_input.Eval(context)
+        discrete_state.set_value(self._state, np.concatenate((command, command, [0.5, 1.0])))
+
+    def _begin(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state = discrete_state.get_mutable_vector(self._state).get_mutable_value()
+        state[: self._size] = state[self._size : -2]
+        state[-2] = 0.5
+
+    def _finish(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state = discrete_state.get_mutable_vector(self._state).get_mutable_value()
+        state[self._size : -2] = self.command_input.Eval(context)
+        if not state[-1]:
+            state[: self._size] = state[self._size : -2]
+        state[-2:] = 1.0
+
+    def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
+        state = context.get_discrete_state(self._state).value()
+        command = self.command_input.Eval(context)
+        before = state[: self._size] if state[-1] else command
+        way = command - before
+        desired = output.get_mutable_value()
+        desired[: self._size] = before + float(state[-2]) * way
+        desired[self._size :] = way / self._period

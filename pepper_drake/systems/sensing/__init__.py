@@ -1,0 +1,1 @@
+"""LeafSystems of cameras, goal, cloud and gaze."""

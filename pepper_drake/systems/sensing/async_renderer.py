@@ -1,0 +1,155 @@
+"""Renders camera images on a thread of its own, while the simulation goes on."""
+
+import weakref
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.geometry import MakeRenderEngineVtk, RenderEngineVtkParams, SceneGraph
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import ZeroOrderHold
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U, RgbdSensor
+
+from pepper_drake.models.objects import add_scene
+from pepper_drake.models.pepper import add_pepper
+from pepper_drake.models.scene import Scene
+from pepper_drake.perception.cameras.camera import HeadCamera, make_render_cameras
+from pepper_drake.perception.cameras.image_future import ImageFuture, Pixels
+
+_RENDERER = "vtk"
+
+
+class _RenderingDiagram:
+    """Pepper in a scene as pure geometry, with cameras; belongs to the thread that made it.
+
+    Rendering happens inside `Simulator.AdvanceTo`, because that lets other Python threads run;
+    evaluating the sensor's port does not.
+    """
+
+    def __init__(self, scene: Scene, cameras: Mapping[str, tuple[HeadCamera, str]]) -> None:
+        builder = DiagramBuilder()
+        self._plant = MultibodyPlant(time_step=0.01)  # Only its kinematics are used.
+        scene_graph = builder.AddSystem(SceneGraph())
+        scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
+        self._plant.RegisterAsSourceForSceneGraph(scene_graph)
+        add_pepper(self._plant)
+        add_scene(self._plant, scene)
+        self._plant.Finalize()
+        poses = builder.AddSystem(MultibodyPositionToGeometryPose(self._plant))
+        builder.Connect(
+            poses.get_output_port(),
+            scene_graph.get_source_pose_port(self._plant.get_source_id()),
+        )
+        head = self._plant.GetBodyFrameIdOrThrow(self._plant.GetBodyByName("Head").index())
+        self._images = {}
+        for offset, (name, (camera, kind)) in enumerate(cameras.items()):
+            color, depth = make_render_cameras(camera.intrinsics, _RENDERER)
+            sensor = builder.AddSystem(RgbdSensor(head, camera.X_HeadC, color, depth))
+            builder.Connect(scene_graph.get_query_output_port(), sensor.query_object_input_port())
+            is_color = kind == "color"
+            # Each camera has a second of its own in which it takes its picture.
+            image = builder.AddSystem(
+                ZeroOrderHold(
+                    period_sec=len(cameras),
+                    abstract_model_value=Value(ImageRgba8U() if is_color else ImageDepth32F()),
+                    offset_sec=offset,
+                )
+            )
+            builder.Connect(
+                sensor.color_image_output_port()
+                if is_color
+                else sensor.depth_image_32F_output_port(),
+                image.get_input_port(),
+            )
+            self._images[name] = (offset, image.get_output_port())
+        builder.ExportInput(poses.get_input_port(), "positions")
+        self._diagram = builder.Build()
+        self._simulator = Simulator(self._diagram)
+        self._rounds = 0
+
+    def default_positions(self) -> npt.NDArray[np.float64]:
+        """Positions of the plant that it was made with."""
+        return self._plant.GetPositions(self._plant.CreateDefaultContext())
+
+    def render(self, camera: str, positions: npt.NDArray[np.float64]) -> Pixels:
+        """Renders what a camera sees (height, width, channels)."""
+        offset, image = self._images[camera]
+        context: Context = self._simulator.get_mutable_context()
+        self._diagram.GetInputPort("positions").FixValue(context, positions)
+        self._rounds += 1
+        time = self._rounds * len(self._images) + offset
+        context.SetTime(time - 0.5)
+        self._simulator.Initialize()
+        self._simulator.AdvanceTo(time + 0.25)
+        return image.Eval(image.get_system().GetMyContextFromRoot(context)).data.copy()
+
+
+class AsyncRenderer:
+    """What head cameras see in a scene, rendered in the order asked for, on one thread.
+
+    An image depends on the camera and the positions alone, so simulations may share a renderer.
+
+    Args:
+        scene: The scene.
+        cameras: By name: the camera, and whether "color" or "depth" is wanted of it.
+    """
+
+    def __init__(self, scene: Scene, cameras: Mapping[str, tuple[HeadCamera, str]]) -> None:
+        executor = ThreadPoolExecutor(1, thread_name_prefix="renderer")
+        self._executor = executor
+        self._on_thread: list[_RenderingDiagram] = []
+        self._started = executor.submit(_start, self._on_thread, scene, cameras)
+        self._prepared: list[Future[object]] = []
+        # Its OpenGL context has to go on the thread to which it belongs.
+        weakref.finalize(self, _stop, executor, self._on_thread).atexit = False
+
+    def prepare(self, work: Callable[[], object]) -> None:
+        """Has something done on the thread before it counts as ready."""
+        self._prepared.append(self._executor.submit(work))
+
+    def wait_until_ready(self) -> None:
+        """Waits until the scene is built, the shaders are compiled, and all is prepared."""
+        self._started.result()
+        for work in self._prepared:
+            work.result()
+
+    def render(self, camera: str, positions: npt.NDArray[np.float64]) -> ImageFuture:
+        """Starts rendering.
+
+        Args:
+            camera: Its name.
+            positions: Of a plant with Pepper and then the scene.
+
+        Returns:
+            The image: ImageRgba8U's pixels (height, width, 4), or depths (height, width, 1) [m].
+        """
+        on_thread, started = self._on_thread, self._started
+
+        def render() -> Pixels:
+            started.result()  # Or the reason why there is no renderer.
+            return on_thread[0].render(camera, positions)
+
+        return ImageFuture(self._executor.submit(render), self._executor)
+
+
+def _start(
+    on_thread: list[_RenderingDiagram],
+    scene: Scene,
+    cameras: Mapping[str, tuple[HeadCamera, str]],
+) -> None:
+    """Makes the rendering diagram and compiles its shaders, which takes longest."""
+    rendering = _RenderingDiagram(scene, cameras)
+    for camera in cameras:
+        rendering.render(camera, rendering.default_positions())
+    on_thread.append(rendering)
+
+
+def _stop(executor: ThreadPoolExecutor, on_thread: list[Any]) -> None:
+    executor.submit(on_thread.clear)
+    executor.shutdown(wait=False)

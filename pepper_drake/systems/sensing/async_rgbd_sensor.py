@@ -1,0 +1,51 @@
+"""A camera's sensor whose images are rendered while the simulation goes on."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, LeafSystem
+
+from pepper_drake.perception.cameras.image_future import ImageFuture, empty_image
+
+
+class AsyncRgbdSensor(LeafSystem):
+    """Starts rendering what a camera sees when its output is evaluated.
+
+    .. pydrake_system::
+
+        name: AsyncRgbdSensor
+        input_ports:
+        - positions
+        output_ports:
+        - image
+
+    `positions` are the true ones of everything that moves; `image` is the ImageFuture, ready for
+    a CameraModel made for images from the background. It is Drake's RgbdSensorAsync for cameras
+    that are asked only now and then: what nobody asks for is not rendered.
+
+    Stateless; `image` feeds through.
+
+    Args:
+        render: Starts rendering for the positions (n,).
+        num_positions: n.
+    """
+
+    def __init__(
+        self,
+        render: Callable[[npt.NDArray[np.float64]], ImageFuture],
+        num_positions: int,
+    ) -> None:
+        super().__init__()
+        self._render = render
+        self._positions = self.DeclareVectorInputPort("positions", num_positions)
+        self.DeclareAbstractOutputPort(
+            "image",
+            lambda: Value(empty_image()),
+            self._calc_image,
+            prerequisites_of_calc={self.input_port_ticket(self._positions.get_index())},
+        )
+
+    def _calc_image(self, context: Context, output: Value) -> None:
+        output.set_value(self._render(self._positions.Eval(context)))

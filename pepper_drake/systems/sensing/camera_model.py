@@ -1,0 +1,270 @@
+"""A camera as the robot has it: its own rate, lens, noise, and a time stamp on every image."""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    EventStatus,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    State,
+)
+from pydrake.systems.sensors import ImageDepth16U, ImageDepth32F, ImageRgba8U
+
+from pepper_drake.errors import InputError
+from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.cameras.image_future import (
+    ImageFuture,
+    Pixels,
+    completed_image,
+    empty_image,
+)
+from pepper_drake.perception.cameras.noise import (
+    ColorNoise,
+    DepthNoise,
+    degrade_color,
+    degrade_depth,
+)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One captured image with all that was measured when it was taken. Never changed once made.
+
+    Attributes:
+        image: Pixels (height, width, channels), none when no image was taken yet.
+        time: When it was taken [s]; minus infinity when none was taken yet.
+        number: How many images were taken before it.
+        X_WC: The camera's measured pose.
+        position: The robot's measured joint positions, (n,).
+    """
+
+    image: ImageFuture
+    time: float
+    number: int
+    X_WC: RigidTransform
+    position: npt.NDArray[np.float64]
+
+    def __deepcopy__(self, memo: dict) -> "Frame":
+        """Returns itself: Drake copies the state at each event, and a frame never changes."""
+        return self
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """The frame that is out, and the one that was captured last and may still be under way."""
+
+    out: Frame
+    captured: Frame
+
+    def __deepcopy__(self, memo: dict) -> "_Frames":
+        return self
+
+
+class CameraModel(LeafSystem):
+    """Captures rendered images at the camera's rate and spoils them as the real sensor does.
+
+    .. pydrake_system::
+
+        name: CameraModel
+        input_ports:
+        - image
+        - X_WC (optional)
+        - position (optional)
+        - enabled (optional)
+        output_ports:
+        - color_image or depth_image
+        - time_stamp
+        - X_WC
+        - position
+
+    `image` is an RgbdSensor's `color_image` (ImageRgba8U) or `depth_image_32f` (ImageDepth32F), or
+    a AsyncRgbdSensor's ImageFuture. It is evaluated at captures only, and not at all while
+    `enabled` is zero, so that nothing is rendered that nobody looks at. `X_WC` (RigidTransform) and
+    `position` (the robot's measured joints) are captured with the image and handed on beside it:
+    who uses the image can tell where the camera was when it was taken. A camera whose `X_WC` is
+    unconnected reports the identity.
+
+    `color_image` is an ImageRgba8U, `depth_image` an ImageDepth16U in whole millimetres with 0
+    where nothing came back. Before the first capture they are empty (0x0) and `time_stamp` is
+    minus infinity. An empty image at the input counts as a dropped frame: the last one stays.
+
+    An image is out `latency` after its capture, as a real camera's that has to be read out and
+    sent; so long a renderer in the background has time.
+
+    State: the frame that is out and the one captured last (abstract). Events: two periodic
+    unrestricted updates, one to capture and one to hand out.
+
+    Args:
+        intrinsics: The camera; its distortion is applied to colour images.
+        kind: "color" or "depth".
+        period: Time between images [s].
+        offset: Time of the first image [s].
+        latency: From an image's capture until it is out [s]; less than the period.
+        background: Whether the input `image` is a ImageFuture.
+        noise: The sensor's noise; a ColorNoise or DepthNoise with its defaults when left out.
+        seed: Seed of the noise; together with the frame's number it decides the noise.
+        num_positions: Size of the input `position`.
+    """
+
+    def __init__(
+        self,
+        intrinsics: CameraIntrinsics,
+        *,
+        kind: str,
+        period: float = 0.2,
+        offset: float = 0.0,
+        latency: float = 0.0,
+        background: bool = False,
+        noise: ColorNoise | DepthNoise | None = None,
+        seed: int = 0,
+        num_positions: int = 0,
+    ) -> None:
+        super().__init__()
+        if kind not in ("color", "depth"):
+            raise InputError(f'CameraModel: kind {kind!r} must be "color" or "depth".')
+        expected = ColorNoise if kind == "color" else DepthNoise
+        noise = expected() if noise is None else noise
+        if not isinstance(noise, expected):
+            raise InputError(f"CameraModel: a {kind} camera takes {expected.__name__} as noise.")
+        if not 0.0 <= latency < period:
+            raise InputError(
+                f"CameraModel: latency {latency} s must be within its period, {period} s."
+            )
+        self.intrinsics = intrinsics
+        self._noise = noise
+        self._seed = seed
+        is_color = isinstance(noise, ColorNoise)
+        self._image_type = ImageRgba8U if is_color else ImageDepth16U
+
+        self._background = background
+        self._latency = latency
+        rendered = ImageRgba8U() if is_color else ImageDepth32F()
+        self._image = self.DeclareAbstractInputPort(
+            "image", Value(empty_image()) if background else Value(rendered)
+        )
+        self._X_WC = self.DeclareAbstractInputPort("X_WC", Value(RigidTransform()))
+        self._position = self.DeclareVectorInputPort("position", num_positions)
+        self._enabled = self.DeclareVectorInputPort("enabled", 1)
+
+        none = Frame(
+            empty_image(),
+            -np.inf,
+            0,
+            RigidTransform(),
+            np.zeros(num_positions),
+        )
+        self._frames = self.DeclareAbstractState(Value(_Frames(none, none)))
+        ticket = {self.abstract_state_ticket(self._frames)}
+        self._image_out = self.DeclareAbstractOutputPort(
+            f"{kind}_image",
+            lambda: Value(self._image_type()),
+            self._calc_image,
+            prerequisites_of_calc=ticket,
+        )
+        self._time_stamp_out = self.DeclareVectorOutputPort(
+            "time_stamp", 1, self._calc_time_stamp, prerequisites_of_calc=ticket
+        )
+        self._X_WC_out = self.DeclareAbstractOutputPort(
+            "X_WC",
+            lambda: Value(RigidTransform()),
+            self._calc_X_WC,
+            prerequisites_of_calc=ticket,
+        )
+        self._position_out = self.DeclareVectorOutputPort(
+            "position", num_positions, self._calc_position, prerequisites_of_calc=ticket
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._capture)
+        if latency > 0.0:
+            self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset + latency, self._hand_out)
+
+    def get_image_input_port(self) -> InputPort:
+        """The rendered image."""
+        return self._image
+
+    def prepare(self) -> None:
+        """Computes what all images have in common, the sensor's noise, before the first."""
+        channels = 4 if isinstance(self._noise, ColorNoise) else 1
+        shape = (self.intrinsics.height, self.intrinsics.width, channels)
+        self._degrade(np.zeros(shape, np.uint8 if channels == 4 else np.float32), number=0)
+
+    def get_image_output_port(self) -> OutputPort:
+        """The captured image."""
+        return self._image_out
+
+    def last_frame(self, context: Context) -> Frame:
+        """Returns the last frame that is out in this context."""
+        return self._get_frames(context).out
+
+    def _get_frames(self, context: Context) -> _Frames:
+        return context.get_abstract_state(int(self._frames)).get_value()
+
+    def _capture(self, context: Context, state: State) -> EventStatus:
+        if self._enabled.HasValue(context) and self._enabled.Eval(context)[0] <= 0:
+            return EventStatus.DidNothing()
+        frames = self._get_frames(context)
+        last = frames.captured
+        rendered = self._image.Eval(context)
+        if not self._background:
+            if rendered.size() == 0:
+                return EventStatus.DidNothing()
+            rendered = completed_image(rendered.data)
+        frame = Frame(
+            rendered.then(functools.partial(self._degrade, number=last.number)),
+            context.get_time(),
+            last.number + 1,
+            RigidTransform(self._X_WC.Eval(context)) if self._X_WC.HasValue(context) else last.X_WC,
+            self._position.Eval(context) if self._position.HasValue(context) else last.position,
+        )
+        state.get_mutable_abstract_state(int(self._frames)).set_value(
+            _Frames(frames.out if self._latency > 0.0 else frame, frame)
+        )
+        return EventStatus.Succeeded()
+
+    def _degrade(self, pixels: Pixels, number: int) -> Pixels:
+        """What the sensor makes of a rendered image; the number decides its noise."""
+        image: Pixels
+        if isinstance(self._noise, ColorNoise):
+            image = degrade_color(
+                pixels, self.intrinsics, self._noise, seed=self._seed, frame=number
+            )
+        else:
+            image = degrade_depth(
+                pixels[..., 0], self.intrinsics, self._noise, seed=self._seed, frame=number
+            )[..., None]
+        image.setflags(write=False)
+        return image
+
+    def _hand_out(self, context: Context, state: State) -> EventStatus:
+        frames = self._get_frames(context)
+        if frames.out is frames.captured:
+            return EventStatus.DidNothing()
+        state.get_mutable_abstract_state(int(self._frames)).set_value(
+            _Frames(frames.captured, frames.captured)
+        )
+        return EventStatus.Succeeded()
+
+    def _calc_image(self, context: Context, output: Value) -> None:
+        pixels = self.last_frame(context).image.pixels()
+        image = output.get_mutable_value()
+        height, width = pixels.shape[:2]
+        if (image.width(), image.height()) != (width, height):
+            image.resize(width, height)
+        if pixels.size:
+            image.mutable_data[:] = pixels
+
+    def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, self.last_frame(context).time)
+
+    def _calc_X_WC(self, context: Context, output: Value) -> None:
+        output.set_value(self.last_frame(context).X_WC)
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self.last_frame(context).position)

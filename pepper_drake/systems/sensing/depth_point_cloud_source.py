@@ -1,0 +1,307 @@
+"""The obstacles that the depth camera has seen, as a cloud in the world and the torso frame."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.perception import PointCloud
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    EventStatus,
+    LeafSystem,
+    State,
+)
+from pydrake.systems.sensors import ImageDepth16U
+
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CameraIntrinsics
+from pepper_drake.perception.goal.detection import MarkedObject
+from pepper_drake.perception.mapping.cloud import SurfacePoints, depth_in_metres, to_point_cloud
+from pepper_drake.perception.mapping.cloud_points import make_cloud
+from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
+    DynamicObstacleTracker,
+    reset_while_driving,
+    update_tracker,
+)
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.obstacle_map import (
+    ExcludedSolids,
+    ObstacleParameters,
+    update_obstacles,
+)
+from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.perception.mapping.voxel_map import VoxelMap
+
+_LAG = 0.3
+"""For how long a moving object's pose may be old [s]: half of it between images, half in filters."""
+
+_LARGEST_LAG_MARGIN = 0.06
+"""Most that the margin around a moving object grows [m]."""
+
+_MOVED, _TURNED = 0.002, 0.004
+"""A frame has moved when it moved or turned by this, m and rad."""
+
+_THUMBNAIL_STEP = 5
+"""Images are told apart by every fifth pixel of every fifth row."""
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """The system's state. Never changed once made.
+
+    Attributes:
+        voxels: What was seen.
+        time: Of the last image used [s].
+        thumbnail: A few pixels of it.
+        X_WC: The camera's pose for it.
+        X_WO: The goal object's last known pose.
+        surface: The map's points.
+        cloud: The same in W.
+        X_WT: The torso's pose for which the cloud in T is made, when someone asks for it.
+        watch: What moves.
+    """
+
+    voxels: VoxelMap
+    time: float
+    thumbnail: npt.NDArray[np.uint16]
+    X_WC: RigidTransform
+    X_WO: RigidTransform | None
+    surface: SurfacePoints
+    cloud: PointCloud
+    X_WT: RigidTransform
+    watch: DynamicObstacleTracker
+
+    def __deepcopy__(self, memo: dict) -> "_Memory":
+        """Returns itself: Drake copies the state at each event, and this never changes."""
+        return self
+
+
+class DepthPointCloudSource(LeafSystem):
+    """Turns depth images into a cloud of obstacles that is remembered in the world frame.
+
+    .. pydrake_system::
+
+        name: DepthPointCloudSource
+        input_ports:
+        - depth_image
+        - time_stamp
+        - X_WC
+        - X_WT
+        - position (optional)
+        - object_pose (optional)
+        - object_valid (optional)
+        - object_velocity (optional)
+        output_ports:
+        - cloud
+        - cloud_torso
+        - approaching
+        - time_stamp
+        - age
+
+    `depth_image` (ImageDepth16U, whole millimetres), `time_stamp` [s], `X_WC` and `position` (the
+    robot's joints, for cutting its own body out) come from a CameraModel and belong to the moment
+    of the image. The system looks for a new time stamp every `period` and works only when there is
+    one. Images that are empty, of another size, older than the last or dated in the future are
+    passed over, and so is one whose pixels are those of the last though the camera has moved: the
+    camera hangs. Of the goal object the last pose that was valid is used; its `object_velocity`
+    widens the margin around it while it moves.
+
+    `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on
+    the state alone, so whatever a consumer computes from them stays cached until the next image, or
+    until the torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
+    `approaching` (PointCloud in W, whose z = 0 is the floor) is where things that move will be
+    soon, and where something may be that is too near to be measured, see `perception.watch`; none
+    while the torso moves.
+    `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
+    the time since then.
+
+    State: voxel map, clouds and things that move (abstract).
+    Event: one periodic unrestricted update.
+
+    Args:
+        robot: The robot's collision shapes; without them its body is taken for an obstacle.
+        marked: The goal object, which is cut out by its shape.
+        intrinsics: The depth camera.
+        parameters: How obstacles are seen and remembered.
+        torso_range: `cloud_torso` has the points within this distance of the torso [m]: twice an
+            arm's reach.
+        period: Time between looks for a new image [s].
+        offset: Time of the first look [s]; after the camera's.
+    """
+
+    def __init__(
+        self,
+        robot: RobotSolids | None = None,
+        marked: MarkedObject | None = None,
+        *,
+        intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics,
+        parameters: ObstacleParameters | None = None,
+        torso_range: float = 0.8,
+        period: float = 0.02,
+        offset: float = 0.01,
+    ) -> None:
+        super().__init__()
+        self._robot = robot
+        self._torso_range = torso_range
+        self._object_solids = () if marked is None else marked.solids
+        self._intrinsics = intrinsics
+        self._parameters = ObstacleParameters() if parameters is None else parameters
+
+        pose = Value(RigidTransform())
+        num_positions = 0 if robot is None else robot.num_positions
+        self._image = self.DeclareAbstractInputPort("depth_image", Value(ImageDepth16U()))
+        self._time_stamp = self.DeclareVectorInputPort("time_stamp", 1)
+        self._X_WC = self.DeclareAbstractInputPort("X_WC", pose)
+        self._X_WT = self.DeclareAbstractInputPort("X_WT", pose)
+        self._position = self.DeclareVectorInputPort("position", num_positions)
+        self._object_pose = self.DeclareAbstractInputPort("object_pose", pose)
+        self._object_valid = self.DeclareVectorInputPort("object_valid", 1)
+        self._object_velocity = self.DeclareVectorInputPort("object_velocity", 3)
+
+        voxels = VoxelMap.empty()
+        self._memory = self.DeclareAbstractState(
+            Value(
+                _Memory(
+                    voxels=voxels,
+                    time=-np.inf,
+                    thumbnail=np.zeros(0, np.uint16),
+                    X_WC=RigidTransform(),
+                    X_WO=None,
+                    surface=voxels.surface(),
+                    cloud=to_point_cloud(voxels.surface()),
+                    X_WT=RigidTransform(),
+                    watch=DynamicObstacleTracker(),
+                )
+            )
+        )
+        state = {self.abstract_state_ticket(self._memory)}
+        for name, calc in (
+            ("cloud", self._calc_cloud),
+            ("cloud_torso", self._calc_cloud_torso),
+            ("approaching", self._calc_approaching),
+        ):
+            self.DeclareAbstractOutputPort(
+                name, lambda: Value(PointCloud()), calc, prerequisites_of_calc=state
+            )
+        self.DeclareVectorOutputPort(
+            "time_stamp", 1, self._calc_time_stamp, prerequisites_of_calc=state
+        )
+        self.DeclareVectorOutputPort(
+            "age", 1, self._calc_age, prerequisites_of_calc=state | {self.time_ticket()}
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._look)
+
+    def voxels(self, context: Context) -> VoxelMap:
+        """Returns what is remembered in this context."""
+        return self._get_memory(context).voxels
+
+    def _get_memory(self, context: Context) -> _Memory:
+        return context.get_abstract_state(int(self._memory)).get_value()
+
+    def _look(self, context: Context, state: State) -> EventStatus:
+        before = self._get_memory(context)
+        X_WT = self._X_WT.Eval(context) if self._X_WT.HasValue(context) else before.X_WT
+        has_moved = _has_moved(before.X_WT, X_WT)
+        drives = has_moved and np.isfinite(before.time)
+        memory = self._use_image(context, before, drives)
+        if memory is not before or has_moved:
+            memory = replace(memory, X_WT=RigidTransform(X_WT))
+            state.get_mutable_abstract_state(int(self._memory)).set_value(memory)
+            return EventStatus.Succeeded()
+        return EventStatus.DidNothing()
+
+    def _near(self, surface: SurfacePoints, X_WT: RigidTransform) -> SurfacePoints:
+        """The points that are within reach of whoever uses the cloud in the torso frame."""
+        offset = surface.positions - X_WT.translation().astype(surface.positions.dtype)
+        near = np.einsum("ij,ij->i", offset, offset) <= self._torso_range**2
+        return SurfacePoints(surface.positions[near], surface.normals[near])
+
+    def _use_image(self, context: Context, memory: _Memory, drives: bool) -> _Memory:
+        if not (self._image.HasValue(context) and self._time_stamp.HasValue(context)):
+            return memory
+        time = float(self._time_stamp.Eval(context)[0])
+        if not memory.time < time <= context.get_time():
+            return memory
+        image = self._image.Eval(context).data
+        X_WC = RigidTransform(self._X_WC.Eval(context))
+        thumbnail = image[::_THUMBNAIL_STEP, ::_THUMBNAIL_STEP].copy()
+        if np.array_equal(thumbnail, memory.thumbnail) and _has_moved(memory.X_WC, X_WC):
+            return memory
+        X_WO = memory.X_WO
+        is_known = self._object_pose.HasValue(context) and (
+            not self._object_valid.HasValue(context) or self._object_valid.Eval(context)[0] > 0
+        )
+        if is_known:
+            X_WO = RigidTransform(self._object_pose.Eval(context))
+        ignored = self._no_obstacles(context, X_WO)
+        voxels = update_obstacles(
+            memory.voxels, image, time, X_WC, self._intrinsics, ignored, self._parameters
+        )
+        view = DepthFrame(depth_in_metres(image, self._intrinsics), X_WC, time, self._intrinsics)
+        if drives:
+            watch = reset_while_driving(memory.watch, view, self._parameters)
+        else:
+            # The goal object stands on the table.
+            table = -np.inf if X_WO is None else float(X_WO.translation()[2])
+            watch, voxels = update_tracker(
+                memory.watch, voxels, view, ignored, self._parameters, table
+            )
+        surface = voxels.surface()
+        return replace(
+            memory,
+            voxels=voxels,
+            time=time,
+            thumbnail=thumbnail,
+            X_WC=X_WC,
+            X_WO=X_WO,
+            surface=surface,
+            cloud=to_point_cloud(surface),
+            watch=watch,
+        )
+
+    def _no_obstacles(self, context: Context, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
+        """The robot and the goal object, where they are in the image."""
+        ignored = []
+        cloud = self._parameters.cloud
+        if self._robot is not None and self._position.HasValue(context):
+            poses = self._robot.poses(self._position.Eval(context))
+            ignored.append(
+                ExcludedSolids(
+                    self._robot.solids, poses, cloud.robot_margin, keep_known_voxels=True
+                )
+            )
+        if X_WO is not None and self._object_solids:
+            margin = cloud.object_margin
+            if self._object_velocity.HasValue(context):
+                speed = float(np.linalg.norm(self._object_velocity.Eval(context)))
+                margin += min(_LAG * speed, _LARGEST_LAG_MARGIN)
+            ignored.append(
+                ExcludedSolids(self._object_solids, [X_WO] * len(self._object_solids), margin)
+            )
+        return ignored
+
+    def _calc_cloud(self, context: Context, output: Value) -> None:
+        output.set_value(self._get_memory(context).cloud)
+
+    def _calc_cloud_torso(self, context: Context, output: Value) -> None:
+        memory = self._get_memory(context)
+        near = self._near(memory.surface, memory.X_WT)
+        output.set_value(to_point_cloud(near, memory.X_WT.inverse()))
+
+    def _calc_approaching(self, context: Context, output: Value) -> None:
+        output.set_value(make_cloud(self._get_memory(context).watch.expected))
+
+    def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, self._get_memory(context).time)
+
+    def _calc_age(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, context.get_time() - self._get_memory(context).time)
+
+
+def _has_moved(X_WF: RigidTransform, X_WG: RigidTransform) -> bool:
+    """Whether two poses of one frame differ by more than the noise of measured joints."""
+    moved = X_WF.InvertAndCompose(X_WG)
+    distance = float(np.linalg.norm(moved.translation()))
+    return distance > _MOVED or abs(moved.rotation().ToAngleAxis().angle()) > _TURNED

@@ -1,0 +1,258 @@
+"""Where the goal object is, from the images of the head's colour cameras."""
+
+import functools
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    EventStatus,
+    LeafSystem,
+    State,
+)
+from pydrake.systems.sensors import ImageRgba8U
+
+from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP, CameraIntrinsics
+from pepper_drake.perception.goal.detection import MarkedObject, detect_goal
+from pepper_drake.perception.goal.imm_filter import (
+    GoalFilterParameters,
+    GoalMeasurement,
+    GoalState,
+    update_goal,
+)
+
+_THUMBNAIL_STEP = 7
+"""Images are told apart by every seventh pixel of every seventh row."""
+
+
+@functools.cache
+def _worker() -> ThreadPoolExecutor:
+    """The thread on which images are looked at while the simulation goes on."""
+    return ThreadPoolExecutor(1, thread_name_prefix="goal estimator")
+
+
+@dataclass(frozen=True)
+class _Look:
+    """An image that is being looked at.
+
+    Attributes:
+        measurement: Gives what was measured in it, or None.
+        due: When that counts [s].
+    """
+
+    measurement: "Future[GoalMeasurement | None]"
+    due: float
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """The estimator's state. Never changed once made.
+
+    Attributes:
+        goal: What the filter believes.
+        time_stamps: Of the last image used from each camera [s].
+        thumbnails: A few pixels of it.
+        looks: Images of which the measurement is yet to count, the oldest first.
+    """
+
+    goal: GoalState
+    time_stamps: Mapping[str, float]
+    thumbnails: Mapping[str, npt.NDArray[np.uint8]]
+    looks: tuple[_Look, ...] = ()
+
+    def __deepcopy__(self, memo: dict) -> "_Memory":
+        """Returns itself: Drake copies the state at each event, and this never changes."""
+        return self
+
+
+class GoalEstimator(LeafSystem):
+    """Finds the goal object's marker in the colour images and tracks the object's pose.
+
+    .. pydrake_system::
+
+        name: GoalEstimator
+        input_ports:
+        - color_image_top
+        - time_stamp_top
+        - X_WC_top
+        - color_image_bottom
+        - time_stamp_bottom
+        - X_WC_bottom
+        output_ports:
+        - object_pose
+        - valid
+        - age
+        - position_covariance
+        - velocity
+
+    The three inputs of a camera (ImageRgba8U; s; RigidTransform at the image's time) come from a
+    CameraModel; a camera with any of them unconnected is not used. The system looks for a new time
+    stamp every `period` and works only when there is one: once for an image, whatever its rate.
+    Images that are empty, older than the last or dated in the future are passed over. So is one
+    whose pixels are those of the last: real sensors are noisy, and equal pixels mean a camera that
+    hangs.
+
+    `object_pose` (RigidTransform X_WO) is the pose last handed on: it changes when the estimate
+    moved by more than 3 mm or became much surer (see GoalFilterParameters), is held while the
+    marker is hidden, and is the identity before the first. `valid` is 1 while there is a goal that
+    was seen within the last `hold_seconds`, else 0. `age` [s] is the time since it was seen;
+    infinite before the first.
+    `position_covariance` is the row-major (3, 3) covariance [m^2] of the object's position in W;
+    infinite on its diagonal before the first. `velocity` [m/s] is the object's in W.
+
+    A measurement counts `latency` after its image was looked at: so long the work may take, on a
+    thread of its own while the simulation goes on. What it finds does not depend on how fast it is.
+
+    State: filter and last images (abstract). Event: one periodic unrestricted update.
+
+    Args:
+        marked: The object to look for.
+        top: The top camera's intrinsics.
+        bottom: The bottom camera's intrinsics.
+        parameters: Noise, gates and thresholds of the filter.
+        period: Time between looks for a new image [s].
+        offset: Time of the first look [s]; after the cameras', so that an image taken in the same
+            period is used in it.
+        latency: How long it takes to look at an image [s]; at zero the simulation waits.
+        expects_noise: Whether equal images mean that the camera hangs; set to False only when the
+            images are rendered without noise.
+    """
+
+    def __init__(
+        self,
+        marked: MarkedObject,
+        *,
+        top: CameraIntrinsics = CAMERA_TOP.intrinsics,
+        bottom: CameraIntrinsics = CAMERA_BOTTOM.intrinsics,
+        parameters: GoalFilterParameters | None = None,
+        period: float = 0.02,
+        offset: float = 0.01,
+        latency: float = 0.0,
+        expects_noise: bool = True,
+    ) -> None:
+        super().__init__()
+        self.marked = marked
+        self._parameters = GoalFilterParameters() if parameters is None else parameters
+        self._expects_noise = expects_noise
+        self._latency = latency
+        self._intrinsics = {"top": top, "bottom": bottom}
+        self._images, self._stamps, self._poses = {}, {}, {}
+        for name in self._intrinsics:
+            self._images[name] = self.DeclareAbstractInputPort(
+                f"color_image_{name}", Value(ImageRgba8U())
+            )
+            self._stamps[name] = self.DeclareVectorInputPort(f"time_stamp_{name}", 1)
+            self._poses[name] = self.DeclareAbstractInputPort(
+                f"X_WC_{name}", Value(RigidTransform())
+            )
+        self._memory = self.DeclareAbstractState(Value(_Memory(GoalState(), {}, {})))
+        state = {self.abstract_state_ticket(self._memory)}
+        state_and_time = state | {self.time_ticket()}
+        self.DeclareAbstractOutputPort(
+            "object_pose",
+            lambda: Value(RigidTransform()),
+            self._calc_object_pose,
+            prerequisites_of_calc=state,
+        )
+        self.DeclareVectorOutputPort(
+            "valid", 1, self._calc_valid, prerequisites_of_calc=state_and_time
+        )
+        self.DeclareVectorOutputPort("age", 1, self._calc_age, prerequisites_of_calc=state_and_time)
+        self.DeclareVectorOutputPort(
+            "position_covariance", 9, self._calc_covariance, prerequisites_of_calc=state
+        )
+        self.DeclareVectorOutputPort(
+            "velocity", 3, self._calc_velocity, prerequisites_of_calc=state
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._look)
+
+    def goal_state(self, context: Context) -> GoalState:
+        """Returns what the filter believes in this context."""
+        return self._get_memory(context).goal
+
+    def _get_memory(self, context: Context) -> _Memory:
+        return context.get_abstract_state(int(self._memory)).get_value()
+
+    def _look(self, context: Context, state: State) -> EventStatus:
+        before = self._get_memory(context)
+        memory = self._use_due(before, context.get_time())
+        for name in self._intrinsics:
+            memory = self._use_due(self._use_camera(context, name, memory), context.get_time())
+        if memory is before:
+            return EventStatus.DidNothing()
+        state.get_mutable_abstract_state(int(self._memory)).set_value(memory)
+        return EventStatus.Succeeded()
+
+    def _use_camera(self, context: Context, name: str, memory: _Memory) -> _Memory:
+        ports = (self._stamps[name], self._images[name], self._poses[name])
+        if not all(port.HasValue(context) for port in ports):
+            return memory
+        time = float(self._stamps[name].Eval(context)[0])
+        if not memory.time_stamps.get(name, -np.inf) < time <= context.get_time():
+            return memory
+        image = self._images[name].Eval(context).data
+        thumbnail = image[::_THUMBNAIL_STEP, ::_THUMBNAIL_STEP].copy()
+        last = memory.thumbnails.get(name)
+        used = replace(
+            memory,
+            time_stamps={**memory.time_stamps, name: time},
+            thumbnails={**memory.thumbnails, name: thumbnail},
+        )
+        hangs = last is not None and np.array_equal(last, thumbnail)
+        if image.size == 0 or (self._expects_noise and hangs):
+            return used
+        track = memory.goal.track
+        is_recent = track is not None and memory.goal.age(time) <= self._parameters.hold_seconds
+        measurement = _worker().submit(
+            detect_goal,
+            image.copy(),  # The port's own changes with the next.
+            time,
+            RigidTransform(self._poses[name].Eval(context)),
+            self._intrinsics[name],
+            self.marked,
+            p_WM_expected=track.p_WM if track is not None and is_recent else None,
+            R_WO_expected=track.R_WO if track is not None else None,
+        )
+        look = _Look(measurement, context.get_time() + self._latency)
+        return replace(used, looks=(*memory.looks, look))
+
+    def _use_due(self, memory: _Memory, time: float) -> _Memory:
+        """Takes in the measurements that count by now, waiting for them if need be."""
+        p_OM = self.marked.X_OM.translation()
+        looks = memory.looks
+        while looks and looks[0].due <= time + 1e-9:
+            measurement = looks[0].measurement.result()
+            looks = looks[1:]
+            memory = replace(memory, looks=looks)
+            if measurement is not None:
+                goal = update_goal(memory.goal, measurement, p_OM, self._parameters)
+                memory = replace(memory, goal=goal)
+        return memory
+
+    def _calc_object_pose(self, context: Context, output: Value) -> None:
+        published = self.goal_state(context).published
+        output.set_value(RigidTransform() if published is None else published)
+
+    def _calc_valid(self, context: Context, output: BasicVector) -> None:
+        valid = self.goal_state(context).is_valid(context.get_time(), self._parameters)
+        output.SetAtIndex(0, float(valid))
+
+    def _calc_age(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, self.goal_state(context).age(context.get_time()))
+
+    def _calc_covariance(self, context: Context, output: BasicVector) -> None:
+        track = self.goal_state(context).track
+        if track is None:
+            output.SetFromVector(np.diag(np.full(3, np.inf)).ravel())
+        else:
+            output.SetFromVector(track.object_covariance(self.marked.X_OM.translation()).ravel())
+
+    def _calc_velocity(self, context: Context, output: BasicVector) -> None:
+        track = self.goal_state(context).track
+        output.SetFromVector(np.zeros(3) if track is None else track.velocity)

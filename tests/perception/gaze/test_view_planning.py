@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.gaze.head_aiming import P_T_NECK, look_at
+from pepper_drake.perception.gaze.view_planning import (
+    VIEW_POINTS,
+    next_best_view,
+    surroundings,
+    view_weights,
+    visible,
+)
+
+P_TP = np.array([0.3, 0.1, 0.0])
+NOTHING = np.zeros((0, 3))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_surroundings_lie_about_the_object_as_seen_from_the_neck(side):
+    places = surroundings(P_TP, side)
+    away = (P_TP - P_T_NECK)[:2] / np.linalg.norm((P_TP - P_T_NECK)[:2])
+    offsets = places - P_TP
+    np.testing.assert_allclose(offsets[:, :2] @ away, VIEW_POINTS[:, 0], atol=1e-12)
+    np.testing.assert_allclose(offsets[:, 2], VIEW_POINTS[:, 2])
+    left = offsets[:, :2] @ [-away[1], away[0]]
+    np.testing.assert_allclose(left, side * VIEW_POINTS[:, 1], atol=1e-12)
+
+
+def test_what_is_in_the_image_is_shown_and_what_is_beside_it_is_not():
+    places = np.array([[0.8, 0.0, 0.0], [0.8, 1.0, 0.0], [-0.8, 0.0, 0.0]])
+    head = look_at(CAMERA_DEPTH, places[0]).head
+    assert visible(CAMERA_DEPTH, head, places).tolist() == [True, False, False]
+
+
+def test_places_count_most_on_the_hands_way_and_around_what_may_move():
+    places = surroundings(P_TP, 1.0)
+    alone = view_weights(places, NOTHING)
+    assert alone[np.argmax(VIEW_POINTS[:, 1])] > alone[np.argmin(VIEW_POINTS[:, 1])]
+    thing = places[[7]]
+    weights = view_weights(places, thing)
+    assert weights[7] == alone[7]
+    far = np.linalg.norm(places - thing, axis=1) > 0.13
+    assert np.all(weights[far] < 0.5 * alone[far])
+
+
+def test_the_gaze_goes_to_what_was_not_seen_for_longest_unless_it_takes_too_long():
+    places = np.array([[0.8, 0.4, 0.0], [0.8, -0.4, 0.0]])
+    heads = [look_at(CAMERA_DEPTH, place).head for place in places]
+    assert not visible(CAMERA_DEPTH, heads[0], places)[1]
+    arguments = CAMERA_DEPTH, heads
+    even = np.ones(2)
+    assert next_best_view(*arguments, [1.0, 1.0], places, even, np.array([2.0, 1.0])) == 0
+    assert next_best_view(*arguments, [1.0, 1.0], places, even, np.array([1.0, 2.0])) == 1
+    assert next_best_view(*arguments, [1.0, 5.0], places, even, np.array([1.0, 2.0])) == 0
+    assert (
+        next_best_view(*arguments, [1.0, 1.0], places, np.array([9.0, 1.0]), np.array([1.0, 2.0]))
+        == 0
+    )

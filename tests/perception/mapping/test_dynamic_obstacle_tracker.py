@@ -1,0 +1,101 @@
+import numpy as np
+from pydrake.math import RigidTransform
+
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.mapping.cloud import depth_in_metres
+from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
+    DynamicObstacleTracker,
+    reset_while_driving,
+    update_tracker,
+)
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters, update_obstacles
+from pepper_drake.perception.mapping.voxel_map import VoxelMap
+
+CAMERA = CAMERA_DEPTH.intrinsics
+PARAMETERS = ObstacleParameters()
+X_WC = RigidTransform()  # Looks along +z.
+AWAY = RigidTransform([0.0, 0.0, 2.0])
+
+
+def image(millimetres=None, column=160):
+    """A wall 1.4 m away with, if a distance is given, a disc before it."""
+    depth = np.full((CAMERA.height, CAMERA.width), 1400, np.uint16)
+    if millimetres is not None:
+        y, x = np.indices(depth.shape)
+        depth[(x - column) ** 2 + (y - 120) ** 2 < 25**2] = millimetres
+    return depth
+
+
+def shown(*frames):
+    """What is known after images, each with its time and the camera's pose."""
+    watch, voxels = DynamicObstacleTracker(), VoxelMap.empty()
+    for depth, time, X_WD in frames:
+        voxels = update_obstacles(voxels, depth, time, X_WD, CAMERA, [], PARAMETERS)
+        view = DepthFrame(depth_in_metres(depth, CAMERA), X_WD, time, CAMERA)
+        watch, voxels = update_tracker(watch, voxels, view, [], PARAMETERS)
+    return watch, voxels
+
+
+def is_ball_known(voxels):
+    return bool(np.any(np.abs(voxels.positions[:, 2] - 0.8) < 0.02))
+
+
+def test_a_scene_at_rest_has_nothing_that_moves():
+    watch, voxels = shown(*((image(800), 0.2 * k, X_WC) for k in range(4)))
+    assert watch.things == ()
+    assert len(watch.expected) == len(watch.transient_keys) == 0
+    assert is_ball_known(voxels)
+
+
+def test_what_came_is_forgotten_when_it_was_not_seen_for_long():
+    came = [(image(), 0.0, X_WC), (image(800), 0.2, X_WC)]
+    visit = PARAMETERS.approach.visit
+    watch, voxels = shown(*came, (image(), 0.1 + visit, AWAY))
+    assert is_ball_known(voxels)
+    assert set(watch.transient_keys) <= set(voxels.keys)
+    assert not is_ball_known(shown(*came, (image(), 0.3 + visit, AWAY))[1])
+
+
+def test_what_was_there_from_the_beginning_is_never_forgotten():
+    visit = PARAMETERS.approach.visit
+    assert is_ball_known(shown((image(800), 0.0, X_WC), (image(), 3 * visit, AWAY))[1])
+
+
+def test_what_comes_too_near_to_be_measured_moves():
+    watch, _ = shown((image(), 0.0, X_WC), (image(0), 0.2, X_WC))
+    assert len(watch.things) == 1
+    assert len(watch.expected) > 0
+    assert watch.expected[:, 2].max() < CAMERA.near + 0.04
+
+
+def test_what_came_while_the_camera_looked_elsewhere_is_known_to_have_come():
+    watch, voxels = shown((image(), 0.0, X_WC), (image(), 0.2, AWAY), (image(800), 0.4, X_WC))
+    assert len(watch.things) == 1
+    visible = voxels.positions[np.isin(voxels.keys, watch.transient_keys)]
+    assert np.any(np.abs(visible[:, 2] - 0.8) < 0.02)
+
+
+def test_what_a_hole_told_of_is_remembered_for_a_while():
+    frames = (image(), 0.0, X_WC), (image(0), 0.2, X_WC)
+    assert len(shown(*frames)[0].hidden[0]) > 0
+    assert len(shown(*frames, (image(), 1.2, AWAY))[0].hidden[0]) > 0
+    assert len(shown(*frames, (image(), 2.3, AWAY))[0].hidden[0]) == 0
+    # Not where it is seen to have gone.
+    assert len(shown(*frames, (image(), 1.2, X_WC))[0].hidden[0]) == 0
+
+
+def test_what_moves_too_slowly_for_two_images_is_told_from_older_ones():
+    # 3 pixels are 9 mm, less than a voxel.
+    frames = [(image(800, 160 + 3 * k), 0.2 * k, X_WC) for k in range(7)]
+    watch, _ = shown(*frames)
+    assert len(watch.things) == 1
+    assert watch.things[0].velocity[0] > 0.02
+    assert len(watch.views) <= 4, "of views that show the same few are kept"
+
+
+def test_on_the_way_only_what_is_behind_all_is_learned():
+    watch, _ = shown((image(), 0.0, X_WC), (image(800), 0.2, X_WC))
+    passing = reset_while_driving(watch, watch.views[-1], PARAMETERS)
+    assert passing.things == passing.views == ()
+    assert len(passing.behind) > 0

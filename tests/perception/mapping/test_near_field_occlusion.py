@@ -1,0 +1,119 @@
+import numpy as np
+import pytest
+from pydrake.geometry import Sphere
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.mapping.near_field_occlusion import background_points, occluded_points
+from pepper_drake.perception.mapping.obstacle_map import ExcludedSolids
+from pepper_drake.perception.mapping.solids import Solid
+
+CAMERA = CAMERA_DEPTH.intrinsics
+X_WC = RigidTransform()  # Looks along +z.
+NOTHING = np.zeros((0, 3))
+
+
+def wall(z=1.0):
+    return np.full((CAMERA.height, CAMERA.width), z, np.float32)
+
+
+def holed(p_C=(0.05, 0.02, 0.3), radius=0.04):
+    """A wall with the hole of a ball too near to be measured."""
+    depth = wall()
+    u, v = CAMERA.project(np.array(p_C))
+    r = radius / p_C[2] * CAMERA.focal_x
+    y, x = np.indices(depth.shape)
+    depth[(x - u) ** 2 + (y - v) ** 2 < r**2] = 0
+    return depth
+
+
+BEHIND = background_points(NOTHING, wall(), CAMERA, X_WC)
+
+
+def test_the_backdrop_is_what_is_seen():
+    assert len(BEHIND) > 300
+    np.testing.assert_allclose(BEHIND[:, 2], 1.0, atol=1e-6)
+    # All of the image.
+    assert np.ptp(BEHIND[:, 0]) == pytest.approx(CAMERA.width / CAMERA.focal_x, abs=0.05)
+
+
+def test_what_a_hole_hides_stays_in_the_backdrop_and_what_has_moved_does_not():
+    after = background_points(BEHIND, holed(), CAMERA, X_WC)
+    assert len(after) > 0.9 * len(BEHIND)
+    farther = background_points(BEHIND, wall(1.4), CAMERA, X_WC)
+    np.testing.assert_allclose(farther[:, 2], 1.4, atol=1e-6)
+
+
+def test_the_backdrop_stays_where_it_is_when_the_camera_turns_away():
+    X_WD = RigidTransform(RollPitchYaw(0, np.pi, 0), [0, 0, 0])
+    after = background_points(BEHIND, np.zeros_like(wall()), CAMERA, X_WD)
+    np.testing.assert_allclose(np.sort(after[:, 0]), np.sort(BEHIND[:, 0]))
+
+
+def test_a_hole_in_the_backdrop_is_of_something_near():
+    points = occluded_points(BEHIND, NOTHING, holed(), CAMERA, X_WC, [])
+    p_C = np.array([0.05, 0.02, 0.3])
+    assert np.linalg.norm(points - p_C, axis=1).min() < 0.02
+    # On the rays through the hole, nearer than what could be measured.
+    assert points[:, 2].max() < CAMERA.near + 0.03
+    off = points[:, :2] / points[:, 2:] - p_C[:2] / p_C[2]
+    assert np.linalg.norm(off, axis=1).max() < 0.04 / 0.3 + 1e-6
+
+
+def test_without_a_hole_nothing_is_near():
+    assert len(occluded_points(BEHIND, NOTHING, wall(), CAMERA, X_WC, [])) == 0
+
+
+def test_single_pixels_without_a_depth_are_no_hole():
+    depth = wall()
+    depth[::9, ::9] = 0
+    assert len(occluded_points(BEHIND, NOTHING, depth, CAMERA, X_WC, [])) == 0
+
+
+def test_a_hole_where_nothing_was_known_means_nothing():
+    elsewhere = BEHIND[BEHIND[:, 0] < -0.2]
+    assert len(occluded_points(elsewhere, NOTHING, holed(), CAMERA, X_WC, [])) == 0
+
+
+def test_before_the_floor_a_hole_means_something_wherever_nobody_looked_before():
+    # A metre above the floor, looking down at it by 60 degrees.
+    R_WD = RollPitchYaw(np.radians(-150), 0, 0).ToRotationMatrix()
+    X_WD = RigidTransform(R_WD, [0.0, 0.0, 1.0])
+    points = occluded_points(NOTHING, NOTHING, holed(), CAMERA, X_WD, [])
+    assert np.linalg.norm(points - X_WD @ np.array([0.05, 0.02, 0.3]), axis=1).min() < 0.02
+    # Above the horizon, and for a camera that is not above a floor, nothing is known to be behind.
+    X_WU = RigidTransform(RollPitchYaw(np.radians(-30), 0, 0), [0.0, 0.0, 1.0])
+    assert len(occluded_points(NOTHING, NOTHING, holed(), CAMERA, X_WU, [])) == 0
+    below = RigidTransform(R_WD, [0.0, 0.0, -1.0])
+    assert len(occluded_points(NOTHING, NOTHING, holed(), CAMERA, below, [])) == 0
+
+
+def test_the_robot_and_known_obstacles_explain_a_hole():
+    ball = Solid(Sphere(0.04), RigidTransform())
+    robot = ExcludedSolids([ball], [RigidTransform([0.05, 0.02, 0.3])], 0.02)
+    assert len(occluded_points(BEHIND, NOTHING, holed(), CAMERA, X_WC, [robot])) == 0
+    ways = np.random.default_rng(0).normal(size=(500, 3))
+    known = 0.04 * ways / np.linalg.norm(ways, axis=1)[:, None] + [0.05, 0.02, 0.3]
+    assert len(occluded_points(BEHIND, known, holed(), CAMERA, X_WC, [])) == 0
+
+
+def test_the_table_behind_a_hole_explains_it_only_where_the_hole_reaches_it():
+    x, y = np.meshgrid(np.linspace(-0.3, 0.3, 40), np.linspace(-0.3, 0.3, 40))
+    surface = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.47)], axis=1)
+    # Of other things the other side is not known, and may reach as far.
+    assert len(occluded_points(BEHIND, surface, holed(), CAMERA, X_WC, [])) == 0
+    assert len(occluded_points(BEHIND, surface, holed(), CAMERA, X_WC, [], table=0.47)) > 0
+    assert (
+        len(occluded_points(BEHIND, surface - [0, 0, 0.05], holed(), CAMERA, X_WC, [], table=0.42))
+        == 0
+    )
+
+
+def test_an_image_of_another_size_changes_nothing():
+    none = np.zeros((0, 0), np.float32)
+    assert len(occluded_points(BEHIND, NOTHING, none, CAMERA, X_WC, [])) == 0
+    np.testing.assert_array_equal(background_points(BEHIND, none, CAMERA, X_WC), BEHIND)
+
+
+def test_a_blind_image_shows_nothing_near():
+    assert len(occluded_points(BEHIND, NOTHING, wall(0.0), CAMERA, X_WC, [])) == 0

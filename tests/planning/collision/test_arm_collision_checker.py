@@ -1,0 +1,145 @@
+import numpy as np
+import pytest
+from pydrake.geometry import Box, Cylinder, Sphere
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+from pepper_drake.models.control_model import shared_control_model
+from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.planning.collision.arm_collision_checker import (
+    GRID_CAP,
+    ArmCollisionChecker,
+    arm_region,
+    sample_body,
+)
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.solid_set import SolidSet, sample_surface
+
+MODEL = shared_control_model()
+JOINTS = np.array(
+    [[1.0, -0.4, 1.2, 0.9, 0.1], [0.7, -0.6, 1.0, 1.0, 0.6], [1.5, -0.15, 1.2, 0.5, 0.0]]
+)
+NOTHING = PointCloudDistance(np.zeros((0, 3)))
+
+
+@pytest.fixture(scope="module")
+def geometry():
+    return ArmGeometry(MODEL, "right")
+
+
+def around(geometry, field, *, X_FT=None, object_field=NOTHING, body=None):
+    layer = np.full(np.prod(arm_region("right").counts), GRID_CAP) if body is None else body
+    return ArmCollisionChecker(
+        geometry.shapes,
+        geometry.kinematics,
+        field,
+        RigidTransform() if X_FT is None else X_FT,
+        object_field,
+        lambda: layer,
+        0.01,
+    )
+
+
+def cloud(count=300, seed=0):
+    lower, upper = [0.15, -0.5, -0.3], [0.5, 0.0, 0.2]
+    return np.random.default_rng(seed).uniform(lower, upper, (count, 3))
+
+
+def test_near_an_obstacle_clearances_are_those_of_the_shapes(geometry, true_clearance):
+    points = cloud(60)
+    clearances = around(geometry, PointCloudDistance(points, extension=0.0)).clearances(JOINTS)
+    checked = 0
+    for joints, clearance in zip(JOINTS, clearances, strict=True):
+        true = true_clearance("right", joints, points)
+        if clearance < 0.03:
+            assert clearance == pytest.approx(true, abs=1e-6)
+            checked += 1
+        else:
+            assert clearance == pytest.approx(true, abs=0.0135)
+    assert checked >= 1
+
+
+def test_the_cloud_may_be_in_any_frame(geometry):
+    X_FT = RigidTransform(RollPitchYaw(0.1, -0.2, 0.8), [0.4, -0.3, 0.8])
+    in_T = around(geometry, PointCloudDistance(cloud(), extension=0.0))
+    in_F = around(geometry, PointCloudDistance((X_FT @ cloud().T).T, extension=0.0), X_FT=X_FT)
+    np.testing.assert_allclose(in_F.clearances(JOINTS), in_T.clearances(JOINTS), atol=1e-9)
+    np.testing.assert_allclose(
+        in_F.approximate_distances(JOINTS), in_T.approximate_distances(JOINTS), atol=1e-4
+    )
+
+
+def test_what_is_far_is_infinitely_far(geometry):
+    far = around(geometry, PointCloudDistance(np.array([[2.0, 0.0, 0.0]])))
+    assert np.all(np.isinf(far.clearances(JOINTS)))
+    assert np.all(np.isinf(far.object_clearances(JOINTS)))
+
+
+def test_quick_gaps_are_those_of_the_spheres_within_a_centimetre(geometry):
+    field = PointCloudDistance(cloud(), extension=0.0)
+    gaps = around(geometry, field).approximate_distances(JOINTS)
+    links = geometry.spheres.link
+    below = [k for k in range(len(links)) if geometry.spheres.link_names[links[k]] != "RBicep"]
+    centers = geometry.sphere_centers(JOINTS)[:, below]
+    exact = np.minimum(field.distance(centers), GRID_CAP) - geometry.spheres.radii[below]
+    np.testing.assert_allclose(gaps, exact.T, atol=0.012)
+    assert np.abs(gaps - exact.T).mean() < 0.003
+
+
+def test_the_goal_object_is_apart_from_what_was_seen_and_in_the_grid(geometry):
+    hand = geometry.hand_pose(JOINTS[0]).translation()
+    alone = around(geometry, NOTHING, object_field=PointCloudDistance(hand[None], extension=0.0))
+    assert np.isinf(alone.clearances(JOINTS[:1])[0])
+    assert alone.object_clearances(JOINTS[:1])[0] < 0.0
+    assert alone.approximate_distances(JOINTS[:1]).min() < 0.0
+
+
+def test_only_forearm_and_hand_see_the_body(geometry):
+    hand = geometry.hand_pose(JOINTS[0]).translation()
+    body = SolidSet([(Sphere(0.05), RigidTransform(hand))])
+    gaps = around(geometry, NOTHING, body=sample_body("right", body)).approximate_distances(
+        JOINTS[:1]
+    )
+    assert gaps.min() < 0.0
+    elbow = SolidSet([(Sphere(0.02), RigidTransform(elbow_of(geometry)))])
+    sphere = around(geometry, NOTHING, body=sample_body("right", elbow)).approximate_distances(
+        JOINTS[:1]
+    )
+    first = geometry.spheres.radii[np.flatnonzero(geometry.spheres.link == 1)[0]]
+    assert sphere[0, 0] == pytest.approx(GRID_CAP - first, abs=1e-6)
+
+
+def elbow_of(geometry):
+    elbow = np.flatnonzero(geometry.spheres.link == 1)[0]
+    return geometry.sphere_centers(JOINTS[:1])[0, elbow]
+
+
+def test_with_a_cap_distances_to_solids_are_the_same_below_it():
+    solids = SolidSet(
+        [
+            (Box(0.2, 0.1, 0.3), RigidTransform(RollPitchYaw(0.3, 0.2, 0.1), [0.1, 0, 0])),
+            (Cylinder(0.05, 0.4), RigidTransform([-0.3, 0.1, 0.2])),
+        ]
+    )
+    points = np.random.default_rng(0).uniform(-0.6, 0.6, (4, 300, 3))
+    np.testing.assert_allclose(
+        solids.distance(points, cap=0.1), np.minimum(solids.distance(points), 0.1), atol=1e-12
+    )
+
+
+def test_surface_points_lie_on_the_surface_and_leave_no_hole():
+    solids = [
+        Solid(Cylinder(0.033, 0.22), RigidTransform([0, 0, 0.11])),
+        Solid(Box(0.08, 0.08, 0.004), RigidTransform(RollPitchYaw(1.2, 0, 0.3), [-0.05, 0, 0.2])),
+    ]
+    for solid in solids:
+        points = sample_surface([solid])
+        p_S = (solid.X_FS.inverse() @ points.T).T
+        np.testing.assert_allclose(solid.signed_distance(p_S), 0.0, atol=1e-9)
+        outside = np.random.default_rng(0).uniform(-0.3, 0.4, (300, 3))
+        true = solid.signed_distance((solid.X_FS.inverse() @ outside.T).T)
+        seen = PointCloudDistance(points, extension=0.0).distance(outside)
+        far = true > 0.01
+        np.testing.assert_allclose(seen[far], true[far], atol=0.0035)
+    with pytest.raises(TypeError, match="Sphere"):
+        sample_surface([Solid(Sphere(0.1), RigidTransform())])

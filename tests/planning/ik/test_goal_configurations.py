@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from pepper_drake.models.control_model import arm_joints, shared_control_model
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+from pepper_drake.planning.ik.goal_configurations import GoalConfigurations
+
+MODEL = shared_control_model()
+LIMITS = MODEL.command_limits(arm_joints("right"))
+LOWER, UPPER = LIMITS.position_lower, LIMITS.position_upper
+GOAL = np.array([0.25, -0.22, 0.0])
+
+
+@pytest.fixture(scope="module")
+def postures():
+    return GoalConfigurations(ArmKinematics(MODEL, "right"), LOWER, UPPER)
+
+
+def test_most_postures_nearby_are_brought_to_the_goal(postures):
+    q, there = postures.solve(GOAL, postures.near(GOAL, 200))
+    assert there.mean() > 0.7
+    geometry = ArmGeometry(MODEL, "right")
+    for joints in q[there]:
+        np.testing.assert_allclose(geometry.hand_pose(joints).translation(), GOAL, atol=3e-4)
+    assert np.all((q >= LOWER) & (q <= UPPER))
+
+
+def test_they_spread_over_the_two_spare_degrees_of_freedom(postures):
+    q, there = postures.solve(GOAL, postures.near(GOAL, 200))
+    sizes = np.linalg.svd(q[there] - q[there].mean(axis=0), compute_uv=False)
+    assert sizes[1] > 0.3 * sizes[0], "they lie on a surface, not on a line"
+    assert np.ptp(q[there], axis=0).max() > 1.0
+
+
+def test_what_is_there_already_stays(postures):
+    start = np.array([0.8, -0.5, 1.1, 1.0, 0.5])
+    target = ArmGeometry(MODEL, "right").hand_pose(start).translation()
+    q, there = postures.solve(target, start[None])
+    assert there[0]
+    np.testing.assert_allclose(q[0], start, atol=1e-9)
+
+
+def test_out_of_reach_no_posture_is_there(postures):
+    far = np.array([0.9, -0.2, 0.0])
+    assert not postures.solve(far, postures.near(far, 50))[1].any()
+
+
+def test_each_start_may_have_a_target_of_its_own(postures):
+    targets = np.array([GOAL, GOAL + [0.02, 0.0, 0.05]])
+    starts = np.concatenate([postures.near(target, 1) for target in targets[:, None]], axis=0)
+    q, there = postures.solve(targets, starts.reshape(2, 5), steps=20)
+    hands = ArmKinematics(MODEL, "right").poses(q).hand_position
+    np.testing.assert_allclose(hands[there], targets[there], atol=3e-4)
+    assert there.any()
+
+
+def test_the_library_is_the_same_each_time(postures):
+    again = GoalConfigurations(ArmKinematics(MODEL, "right"), LOWER, UPPER)
+    np.testing.assert_array_equal(postures.near(GOAL, 5), again.near(GOAL, 5))

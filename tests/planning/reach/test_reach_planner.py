@@ -1,0 +1,333 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.errors import InputError
+from pepper_drake.models.control_model import (
+    BODY_JOINTS,
+    CONTROL_PERIOD,
+    arm_joints,
+    body_indices,
+    shared_control_model,
+)
+from pepper_drake.models.pepper import posture_positions
+from pepper_drake.models.scene import default_pre_grasp
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.reach_planner import PlanStatus, ReachPlanner, ReachPlannerParams
+
+MODEL = shared_control_model()
+STAND = np.array([posture_positions("stand", {})[name] for name in BODY_JOINTS])
+NOTHING = np.zeros((0, 3))
+ORIGIN = np.zeros(3)
+
+
+@pytest.fixture(scope="module")
+def right_primitive():
+    return make_primitive(None, "right")
+
+
+@pytest.fixture(scope="module")
+def planner(right_primitive):
+    return make_planner(right_primitive, make_coupling("barrier"))
+
+
+def make_planner(primitive, coupling, **params):
+    return ReachPlanner(
+        model=MODEL,
+        arm="right",
+        X_OG=default_pre_grasp("right", 0.033).pose(),
+        primitive=primitive,
+        coupling=coupling,
+        ik=DifferentialIkParams(),
+        params=ReachPlannerParams(**params),
+    )
+
+
+def object_at(x=0.98, y=-0.11, z=0.78):
+    return RigidTransform([x, y, z])
+
+
+def stand(planner, X_WO, cloud=NOTHING):
+    return planner.plan_base_placement(
+        base_pose=ORIGIN, joint_position=STAND, X_WO=X_WO, cloud_W=np.asarray(cloud)
+    )
+
+
+def sheet(x, y, z, spacing=0.03):
+    """Points on the grid of three ranges (one of them a single number)."""
+    axes = [np.arange(*r, spacing) if isinstance(r, tuple) else np.array([r]) for r in (x, y, z)]
+    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
+
+
+def test_a_free_goal_is_reached_from_a_place_near_it(planner):
+    plan = stand(planner, object_at())
+    assert plan.status == PlanStatus.CLEAR
+    assert plan.message == ""
+    assert plan.position_error <= planner.params.position_tolerance
+    assert 0.2 < np.linalg.norm(plan.base_pose[:2] - [0.98, -0.11]) < 0.8
+
+    # Carried out by an independent model, the last command has the hand at the goal.
+    context = MODEL.create_context()
+    joints = STAND.copy()
+    joints[body_indices(arm_joints("right"))] = plan.joint_path[-1]
+    MODEL.plant.SetPositions(context, MODEL.positions(joints, plan.base_pose))
+    p_WH = MODEL.pose(context, "r_hand_effector").translation()
+    p_WG = (object_at() @ default_pre_grasp("right", 0.033).pose()).translation()
+    assert np.linalg.norm(p_WH - p_WG) == pytest.approx(plan.position_error, abs=1e-9)
+
+
+def test_every_command_of_the_plan_is_one_that_the_arm_may_be_given(planner):
+    path = stand(planner, object_at()).joint_path
+    limits = MODEL.command_limits(arm_joints("right"), speed_fraction=0.5)
+    np.testing.assert_array_equal(path[0], STAND[body_indices(arm_joints("right"))])
+    assert np.all(path >= limits.position_lower - 1e-9)
+    assert np.all(path <= limits.position_upper + 1e-9)
+    assert np.all(np.abs(np.diff(path, axis=0)) <= limits.velocity * CONTROL_PERIOD + 1e-9)
+
+
+def test_the_tolerance_is_finer_than_what_the_whole_reach_may_miss():
+    assert ReachPlannerParams().position_tolerance <= 0.01
+
+
+@pytest.mark.parametrize("z", [2.0, 0.1])
+def test_a_goal_too_high_or_too_low_is_out_of_reach(planner, z):
+    plan = stand(planner, object_at(z=z))
+    assert plan.status == PlanStatus.OUT_OF_REACH
+    assert plan.message
+
+
+def test_a_hand_that_would_end_beyond_its_tolerance_is_refused(right_primitive):
+    strict = make_planner(right_primitive, None, position_tolerance=1e-9)
+    plan = stand(strict, object_at())
+    assert plan.status == PlanStatus.OUT_OF_REACH
+    assert plan.position_error > 1e-9
+
+
+def test_from_where_it_stands_a_far_goal_is_out_of_reach(planner):
+    plan = planner.check_reach(
+        base_pose=ORIGIN, joint_position=STAND, X_WO=object_at(), cloud_W=NOTHING
+    )
+    assert plan.status == PlanStatus.OUT_OF_REACH
+    assert plan.position_error > 0.2
+
+
+def test_a_goal_in_a_box_is_refused(planner):
+    # Walls 12 cm about the object, from its bottom to above it, and a lid.
+    x, y, z = object_at().translation()
+    sides, height = (-0.12, 0.15), (z - 0.02, z + 0.32)
+    spans = (x + sides[0], x + sides[1]), (y + sides[0], y + sides[1])
+    walls = [
+        *(sheet(x + dx, spans[1], height) for dx in (-0.12, 0.12)),
+        *(sheet(spans[0], y + dy, height) for dy in (-0.16, 0.12)),
+        sheet(*spans, z + 0.3),
+    ]
+    plan = stand(planner, object_at(), np.concatenate(walls))
+    # The hand is held off by a wall or comes too near to it: both end before the arm starts.
+    assert plan.status in (PlanStatus.OUT_OF_REACH, PlanStatus.NO_CLEAR_PATH)
+    assert "mm" in plan.message
+
+
+def test_where_nobody_can_stand_nobody_does(planner):
+    # Posts all over the floor around the goal.
+    posts = sheet((0.0, 2.0), (-1.2, 1.0), 0.3, spacing=0.1)
+    plan = stand(planner, object_at(), posts)
+    assert plan.status == PlanStatus.NO_STANDING_ROOM
+
+
+def test_clearance_is_that_of_the_path_to_the_cloud(planner, true_clearance):
+    table = sheet((0.9, 1.3), (-0.6, 0.4), 0.735)
+    plan = stand(planner, object_at(z=0.74), table)
+    assert plan.status == PlanStatus.CLEAR
+    X_WT = RigidTransform(RollPitchYaw(0, 0, plan.base_pose[2]), [*plan.base_pose[:2], 0])
+    context = MODEL.create_context()
+    MODEL.plant.SetPositions(context, MODEL.positions(STAND, ORIGIN))
+    X_WT = X_WT @ MODEL.pose(context, "torso")
+    points_T = (X_WT.inverse() @ table.T).T
+    truth = min(true_clearance("right", joints, points_T) for joints in plan.joint_path[::3])
+    # The planner takes what it saw to be 3 cm thick, which can only bring it nearer.
+    assert planner.params.least_clearance <= plan.clearance <= truth + 1e-9
+
+
+def test_without_coupling_a_reach_is_not_refused_for_what_is_in_the_way(right_primitive, planner):
+    alone = make_planner(right_primitive, None)
+    base = stand(planner, object_at()).base_pose
+    asked = {"base_pose": base, "joint_position": STAND, "X_WO": object_at()}
+    hand = alone.check_reach(**asked, cloud_W=NOTHING).joint_path[100]
+    context = MODEL.create_context()
+    joints = STAND.copy()
+    joints[body_indices(arm_joints("right"))] = hand
+    MODEL.plant.SetPositions(context, MODEL.positions(joints, base))
+    in_the_way = MODEL.pose(context, "r_hand_effector").translation()[None]
+    blind = alone.check_reach(**asked, cloud_W=in_the_way)
+    assert blind.status == PlanStatus.CLEAR
+    assert blind.clearance < 0
+    seeing = planner.check_reach(**asked, cloud_W=in_the_way)
+    assert seeing.clearance > blind.clearance
+
+
+@pytest.mark.parametrize("coupling", ["report", "barrier"])
+def test_what_is_not_vetted_is_judged_and_placed_as_if_there_were_no_coupling(
+    coupling, right_primitive
+):
+    cloud = np.concatenate(
+        (sheet((0.9, 1.3), (-0.6, 0.4), 0.735), sheet((0.92, 1.0), (-0.4, -0.2), (0.75, 0.95)))
+    )
+    law = make_coupling(coupling)
+    asked = (object_at(z=0.74), cloud)
+    alone = stand(make_planner(right_primitive, None), *asked)
+    plan = stand(make_planner(right_primitive, law, adapt=False, collision_checked=False), *asked)
+    assert (alone.status, alone.clearance < 0.0) == (PlanStatus.CLEAR, True)
+    assert (plan.status, plan.clearance) == (PlanStatus.CLEAR, alone.clearance)
+    np.testing.assert_array_equal(plan.base_pose, alone.base_pose)
+    np.testing.assert_array_equal(plan.joint_path, alone.joint_path)
+    assert plan.movement.coupling is law  # And that is what will be performed.
+    assert not plan.collision_checked
+    refused = make_planner(right_primitive, law, adapt=False).check_reach(
+        base_pose=plan.base_pose, joint_position=STAND, X_WO=asked[0], cloud_W=cloud
+    )
+    assert refused.status != PlanStatus.CLEAR
+    assert refused.collision_checked
+
+
+def test_what_is_not_vetted_is_refused_all_the_same_where_the_arm_does_not_reach(right_primitive):
+    unvetted = make_planner(right_primitive, make_coupling("report"), collision_checked=False)
+    assert stand(unvetted, object_at(z=2.0)).status == PlanStatus.OUT_OF_REACH
+    near = unvetted.check_reach(
+        base_pose=ORIGIN, joint_position=STAND, X_WO=object_at(), cloud_W=NOTHING
+    )
+    assert near.status == PlanStatus.OUT_OF_REACH
+
+
+def test_a_call_depends_on_its_arguments_alone(planner):
+    table = sheet((0.9, 1.3), (-0.6, 0.4), 0.735)
+    first = stand(planner, object_at(z=0.74), table)
+    stand(planner, object_at(z=2.0))
+    stand(planner, object_at(x=0.8, y=0.1))
+    again = stand(planner, object_at(z=0.74), table)
+    np.testing.assert_array_equal(first.base_pose, again.base_pose)
+    np.testing.assert_array_equal(first.joint_path, again.joint_path)
+    assert (first.clearance, first.position_error) == (again.clearance, again.position_error)
+
+
+@pytest.mark.parametrize("missing", ["orientation", "posture"])
+def test_a_primitive_without_orientation_or_posture_is_refused(right_primitive, missing):
+    with pytest.raises(InputError, match="rotations and joints"):
+        make_planner(replace(right_primitive, **{missing: None}), None)
+
+
+TABLE = sheet((0.9, 1.3), (-0.6, 0.4), 0.735, spacing=0.02)
+
+
+def in_torso(points, base_pose):
+    context = MODEL.create_context()
+    MODEL.plant.SetPositions(context, MODEL.positions(STAND, base_pose))
+    return (MODEL.pose(context, "torso").inverse() @ points.T).T
+
+
+@pytest.fixture(scope="module")
+def at_the_table(right_primitive):
+    """A place at a table from which the movement as it was shown passes through the table."""
+    blind = make_planner(right_primitive, None)
+    base = stand(blind, object_at(z=0.74)).base_pose + [0.03, 0.0, 0.0]
+    X_WO = object_at(z=0.74)
+    asked = {"base_pose": base, "joint_position": STAND, "X_WO": X_WO, "cloud_W": TABLE}
+    assert blind.check_reach(**asked).clearance < -0.01
+    return asked
+
+
+def test_a_demonstration_through_the_table_becomes_a_primitive_around_it(
+    planner, at_the_table, true_clearance
+):
+    adapted = planner.check_reach(**at_the_table)
+    assert adapted.movement is not planner.demonstrated
+    assert adapted.status == PlanStatus.CLEAR
+    assert adapted.position_error < 0.005
+    points = in_torso(TABLE, at_the_table["base_pose"])
+    truth = min(true_clearance("right", q, points) for q in adapted.joint_path[::6])
+    assert truth >= 0.020 - 1e-9
+
+    # It is a primitive: it performs the path from its own start, and goes where its goal goes.
+    primitive = adapted.movement.primitive
+    path = primitive.rollout(goal=primitive.goal + [0.0, 0.02, 0.03], settle=0.4)
+    np.testing.assert_allclose(path.positions[-1], primitive.goal + [0.0, 0.02, 0.03], atol=2e-3)
+
+
+def test_the_pre_grasp_keeps_its_position_when_its_direction_is_adapted(planner, at_the_table):
+    movement = planner.check_reach(**at_the_table).movement
+    np.testing.assert_array_equal(
+        movement.X_OG.translation(), planner.demonstrated.X_OG.translation()
+    )
+
+
+def test_the_same_reach_is_adapted_the_same_way(planner, at_the_table):
+    one, other = (planner.check_reach(**at_the_table) for _ in range(2))
+    np.testing.assert_array_equal(one.joint_path, other.joint_path)
+
+
+def test_without_adaptation_the_hand_is_bent_around_it_more_closely(right_primitive, at_the_table):
+    reactive = make_planner(right_primitive, make_coupling("barrier"), adapt=False)
+    plan = reactive.check_reach(**at_the_table)
+    assert plan.clearance < reactive.params.wanted_clearance
+    assert plan.movement is reactive.demonstrated
+
+
+def test_where_nothing_is_in_the_way_the_movement_stays_the_one_that_was_shown(planner):
+    plan = stand(planner, object_at())
+    assert plan.movement is planner.demonstrated
+
+
+def test_on_its_way_the_arm_goes_around_what_comes_up(planner, at_the_table, true_clearance):
+    plan = planner.check_reach(**at_the_table)
+    path, now = plan.joint_path, len(plan.joint_path) // 3
+    joints = STAND.copy()
+    arm = body_indices(arm_joints("right"))
+    joints[arm] = path[now]
+    velocity = (path[now] - path[now - 1]) / CONTROL_PERIOD
+    # A ball of points where the hand would be a little later.
+    later = MODEL.create_context()
+    ahead = joints.copy()
+    ahead[arm] = path[now + round(0.9 / CONTROL_PERIOD)]
+    MODEL.plant.SetPositions(later, MODEL.positions(ahead, at_the_table["base_pose"]))
+    center = MODEL.pose(later, "r_hand_effector").translation()
+    directions = np.random.default_rng(0).standard_normal((40, 3))
+    ball = center + 0.02 * directions / np.linalg.norm(directions, axis=1)[:, None]
+    seen = {**at_the_table, "joint_position": joints, "cloud_W": np.concatenate((TABLE, ball))}
+    assert planner.remaining_clearance(plan, **seen) < 0.0
+
+    again = planner.replan(plan, **seen, joint_velocity=velocity)
+    assert again.status == PlanStatus.CLEAR
+    np.testing.assert_array_equal(again.joint_path[0], path[now])
+    limits = MODEL.command_limits(arm_joints("right"), speed_fraction=0.5)
+    change = (again.joint_path[1] - again.joint_path[0]) / CONTROL_PERIOD - velocity
+    assert np.all(np.abs(change) <= limits.acceleration * CONTROL_PERIOD + 1e-6)
+    assert again.position_error < 0.006
+    points = in_torso(seen["cloud_W"], at_the_table["base_pose"])
+    truth = min(true_clearance("right", q, points) for q in again.joint_path[::6])
+    assert truth >= planner.params.least_clearance - 1e-9
+    assert planner.remaining_clearance(again, **seen) >= planner.params.least_clearance
+
+
+def test_on_its_way_the_arm_is_told_when_there_is_no_way_on(planner, at_the_table):
+    plan = planner.check_reach(**at_the_table)
+    middle = len(plan.joint_path) // 2
+    joints = STAND.copy()
+    joints[body_indices(arm_joints("right"))] = plan.joint_path[middle]
+    goal = (at_the_table["X_WO"] @ default_pre_grasp("right", 0.033).pose()).translation()
+    there = goal + np.random.default_rng(1).uniform(-0.03, 0.03, (60, 3))
+    again = planner.replan(
+        plan,
+        **{**at_the_table, "joint_position": joints, "cloud_W": np.concatenate((TABLE, there))},
+        joint_velocity=np.zeros(5),
+    )
+    assert again.status != PlanStatus.CLEAR
+    assert again.message
+
+
+def test_what_was_found_for_the_stand_is_tried_first(planner, at_the_table):
+    found = planner.check_reach(**at_the_table)
+    again = planner.check_reach(**at_the_table, movement=found.movement)
+    assert again.movement is found.movement
+    np.testing.assert_allclose(again.joint_path, found.joint_path, atol=1e-9)

@@ -1,0 +1,218 @@
+import numpy as np
+import pytest
+from pydrake.geometry import Sphere
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.sensors import ImageDepth16U
+
+from pepper_drake.models.control_model import ControlModel
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.goal.detection import MarkedObject
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
+from pepper_drake.perception.mapping.solids import RobotSolids, Solid
+from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
+
+CAMERA = CAMERA_DEPTH.intrinsics
+# Looks along +x, 1 m above the floor, at a wall 1 m away.
+X_WC = RigidTransform(RollPitchYaw(-np.pi / 2, 0, -np.pi / 2), [0.0, 0.0, 1.0])
+X_WT = RigidTransform(RollPitchYaw(0, 0, 0.5), [0.1, 0.2, 0.8])
+BALL = MarkedObject(7, 0.06, RigidTransform(), (Solid(Sphere(0.1), RigidTransform()),))
+
+
+def wall(millimetres=1000):
+    image = ImageDepth16U(CAMERA.width, CAMERA.height)
+    image.mutable_data[:] = millimetres
+    return image
+
+
+class Bench:
+    def __init__(self, *arguments, torso_range=5.0, **options):
+        self.system = DepthPointCloudSource(*arguments, torso_range=torso_range, **options)
+        self.simulator = Simulator(self.system)
+        self.context = self.simulator.get_mutable_context()
+        self.fix("X_WC", X_WC)
+        self.fix("X_WT", X_WT)
+
+    def fix(self, name, value):
+        self.system.GetInputPort(name).FixValue(self.context, value)
+
+    def show(self, image, time):
+        self.simulator.AdvanceTo(time)
+        self.fix("depth_image", image)
+        self.fix("time_stamp", [time])
+        self.simulator.AdvanceTo(time + 0.05)
+        return self
+
+    def output(self, name):
+        return self.system.GetOutputPort(name).Eval(self.context)
+
+    def points(self, name="cloud"):
+        return self.output(name).xyzs().T
+
+
+def test_without_images_the_cloud_is_empty():
+    bench = Bench()
+    bench.simulator.AdvanceTo(0.3)
+    assert bench.output("cloud").size() == 0
+    assert bench.output("time_stamp") == [-np.inf]
+    assert np.isinf(bench.output("age")).all()
+
+
+def test_wall_is_where_it_is_in_both_frames():
+    bench = Bench().show(wall(), 0.0)
+    points = bench.points()
+    assert len(points) > 1000
+    np.testing.assert_allclose(points[:, 0], 1.0, atol=1e-5)
+    np.testing.assert_allclose(
+        bench.points("cloud_torso"), (X_WT.inverse() @ points.T.astype(float)).T, atol=1e-5
+    )
+    normals = bench.output("cloud").normals()
+    known = np.isfinite(normals).all(axis=0)
+    assert known.mean() > 0.8
+    np.testing.assert_allclose(normals[0, known], -1, atol=1e-3)
+    assert bench.output("time_stamp") == [0.0]
+    assert bench.output("age")[0] == pytest.approx(0.05)
+
+
+def test_cloud_stays_the_same_object_until_the_next_image():
+    bench = Bench().show(wall(), 0.0)
+    cloud = bench.output("cloud_torso")
+    assert not bench.system.HasAnyDirectFeedthrough()
+    bench.simulator.AdvanceTo(0.19)
+    assert bench.output("cloud_torso") is cloud
+
+
+def test_torso_cloud_follows_the_torso_between_images():
+    bench = Bench().show(wall(), 0.0)
+    moved = X_WT @ RigidTransform([0.01, 0, 0])
+    bench.fix("X_WT", moved)
+    bench.simulator.AdvanceTo(0.1)
+    np.testing.assert_allclose(
+        bench.points("cloud_torso"),
+        (moved.inverse() @ bench.points().T.astype(float)).T,
+        atol=1e-5,
+    )
+
+
+def test_torso_cloud_is_what_is_near():
+    bench = Bench(torso_range=0.95).show(wall(), 0.0)
+    distances = np.linalg.norm(bench.points() - X_WT.translation(), axis=1)
+    near = np.linalg.norm(bench.points("cloud_torso"), axis=1)
+    assert 0 < len(near) < len(distances)
+    np.testing.assert_allclose(near, distances[distances <= 0.95], atol=1e-5)
+
+
+def test_goal_object_is_cut_out_by_its_shape():
+    bench = Bench(None, BALL)
+    bench.fix("object_pose", RigidTransform([1.0, 0, 1.0]))
+    bench.show(wall(), 0.0)
+    distance = np.linalg.norm(bench.points() - [1, 0, 1], axis=1)
+    assert 0.1 < distance.min() < 0.14
+    bench.fix("object_velocity", [0.1, 0, 0])
+    bench.show(wall(), 0.2)
+    assert np.linalg.norm(bench.points() - [1, 0, 1], axis=1).min() > 0.14
+
+
+def test_goal_that_is_lost_is_still_cut_out_where_it_was():
+    bench = Bench(None, BALL)
+    bench.fix("object_pose", RigidTransform())
+    bench.fix("object_valid", [0.0])
+    bench.show(wall(), 0.0)
+    assert np.linalg.norm(bench.points() - [1, 0, 1], axis=1).min() < 0.02  # Not known yet.
+    bench.fix("object_pose", RigidTransform([1.0, 0, 1.0]))
+    bench.fix("object_valid", [1.0])
+    bench.show(wall(), 0.2)
+    bench.fix("object_pose", RigidTransform([5.0, 0, 1.0]))
+    bench.fix("object_valid", [0.0])
+    bench.show(wall(), 0.4)
+    assert np.linalg.norm(bench.points() - [1, 0, 1], axis=1).min() > 0.1
+
+
+def test_robot_is_cut_out_where_its_joints_put_it():
+    model = ControlModel()
+    bench = Bench(RobotSolids(model.plant, model.diagram.scene_graph()))
+    q = np.zeros(model.plant.num_positions())
+    context = model.create_context()
+    model.plant.SetPositions(context, q)
+    hand = model.pose(context, "r_hand_effector").translation()
+    # A camera 0.6 m in front of the hand sees a wall right through it.
+    look = RigidTransform(X_WC.rotation(), hand - [0.6, 0, 0])
+    bench.fix("X_WC", look)
+    bench.fix("position", q)
+    bench.show(wall(600), 0.0)
+    distances = np.linalg.norm(bench.points() - hand, axis=1)
+    assert len(distances) > 500
+    assert distances.min() > 0.04
+
+
+@pytest.mark.parametrize("fault", ["empty", "future", "old", "small", "blind"])
+def test_faulty_images_change_nothing(fault):
+    bench = Bench().show(wall(), 0.4)
+    before = bench.points().copy()
+    image, time = {
+        "empty": (ImageDepth16U(), 0.6),
+        "future": (wall(700), 5.0),
+        "old": (wall(700), 0.1),
+        "small": (ImageDepth16U(16, 12), 0.6),
+        "blind": (wall(0), 0.6),
+    }[fault]
+    bench.simulator.AdvanceTo(0.6)
+    bench.fix("depth_image", image)
+    bench.fix("time_stamp", [time])
+    bench.simulator.AdvanceTo(0.65)
+    np.testing.assert_array_equal(bench.points(), before)
+
+
+def test_camera_that_hangs_while_the_head_turns_adds_nothing():
+    bench = Bench().show(wall(), 0.0)
+    before = bench.points().copy()
+    turned = X_WC @ RigidTransform(RollPitchYaw(0, 0.3, 0), [0, 0, 0])
+    bench.fix("X_WC", turned)
+    bench.show(wall(), 0.2)
+    np.testing.assert_array_equal(bench.points(), before)
+    assert bench.output("time_stamp") == [0.0]
+    bench.show(wall(1001), 0.4)
+    assert len(bench.points()) > len(before)
+
+
+def test_wall_that_moved_leaves_no_ghost():
+    bench = Bench()
+    for k in range(5):
+        bench.show(wall(900), 0.2 * k)
+    for k in range(5, 7):
+        bench.show(wall(1100), 0.2 * k)
+    np.testing.assert_allclose(bench.points()[:, 0], 1.1, atol=1e-4)
+
+
+def ball_before_the_wall(column, millimetres):
+    image = wall()
+    y, x = np.indices((CAMERA.height, CAMERA.width))
+    image.mutable_data[(x - column) ** 2 + (y - 120) ** 2 < 20**2] = millimetres
+    return image
+
+
+def test_what_moves_is_expected_ahead_of_where_it_is_seen():
+    bench = Bench()
+    for number in range(5):
+        bench.show(ball_before_the_wall(80 + 24 * number, 700), 0.2 * number)
+    # 24 pixels in 0.2 s at 0.7 m are 0.29 m/s, towards -y.
+    edge_before, edge = 0.7 * (CAMERA.center_x - np.array([172.0, 196.0])) / CAMERA.focal_x
+    ahead = bench.points("approaching")
+    assert ahead[:, 1].min() == pytest.approx(edge - 0.29 * 0.7, abs=0.04)
+    assert ahead[:, 1].max() < edge_before + 0.02
+    np.testing.assert_allclose(ahead[:, 0], 0.7, atol=0.03)
+
+
+def test_what_is_too_near_to_be_measured_is_expected_all_the_same():
+    bench = Bench().show(wall(), 0.0)
+    assert bench.output("approaching").size() == 0
+    bench.show(ball_before_the_wall(160, 0), 0.2)
+    near = bench.points("approaching")
+    assert len(near) > 5
+    assert near[:, 0].max() < CAMERA.near + 0.04
+
+
+def test_holes_mean_nothing_where_they_need_not_be_near():
+    bench = Bench(parameters=ObstacleParameters(treat_holes_as_near=False)).show(wall(), 0.0)
+    bench.show(ball_before_the_wall(160, 0), 0.2)
+    assert bench.output("approaching").size() == 0

@@ -1,0 +1,204 @@
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+
+from pepper_drake.models.pepper import head_pitch_limits
+from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_DEPTH, CAMERA_TOP
+from pepper_drake.perception.gaze.head_aiming import camera_pose, choose_camera, look_at
+from pepper_drake.perception.mapping.cloud_points import make_cloud
+from pepper_drake.systems.sensing.gaze_controller import GazeController
+
+X_WT = RigidTransform([0.3, 0.1, 0.82])
+FAR = RigidTransform([1.3, -0.3, 0.8])
+NEAR = RigidTransform([0.62, -0.1, 0.72])
+BEHIND = RigidTransform([-1.0, 0.0, 0.8])
+
+
+class Bench:
+    def __init__(self, object_pose, system=None, **inputs):
+        self.system = system or GazeController()
+        self.simulator = Simulator(self.system)
+        self.context = self.simulator.get_mutable_context()
+        self.fix("object_pose", object_pose)
+        self.fix("X_WT", X_WT)
+        for name, value in inputs.items():
+            self.fix(name, value)
+
+    def fix(self, name, value):
+        self.system.GetInputPort(name).FixValue(self.context, value)
+
+    def output(self, name):
+        return np.array(self.system.GetOutputPort(name).Eval(self.context))
+
+    def run(self, until):
+        self.simulator.AdvanceTo(until)
+        return self
+
+
+def test_goal_ends_in_the_middle_of_the_image():
+    bench = Bench(FAR).run(3.0)
+    head = bench.output("head_position_command")
+    p_CO = (X_WT @ camera_pose(CAMERA_TOP, head)).inverse() @ FAR.translation()
+    np.testing.assert_allclose(p_CO[:2], 0, atol=1e-4)
+    assert bench.output("in_view") == [1]
+    assert bench.output("reachable") == [1]
+    np.testing.assert_allclose(bench.output("head_velocity_command"), 0, atol=1e-6)
+
+
+def test_camera_that_sees_best_is_the_one_that_is_on():
+    bench = Bench(FAR).run(0.1)
+    assert bench.output("best_camera") == [0]
+    assert (bench.output("top_enabled"), bench.output("bottom_enabled")) == ([1], [0])
+    bench.fix("object_pose", NEAR)
+    bench.run(3.0)
+    assert bench.output("best_camera") == [1]
+    assert (bench.output("top_enabled"), bench.output("bottom_enabled")) == ([0], [1])
+    head = bench.output("head_position_command")
+    p_CO = (X_WT @ camera_pose(CAMERA_BOTTOM, head)).inverse() @ NEAR.translation()
+    assert CAMERA_BOTTOM.intrinsics.sees(p_CO)
+
+
+def test_head_moves_smoothly_and_within_its_limits():
+    bench = Bench(RigidTransform([0.3, -2.0, 0.2]))
+    last = np.zeros(2)
+    last_velocity = np.zeros(2)
+    for k in range(1, 120):
+        bench.run(0.02 * (k - 1) + 0.001)
+        head, velocity = (
+            bench.output("head_position_command"),
+            bench.output("head_velocity_command"),
+        )
+        np.testing.assert_allclose((head - last) / 0.02, velocity, atol=1e-9)
+        assert np.all(np.abs(velocity) <= 1.0 + 1e-9)
+        assert abs(velocity[0] - last_velocity[0]) <= 4.0 * 0.02 + 1e-9
+        lower, upper = head_pitch_limits(head[0])
+        assert lower - 1e-12 <= head[1] <= upper + 1e-12
+        last, last_velocity = head, velocity
+
+
+def test_it_says_when_the_goal_is_out_of_reach():
+    bench = Bench(BEHIND).run(4.0)
+    assert bench.output("reachable") == [0]
+    assert bench.output("in_view") == [0]
+
+
+def test_goal_comes_into_view_while_the_head_turns():
+    bench = Bench(RigidTransform([0.9, -1.0, 0.9])).run(0.01)
+    assert (bench.output("in_view"), bench.output("reachable")) == ([0], [1])
+    assert bench.run(2.0).output("in_view") == [1]
+
+
+def test_head_starts_where_it_is_and_stays_without_a_goal():
+    bench = Bench(FAR, head_position=[0.4, -0.2], valid=[0.0]).run(1.0)
+    np.testing.assert_allclose(bench.output("head_position_command"), [0.4, -0.2])
+    assert (bench.output("top_enabled"), bench.output("bottom_enabled")) == ([1], [1])
+    assert bench.output("reachable") == [0]
+
+
+def test_head_rests_where_it_is_told_to():
+    bench = Bench(FAR, valid=[0.0], resting_head=[0.3, 2.0]).run(3.0)
+    np.testing.assert_allclose(
+        bench.output("head_position_command"), [0.3, head_pitch_limits(0.3)[1]], atol=1e-6
+    )
+
+
+def test_outputs_are_held():
+    system = GazeController()
+    assert not system.HasAnyDirectFeedthrough()
+    assert Simulator(system).get_context().num_discrete_state_groups() == 1
+
+
+@pytest.mark.parametrize("point", [[0, 0, 0.0], [0.0, 0.05, 0.2]])
+def test_it_looks_at_the_point_on_the_object(point):
+    system = GazeController(point)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    system.GetInputPort("object_pose").FixValue(context, FAR)
+    system.GetInputPort("X_WT").FixValue(context, X_WT)
+    simulator.AdvanceTo(3.0)
+    head = system.GetOutputPort("head_position_command").Eval(context)
+    p_CP = (X_WT @ camera_pose(CAMERA_TOP, head)).inverse() @ (FAR @ np.array(point))
+    np.testing.assert_allclose(p_CP[:2], 0, atol=1e-4)
+
+
+P_TP = X_WT.inverse() @ NEAR.translation()
+
+
+def sharing(side=1.0, **inputs):
+    """A head that serves the depth camera, too, and saw the object when it was old by `age`."""
+    still = {"age": [0.3], "velocity": np.zeros(3), "scan_enabled": [1.0]}
+    system = GazeController(secondary_camera=CAMERA_DEPTH, radius=0.042, side=side)
+    return Bench(NEAR, system, **{**still, **inputs})
+
+
+def glances(bench, duration):
+    """Yaws past the object at which the head dwells while the object was just seen."""
+    middle = look_at(CAMERA_DEPTH, P_TP).head[0]
+    start = bench.context.get_time()
+    yaws = []
+    for k in range(round(duration / 0.1)):
+        head = bench.run(start + 0.1 * (k + 1)).output("head_position_command")
+        if np.abs(bench.output("head_velocity_command")).max() < 0.1:
+            # As low as it goes there.
+            assert head[1] == pytest.approx(head_pitch_limits(head[0])[1], abs=0.05)
+            yaws.append(head[0] - middle)
+    return np.array(yaws)
+
+
+def test_the_head_glances_to_all_sides_of_an_object_that_was_just_seen():
+    yaws = glances(sharing(), 8.0)
+    assert yaws.min() < -0.4
+    assert yaws.max() > 0.4
+    assert np.abs(yaws).min() < 0.3
+
+
+def test_after_a_glance_the_object_is_looked_at_until_it_was_seen_anew():
+    bench = sharing().run(2.0)
+    bench.fix("age", [0.5])
+    assert bench.run(4.0).output("in_view") == [1]
+    looked = bench.output("head_position_command")
+    np.testing.assert_allclose(bench.run(6.0).output("head_position_command"), looked, atol=1e-3)
+    bench.fix("age", [0.3])
+    assert np.abs(bench.run(6.5).output("head_position_command") - looked).max() > 0.1
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_most_glances_go_to_the_side_of_the_arm(side):
+    yaws = glances(sharing(side=side), 12.0)
+    assert np.mean(yaws * side > 0.0) > 0.5
+
+
+@pytest.mark.parametrize("left", [0.4, -0.4])
+def test_the_first_glance_goes_to_where_something_hangs_that_may_move(left):
+    steps = [[0.1, left + 0.02 * k, 0.02 * j] for k in range(3) for j in (3, 4)]
+    hanging = make_cloud(NEAR.translation() + steps)
+    bench = sharing(side=np.sign(left), cloud=hanging, scan_enabled=[0.0]).run(2.0)
+    bench.fix("scan_enabled", [1.0])
+    assert glances(bench, 2.5)[0] * np.sign(left) > 0.1
+
+
+def test_an_object_that_was_not_seen_for_longer_than_a_glance_is_brought_to_the_middle():
+    bench = sharing(age=[1.7]).run(3.0)
+    middle = choose_camera((CAMERA_TOP, CAMERA_BOTTOM), P_TP).head
+    np.testing.assert_allclose(bench.output("head_position_command"), middle, atol=1e-3)
+
+
+@pytest.mark.parametrize("inputs", [{"scan_enabled": [0.0]}, {"velocity": [0.0, 0.1, 0.0]}])
+def test_the_eye_stays_on_an_object_that_moves_or_when_nothing_is_to_be_watched(inputs):
+    bench = sharing(**inputs).run(3.0)
+    assert bench.output("in_view") == [1]
+    head = bench.output("head_position_command")
+    assert not np.allclose(head, look_at(CAMERA_DEPTH, P_TP).head, atol=0.05)
+
+
+def test_a_missed_object_is_looked_for_above_and_below_with_all_cameras():
+    bench = sharing(age=[2.0], scan_enabled=[1.0]).run(2.0)
+    assert (bench.output("top_enabled"), bench.output("bottom_enabled")) == ([1], [1])
+    middle = choose_camera((CAMERA_TOP, CAMERA_BOTTOM), P_TP).head[1]
+    pitches = []
+    for age in (2.5, 3.7):  # A quarter and three quarters of a period after it was missed.
+        bench.fix("age", [age])
+        pitches.append(bench.run(2.0 + 2.0 * len(pitches) + 2.0).output("head_position_command")[1])
+    assert pitches[0] < middle - 0.3
+    assert pitches[1] > middle + 0.2
