@@ -205,7 +205,6 @@ def refuse_impossible(demonstration: "Demonstration", where: Where | None = None
     label = where or (lambda sample: f"{name}, sample {sample + 1}")
     t, p = demonstration.times, demonstration.positions
     refuse_far(p, label)
-    refuse_time(t, p, label)
     refuse_jumps(t, p, label)
     refuse_derivatives(demonstration, label)
     if demonstration.rotations is not None:
