@@ -105,16 +105,24 @@ def interpolant(times: Array, values: Array) -> tuple[Array, Array, str]:
 
     It is the quintic spline, or, where that strays between two samples by more than `BOUND` and
     `BOUND_SHARE`, as it does between few or uneven samples, the piecewise cubic that does not
-    overshoot (PCHIP; Fritsch and Carlson 1980), at rest at both ends.
+    overshoot (`careful`).
     """
     spline = make_interp_spline(times, values, k=5 if len(times) > 5 else 3)
     if not strays(times, values, spline):
         return spline.derivative(1)(times), spline.derivative(2)(times), "quintic spline"
-    careful = PchipInterpolator(times, values)
-    slopes = np.asarray(careful.derivative(1)(times))
+    way = careful(times, values)
+    slopes = np.asarray(way.derivative(1)(times))
+    return slopes, np.asarray(way.derivative(2)(times)), "shape-preserving cubic (PCHIP)"
+
+
+def careful(times: Array, values: Array) -> CubicHermiteSpline:
+    """Returns the piecewise cubic through values (N, D) that does not overshoot, at rest at ends.
+
+    Fritsch and Carlson 1980, DOI 10.1137/0717021.
+    """
+    slopes = np.asarray(PchipInterpolator(times, values).derivative(1)(times))
     slopes[[0, -1]] = 0.0
-    steady = CubicHermiteSpline(times, values, slopes)
-    return slopes, np.asarray(steady.derivative(2)(times)), "shape-preserving cubic (PCHIP)"
+    return CubicHermiteSpline(times, values, slopes)
 
 
 def strays(times: Array, values: Array, way: object) -> bool:

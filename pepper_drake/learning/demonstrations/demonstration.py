@@ -10,7 +10,13 @@ from scipy.interpolate import make_smoothing_spline
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.demonstrations.conditioning import interpolant
+from pepper_drake.learning.demonstrations.conditioning import (
+    careful,
+    fill_times,
+    hermite,
+    interpolant,
+    strays,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -99,16 +105,18 @@ class Demonstration:
         """Makes a demonstration of arrays and derives what is missing.
 
         Missing velocities and accelerations are the derivatives of the quintic spline through the
-        positions; with velocities given, accelerations are the derivative of the quintic spline
-        through those.
+        positions, or of the piecewise cubic where samples are so few that the spline strays (see
+        `conditioning.interpolant`); with velocities given, accelerations are the derivative of such
+        a curve through those.
 
         Raises:
-            InputError: Shapes disagree, times do not increase, or a value is not finite.
+            InputError: Shapes disagree, times do not increase, a value is not finite, or a
+                quaternion has not norm 1.
         """
         t = _numbers(times, (None,), name, "times")
-        p = _numbers(positions, (len(t), 3), name, "positions")
         if len(t) < 4:
-            raise InputError(f"{name}: {len(t)} samples; a motion needs at least 4")
+            raise InputError(f"{name}: times {t.shape} must be (N,), N >= 4")
+        p = _numbers(positions, (len(t), 3), name, "positions")
         if np.any(np.diff(t) <= 0.0):
             raise InputError(f"{name}: times must increase from sample to sample")
         derivation = RECORDED
@@ -254,7 +262,45 @@ class Demonstration:
             derivation=f"derivatives of the cubic smoothing spline, cut-off {cutoff:g} Hz",
         )
 
-    def _select(self, samples: slice) -> Self:
+    def filled(self, longest: float) -> Self:
+        """Returns the motion with samples between those that are further apart than `longest` [s].
+
+        They lie on the cubic through positions and velocities (Hermite's), or on the piecewise
+        cubic that does not overshoot where that strays; orientations and joints are interpolated
+        without overshoot as well.
+        """
+        times = fill_times(self.times, longest)
+        if len(times) == len(self.times):
+            return self
+        way = hermite(self.times, self.positions, self.velocities)
+        if strays(self.times, self.positions, way):
+            way = careful(self.times, self.positions)
+
+        def between(values: Array | None) -> Array | None:
+            return None if values is None else careful(self.times, values)(times)
+
+        rotations, angles = between(self.rotations), between(self.angles)
+        if rotations is not None:
+            rotations = so3.normalize(rotations)
+        return replace(
+            self,
+            times=times,
+            positions=way(times),
+            velocities=way.derivative(1)(times),
+            accelerations=way.derivative(2)(times),
+            rotations=rotations,
+            angles=angles,
+            joints=between(self.joints),
+        )
+
+    def thinned(self, most: int) -> Self:
+        """Returns the motion with at most so many samples, evenly chosen; ends are kept."""
+        count = len(self.times)
+        if count <= most:
+            return self
+        return self._select(np.unique(np.round(np.linspace(0, count - 1, most)).astype(int)))
+
+    def _select(self, samples: slice | npt.NDArray[np.int64]) -> Self:
         def part(values: Array | None) -> Array | None:
             return None if values is None else values[samples]
 
@@ -280,8 +326,9 @@ def _numbers(values: npt.ArrayLike, shape: tuple[int | None, ...], name: str, la
         size in (None, own) for own, size in zip(array.shape, shape, strict=True)
     )
     if not fits:
-        wanted = ", ".join("N" if size is None else str(size) for size in shape)
-        raise InputError(f"{name}: {label} have shape {array.shape}; it must be ({wanted})")
+        wanted = ", ".join(["N", *map(str, shape[1:])]) + ("," if len(shape) == 1 else "")
+        count = "" if shape[0] is None else f", N = {shape[0]}"
+        raise InputError(f"{name}: {label} have shape {array.shape}; give ({wanted}){count}")
     if not np.isfinite(array).all():
         k = int(np.argwhere(~np.isfinite(array))[0][0])
         raise InputError(

@@ -430,8 +430,8 @@ def _from_angles(
         k, j = np.unravel_index(int(np.argmax(np.abs(values[:, :3]))), (len(values), 3))
         if abs(values[k, j]) > _MOST_TURN:
             raise InputError(
-                f"{track.where(int(k))}: an angle of {values[k, j]:.4g} rad is more than a turn; are"
-                " they degrees (--angle deg)?"
+                f"{track.where(int(k))}: an angle of {values[k, j]:.4g} rad is more than a turn;"
+                " are they degrees (--angle deg)?"
             )
     values[:, :3] = np.unwrap(values[:, :3], axis=0)
     motion = Demonstration.from_positions(

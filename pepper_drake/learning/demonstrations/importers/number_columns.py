@@ -70,6 +70,11 @@ def read_number_columns(table: Table) -> list[Track]:
         InputError: A row is broken, or the columns say nothing of what they are.
     """
     path, width = table.path, len(table.rows[0])
+    if width not in (3, 8) and (width < 4 or (width - 1) % 3):
+        raise InputError(
+            f"{path}, line {table.lines[0]}: {width} columns where 4 or 7 or 10 are expected:"
+            f" {MEANINGS}; or name the columns in a first line"
+        )
     for row, line in zip(table.rows, table.lines, strict=True):
         if len(row) != width:
             raise InputError(
@@ -94,8 +99,8 @@ def read_number_columns(table: Table) -> list[Track]:
     if width == 3:
         return [_planar(base, values)]
     raise InputError(
-        f"{path}, line {lines[0]}: {width} columns where 4 or 7 or 10 are expected: {MEANINGS}; or"
-        " name the columns in a first line"
+        f"{path}: {width} columns that are not time, {(width - 1) // 3} coordinates and their first"
+        " and second derivatives; name the columns in a first line"
     )
 
 

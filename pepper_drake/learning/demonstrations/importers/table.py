@@ -137,7 +137,8 @@ def number(word: str, where: str, decimal_comma: bool = False) -> float:
         value = float(word.replace(",", ".", 1) if decimal_comma else word)
     except ValueError:
         raise InputError(
-            f"{where}: {shorten(word)} is not a number; write one with a decimal point, or remove the row"
+            f"{where}: {shorten(word)} is not a number; write one with a decimal point, or remove"
+            " the row"
         ) from None
     if not math.isfinite(value):
         raise InputError(
