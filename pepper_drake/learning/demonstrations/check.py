@@ -4,7 +4,7 @@
 doubtful is told with the sample (or the line of the file) that it is about.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.arm_chain import arm_chain, arm_of, joint_limits
-from pepper_drake.learning.demonstrations.conditioning import LEVER, measure_noise
+from pepper_drake.learning.demonstrations.conditioning import measure_noise
 
 if TYPE_CHECKING:
     from pepper_drake.learning.demonstrations.demonstration import Demonstration
@@ -310,7 +310,7 @@ def refuse_derivatives(demonstration: "Demonstration", label: Where) -> None:
     wrong = []
     if derivative_error(t, p, v) > _DERIVATIVE_SHARE:
         wrong.append("velocities are not the derivatives of the positions")
-    elif np.ptp(v) > 0.01 and derivative_error(t, v, a) > 2.0 * _DERIVATIVE_SHARE:
+    elif np.ptp(v) > 0.01 and derivative_error(t, v, a) > 0.5:
         wrong.append("accelerations are not the derivatives of the velocities")
     if wrong:
         raise InputError(
@@ -337,6 +337,14 @@ def refuse_joints(demonstration: "Demonstration", label: Where) -> None:
     """Refuses joints beyond their limits, and joints that have the hand elsewhere."""
     joints, names = demonstration.joints, demonstration.joint_names
     assert joints is not None
+    refuse_limits(joints, names, label)
+    arm = arm_of(names)
+    if arm is not None:
+        _refuse_disagreement(demonstration, joints, arm, label)
+
+
+def refuse_limits(joints: Array, names: Sequence[str], label: Where) -> None:
+    """Refuses joints (N, J) [rad] beyond their limits."""
     limits = joint_limits()
     for j, name in enumerate(names):
         if name not in limits:
@@ -352,13 +360,12 @@ def refuse_joints(demonstration: "Demonstration", label: Where) -> None:
                 f"{label(k)}: joint {name} at {joints[k, j]:.4g} rad is beyond its limits,"
                 f" {lower:g} to {upper:g} rad; {mend}"
             )
-    arm = arm_of(names)
-    if arm is not None:
-        _refuse_disagreement(demonstration, arm, label)
 
 
-def _refuse_disagreement(demonstration: "Demonstration", arm: str, label: Where) -> None:
-    hand, rotation = arm_chain(arm).hand(demonstration.joints)
+def _refuse_disagreement(
+    demonstration: "Demonstration", joints: Array, arm: str, label: Where
+) -> None:
+    hand, rotation = arm_chain(arm).hand(joints)
     offsets = demonstration.positions - hand
     distances = np.linalg.norm(offsets, axis=1)
     median = float(np.median(distances))
@@ -435,7 +442,7 @@ def refuse_unlike(demonstrations: "list[Demonstration]") -> None:
             )
 
 
-def turn_distance(one: Array, other: Array) -> float:
-    """Returns the median angle between orientations (N, 4), as a length by `LEVER` [m]."""
+def turn_between(one: Array, other: Array) -> float:
+    """Returns the median angle between orientations (N, 4) and (N, 4) [rad]."""
     turns = so3.log_map(so3.multiply(one, so3.conjugate(other)))
-    return LEVER * float(np.median(np.linalg.norm(turns, axis=1)))
+    return float(np.median(np.linalg.norm(turns, axis=1)))

@@ -5,11 +5,15 @@ the same filter when its noise would show in the accelerations, with a cut-off t
 noise.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, make_interp_spline
+
+if TYPE_CHECKING:
+    from pepper_drake.learning.demonstrations.demonstration import Demonstration
 
 Array = npt.NDArray[np.float64]
 
@@ -19,7 +23,7 @@ HIGHEST_CUTOFF, LOWEST_CUTOFF = 10.0, 2.0
 QUIET = 0.3
 """Acceleration [m/s²] that the noise may cause after filtering, by its standard deviation."""
 
-LOUD = 1.0
+LOUD = 0.1
 """Acceleration [m/s²] that the noise may cause in what is left unfiltered."""
 
 LEVER = 0.1
@@ -91,6 +95,26 @@ def end_speed_noise(noise: Noise, step: float, cutoff: float) -> float:
     An end has data on one side only: twice the deviation of the middle, three coordinates.
     """
     return 2.0 * np.sqrt(3.0) * _filtered(noise, step, cutoff, 1)
+
+
+def smooth_from_rest(
+    demonstration: "Demonstration", cutoff: float, start: bool, end: bool
+) -> "Demonstration":
+    """Returns a demonstration through the smoothing spline, at rest at its start, its end or both.
+
+    The samples are mirrored in time at such an end, so that the spline is level there and has data
+    on both sides.
+    """
+    count = len(demonstration.times)
+    own = np.arange(count)
+    before = own[:0:-1] if start else own[:0]
+    after = own[-2::-1] if end else own[:0]
+    samples = np.concatenate((before, own, after))
+    t = demonstration.times
+    times = np.concatenate((2.0 * t[0] - t[before], t, 2.0 * t[-1] - t[after]))
+    mirrored = demonstration.selected(samples)
+    smooth = replace(mirrored, times=times).smoothed(cutoff)
+    return smooth.selected(len(before) + own)
 
 
 def _filtered(noise: Noise, step: float, cutoff: float, order: int) -> float:

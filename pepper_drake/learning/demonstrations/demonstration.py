@@ -219,7 +219,7 @@ class Demonstration:
         last = min(len(self.times), samples[-1] + 2)
         if last - first < 4:
             raise InputError(f"{self.name}: only {last - first} samples of motion remain; need 4")
-        return self._select(slice(first, last))
+        return self.selected(slice(first, last))
 
     def smoothed(self, cutoff: float = 6.0) -> Self:
         """Returns the motion through a cubic smoothing spline, a zero-phase low-pass filter.
@@ -298,9 +298,11 @@ class Demonstration:
         count = len(self.times)
         if count <= most:
             return self
-        return self._select(np.unique(np.round(np.linspace(0, count - 1, most)).astype(int)))
+        return self.selected(np.unique(np.round(np.linspace(0, count - 1, most)).astype(int)))
 
-    def _select(self, samples: slice | npt.NDArray[np.int64]) -> Self:
+    def selected(self, samples: slice | npt.NDArray[np.int64]) -> Self:
+        """Returns some of the samples."""
+
         def part(values: Array | None) -> Array | None:
             return None if values is None else values[samples]
 

@@ -21,7 +21,9 @@ from pepper_drake.learning.demonstrations.check import (
     refuse_far,
     refuse_impossible,
     refuse_jumps,
+    refuse_limits,
     refuse_time,
+    turn_between,
 )
 from pepper_drake.learning.demonstrations.conditioning import (
     LEVER,
@@ -30,6 +32,7 @@ from pepper_drake.learning.demonstrations.conditioning import (
     choose_cutoff,
     end_speed_noise,
     measure_noise,
+    smooth_from_rest,
 )
 from pepper_drake.learning.demonstrations.demonstration import TORSO_HEIGHT, Demonstration
 from pepper_drake.learning.demonstrations.importers.headers import joint_of
@@ -81,7 +84,7 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
             )
         positions, rotations = arm_chain(arm).hand(joints)
         notes.append(f"the {arm} hand by forward kinematics of its joints")
-        rates = (None, None)
+        rates: tuple[Array | None, Array | None] = (None, None)
     else:
         rates = (
             None if track.velocities is None else track.velocities * scale,
@@ -96,6 +99,8 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
         refuse_time(track.times, placed.positions, where)
     if options.drop_outliers:
         placed, joints, track = _without_outliers(placed, joints, track, notes)
+        where = track.where
+    assert track.times is not None
     refuse_jumps(track.times, placed.positions, where)
     demonstration = Demonstration.from_positions(
         track.times,
@@ -160,16 +165,15 @@ def filtered(demonstration: Demonstration) -> Demonstration:
     step = float(np.median(np.diff(t)))
     cutoff = choose_cutoff(loudest, step)
     smooth = demonstration.smoothed(cutoff)
-    velocities = smooth.velocities.copy()
     slow = 3.0 * end_speed_noise(noises[0], step, cutoff)
-    for end in (0, -1):
-        if np.linalg.norm(velocities[end]) < slow:
-            velocities[end] = 0.0
+    resting = [float(np.linalg.norm(smooth.velocities[end])) < slow for end in (0, -1)]
+    if any(resting):
+        smooth = smooth_from_rest(demonstration, cutoff, *resting)
     note = (
         f"noise of {1000 * loudest.deviation:.2g} mm (or as much at {LEVER:g} m):"
         f" smoothed with a cut-off of {cutoff:.1f} Hz, as recordings are"
     )
-    return replace(smooth, velocities=velocities, notes=(*demonstration.notes, note))
+    return replace(smooth, notes=(*demonstration.notes, note))
 
 
 def _with_times(track: Track, options: ImportOptions, notes: list[str]) -> Track:
@@ -241,6 +245,11 @@ def _positions(
             f"{track.path}: a motion of one dimension: columns 3 and 4 are the derivatives"
             " (velocity and acceleration) of column 2; a hand's motion needs x, y, z"
         )
+    if p.shape[1] > 3:
+        raise InputError(
+            f"{track.path}: a motion of {p.shape[1]} dimensions without names; a hand's has x, y,"
+            " z, and joints are named in a first line (time,RShoulderPitch,...)"
+        )
     if p.shape[1] == 2 and options.plane is None:
         raise InputError(
             f"{track.path}: a path of two dimensions; say on which plane it lies"
@@ -286,26 +295,56 @@ def _joints(
     if track.joints is None:
         return options.arm, None, ()
     names = [joint_of(name) for name in track.joint_names]
-    unit = options.angle or track.joint_unit or "rad"
-    joints = track.joints * ANGLES[unit]
-    if unit == "deg":
-        notes.append("joints in degrees")
     whole = [arm for arm in ARMS if set(arm_chain(arm).joint_names) <= set(names)]
     if options.arm is not None and whole and options.arm not in whole:
         raise InputError(
             f"{track.path}: no joints of the {options.arm} arm in it, but those of the {whole[0]}"
         )
+    unit = options.angle or track.joint_unit or "rad"
+    if unit == "deg" and track.joint_unit is None and _agree(track, names, whole, positions):
+        unit = "rad"  # What is in degrees is the orientation.
+    elif unit == "deg":
+        notes.append("joints in degrees")
+    joints = track.joints * ANGLES[unit]
     if not whole:
-        return None, *_part_of_an_arm(track, names, joints, notes)
-    columns = {
-        arm: joints[:, [names.index(name) for name in arm_chain(arm).joint_names]] for arm in whole
-    }
+        joints_of_arm, joint_names = _part_of_an_arm(track, names, joints, notes)
+        if joints_of_arm is not None:
+            refuse_limits(joints_of_arm, joint_names, track.where)
+        return None, joints_of_arm, joint_names
+    columns = {arm: joints[:, _columns(names, arm)] for arm in whole}
     arm = options.arm or (whole[0] if len(whole) == 1 else None)
     if arm is None:
+        for side, values in columns.items():
+            refuse_limits(values, arm_chain(side).joint_names, track.where)
         arm = _arm_that_moves(track, columns, positions)
     if len(names) > 5:
         notes.append(f"the {arm} arm's joints, picked by name among {len(names)}")
+    refuse_limits(columns[arm], arm_chain(arm).joint_names, track.where)
     return arm, columns[arm], arm_chain(arm).joint_names
+
+
+def _columns(names: Sequence[str | None], arm: str) -> list[int]:
+    return [names.index(name) for name in arm_chain(arm).joint_names]
+
+
+def _agree(
+    track: Track, names: Sequence[str | None], arms: Sequence[str], positions: Array | None
+) -> bool:
+    """Tells whether the joints as they are, in radians, have the hand where it was."""
+    if positions is None or track.joints is None or positions.shape[1] != 3:
+        return False
+    return any(
+        float(
+            np.median(
+                np.linalg.norm(
+                    arm_chain(arm).hand(track.joints[:, _columns(names, arm)])[0] - positions,
+                    axis=1,
+                )
+            )
+        )
+        < HAND_DISTANCE
+        for arm in arms
+    )
 
 
 def _part_of_an_arm(
@@ -349,7 +388,7 @@ def _rotations(
 ) -> tuple[Array | None, Array | None]:
     """Returns unit quaternions w, x, y, z (N, 4), and the angles (N, 9) where there are."""
     if track.angles is not None:
-        return _from_angles(track, options, notes)
+        return _from_angles(track, options, arm, joints, notes)
     q = track.rotations
     if q is None:
         return None, None
@@ -391,12 +430,7 @@ def _order_by_arm(
     orders = {"wxyz": q, "xyzw": q[:, [3, 0, 1, 2]]}
     if joints is not None and arm is not None and joints.shape[1] == 5:
         hand = arm_chain(arm).hand(joints)[1]
-        turns = {
-            name: float(
-                np.median(np.linalg.norm(so3.log_map(so3.multiply(hand, so3.conjugate(r))), axis=1))
-            )
-            for name, r in orders.items()
-        }
+        turns = {name: turn_between(hand, r) for name, r in orders.items()}
         best = min(turns, key=lambda name: turns[name])
         return best if turns[best] < HAND_TURN < max(turns.values()) else None
     if positions is None or positions.shape[1] != 3:
@@ -418,11 +452,15 @@ def _order_by_arm(
 
 
 def _from_angles(
-    track: Track, options: ImportOptions, notes: list[str]
+    track: Track, options: ImportOptions, arm: str | None, joints: Array | None, notes: list[str]
 ) -> tuple[Array, Array | None]:
     assert track.angles is not None
     assert track.times is not None
     unit = options.angle or track.angle_unit
+    if unit == "deg" and track.angle_unit is None and arm is not None and joints is not None:
+        hand = arm_chain(arm).hand(joints)[1]
+        if turn_between(hand, so3.from_angles(track.angles[:, :3])) < HAND_TURN:
+            unit = "rad"  # What is in degrees is the joints.
     values = track.angles * ANGLES[unit or "rad"]
     if unit == "deg":
         notes.append("angles in degrees")

@@ -62,9 +62,10 @@ def CanonicalSystem_(T: type) -> type:
         performed in place of the one that the system was made with; `phase` (1) and `tau` (1) [s]
         are state; `phase_velocity` (1) [1/s] is that of the coming step.
 
-        State: phase, tau [s], the goal that the motion began with (3) [m], number of the motion. Discrete with period
-        `time_step`; with `time_step` 0 the phase is continuous, and tau and goal are updated after
-        each step of the integrator. In continuous time, derivatives exist for Expression as well.
+        State: phase, tau [s], the motion's first goal (3) [m], number of the motion. Discrete with
+        period `time_step`; with `time_step` 0 the phase is continuous, and tau and goal are updated
+        after each step of the integrator. In continuous time, derivatives exist for Expression as
+        well.
         """
 
         def _construct(

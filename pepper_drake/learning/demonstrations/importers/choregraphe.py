@@ -45,7 +45,7 @@ def read_timeline(path: Path, text: str) -> list[Track]:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError) as error:
         raise InputError(f"{path}: not valid XML ({error})") from None
-    tracks = []
+    tracks: list[Track] = []
     for timeline in root.iter():
         if _local(timeline) != "Timeline":
             continue

@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass
 
 from pepper_drake.learning.demonstrations.arm_chain import joint_limits
+from pepper_drake.learning.demonstrations.importers.options import LENGTHS
 
 _UNITS = {
     "m": ("unit", "m"),
@@ -53,6 +54,15 @@ _ANGLES = {
     "roll": 0, "pitch": 1, "yaw": 2, "alpha_roll": 0, "rollangle": 0, "pitchangle": 1,
     "yawangle": 2,
 }  # fmt: skip
+_OTHER = {
+    "angular", "covariance", "gyro", "gyroscope", "mag", "magnetometer", "magnetic", "imu", "force",
+    "torque", "wrench", "effort", "bias", "b", "w", "omega", "error", "scale", "size", "normal",
+    "pixel", "gravity", "std", "sigma", "cov",
+}  # fmt: skip
+"""Words of vectors that are neither a place nor its derivatives."""
+
+_EUROC_FRAMES = ("rs", "r", "s", "rw", "ws", "wb", "wr")
+
 _AXES = {"x": 0, "y": 1, "z": 2, "w": 3}
 
 _DERIVATIVE_WORDS = {"velocity", "vel", "effort", "torque", "current", "temperature", "speed"}
@@ -86,11 +96,16 @@ def meaning(header: str) -> Meaning | None:
     words = [word for word in re.split(r"[^a-z0-9°]+", text.lower()) if word]
     if not words:
         return None
-    if unit is None and len(words) > 1 and words[-1] in _UNITS:
-        # x_m and time_s have a unit; s_x and the m of a name alone have none.
-        if len(words[-1]) > 1 or words[0] in _AXES or words[-2] in _AXES or words[0] in _TIME:
-            unit = _UNITS[words.pop()][1]
+    if unit is None and _ends_with_unit(words):
+        unit = _UNITS[words.pop()][1]
     return _meaning(words, unit)
+
+
+def _ends_with_unit(words: list[str]) -> bool:
+    """Tells whether the last word is a unit: x_mm, x_m, time_s; but not the s of a name alone."""
+    if len(words) < 2 or words[-1] not in _UNITS:
+        return False
+    return len(words[-1]) > 1 or words[0] in {*_AXES, *_TIME} or words[-2] in _AXES
 
 
 def _meaning(words: list[str], unit: str | None) -> Meaning | None:
@@ -118,8 +133,11 @@ def _meaning(words: list[str], unit: str | None) -> Meaning | None:
 
 
 def _with_axis(axis: int, before: list[str], unit: str | None) -> Meaning | None:
+    # EuRoC's p_RS_R_x and q_RS_w tell frames, not bodies.
+    if len(before) > 1 and before[0] in ("p", "q", "v") and before[1] in _EUROC_FRAMES:
+        before = [before[0], *(w for w in before[1:] if w not in _EUROC_FRAMES)]
     names = set(before)
-    if "angular" in names or "covariance" in names:
+    if names & _OTHER:
         return None
     if names & {"r", "rotvec", "axisangle"} and not names & _ROTATION:
         kind, used = "rotation_vector", {"r", "rotvec", "axisangle"}
@@ -132,8 +150,8 @@ def _with_axis(axis: int, before: list[str], unit: str | None) -> Meaning | None
     else:
         kind, used = "position", _POSITION
     rest = [w for w in before if w not in used | {"field", "pose", "twist", "transform", "msg"}]
-    # EuRoC's p_RS_R_x and q_RS_w tell frames, not bodies.
-    rest = [w for w in rest if w not in ("rs", "r", "s", "rw", "wb", "ws")]
+    if kind == "position" and unit is not None and unit not in LENGTHS:
+        return None
     return Meaning(kind, axis, "_".join(rest), unit)
 
 
@@ -164,8 +182,8 @@ def joint_of(text: str) -> str | None:
                     return None  # The command, beside what the sensor measured.
                 return known[word.lower()]
             return None
-    for tail in ("joint", "position", "pos", ""):
-        name = joined.removesuffix(tail)
+    for suffix in ("joint", "position", "pos", ""):
+        name = joined.removesuffix(suffix)
         if name in known and len(name) > 5:
             return known[name]
     return None

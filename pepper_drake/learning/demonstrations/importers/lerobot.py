@@ -137,9 +137,10 @@ def _track(path: Path, name: str, rows: list[tuple[float, Any]], names: list[str
         if m is not None and m.kind in ("position", "quaternion")
     }
     joints = {m.joint: i for i, m in enumerate(found) if m is not None and m.kind == "joint"}
-    place = [axes.get(("position", k)) for k in range(3)]
-    turn = [axes.get(("quaternion", k)) for k in (3, 0, 1, 2)]
-    if None in place and not joints:
+    place = [axes[("position", k)] for k in range(3) if ("position", k) in axes]
+    turn = [axes[("quaternion", k)] for k in (3, 0, 1, 2) if ("quaternion", k) in axes]
+    placed, turned = len(place) == 3, len(place) == 3 and len(turn) == 4
+    if not placed and not joints:
         shown = ", ".join(names[:6])
         raise InputError(
             f"{path}: the state's columns ({shown}) are neither x, y, z nor joints of Pepper"
@@ -149,13 +150,11 @@ def _track(path: Path, name: str, rows: list[tuple[float, Any]], names: list[str
         name,
         "LeRobot dataset",
         times,
-        None if None in place else states[:, place],
-        rotations=None if None in turn or None in place else states[:, turn],
-        quaternion=None if None in turn or None in place else "wxyz",
+        states[:, place] if placed else None,
+        rotations=states[:, turn] if turned else None,
+        quaternion="wxyz" if turned else None,
         joints=states[:, list(joints.values())] if joints else None,
         joint_names=tuple(joints),
         time_unit="s",
-        notes=(f"{len(names) - len(joints) - 3 * (None not in place)} other columns of the state",)
-        if len(names) > len(joints) + 3 * (None not in place)
-        else (),
+        notes=(f"{len(names)} columns of the state, {len(joints)} of them joints of Pepper",),
     )

@@ -60,7 +60,7 @@ def read_motive(table: Table) -> list[Track]:
             key = (kinds[i].lower() if i < len(kinds) else "", names[i])
             columns.setdefault(key, {}).setdefault(f"{value} {axes[i].lower()}", i)
     bodies = {key: c for key, c in columns.items() if key[0] == "rigid body"} or columns
-    notes = (
+    notes: tuple[str, ...] = (
         "Motive's positions are in its own frame, whose y axis points up unless it was exported"
         " otherwise (up: y)",
     )
@@ -73,7 +73,7 @@ def read_motive(table: Table) -> list[Track]:
         turned = quaternions and None not in turn
         used = [1, *place, *(turn if turned else [])]
         data, lines, empty = numbers(table, start + 1, [c for c in used if c is not None])
-        said = notes
+        said: tuple[str, ...] = notes
         if empty:
             said = (*said, f"{name} was not seen in {len(empty)} rows, first in line {empty[0]}")
         if not quaternions and "rotation x" in found:

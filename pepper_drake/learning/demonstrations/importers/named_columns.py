@@ -34,7 +34,7 @@ def find_header(table: Table) -> tuple[list[str], int] | None:
     """Returns the names of the columns and how many rows are no data, None where none are named.
 
     The names are the first row, or the last comment before the data that has as many names as
-    there are columns, all of them known.
+    there are columns, all of them known, or time and position among them.
     """
     if not table.rows:
         return None
@@ -50,7 +50,11 @@ def find_header(table: Table) -> tuple[list[str], int] | None:
             [word.strip() for word in comment.split(";")],
             comment.split(),
         ):
-            if len(words) == len(first) and all(meaning(word) for word in words):
+            known = [m for word in words if (m := meaning(word)) is not None]
+            # A comment in words has few of them; a header names the time and the position.
+            if len(words) == len(first) and (
+                len(known) == len(words) or {"time", "position"} <= {m.kind for m in known}
+            ):
                 return words, 0
     return None
 
@@ -219,6 +223,12 @@ def _body(
         m = first_of.get(kind)
         return None if m is None else m.unit
 
+    units = {m.unit for i in columns["position"] if (m := found[i]) is not None}
+    if len(units) > 1:
+        raise InputError(
+            f"{path}: x, y and z are in different units ({', '.join(sorted(map(str, units)))});"
+            " give them in one"
+        )
     rotations = part("quaternion")
     return Track(
         path,

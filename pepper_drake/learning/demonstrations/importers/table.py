@@ -86,6 +86,9 @@ def parse_words(path: Path, text: str | None = None) -> Table:
             continue
         if not separator:
             separator = find_separator(content)
+            if separator == " " and "," not in content and not is_number(content.split()[0]):
+                # A title: what separates the columns is seen further down.
+                separator = find_separator(" ".join(text.split("\n")[number : number + 5]))
         rows.append(split(content, separator))
         lines.append(number)
         if len(rows) > MOST_ROWS:
