@@ -1,15 +1,17 @@
 """Learn a movement primitive from one or several demonstrations of the same motion.
 
 Writes primitive.yaml, learn.png (what was shown, what was learned and how it is performed) and
-report.json. A demonstration is a folder with translation.txt, a text file of ten columns, or a
-NAME_pose.txt.
+report.json. A demonstration is a folder with translation.txt, a text file of ten columns, a
+NAME_pose.txt, or what another tool recorded (see import.py): it is checked before it is learned.
 """
 
 import argparse
 import json
 import time
+from pathlib import Path
 
 from pepper_drake.cli import EXIT_DONE, make_parser, run
+from pepper_drake.cli_demonstration import add_import_options, import_options
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import distances
 from pepper_drake.learning import (
@@ -18,6 +20,8 @@ from pepper_drake.learning import (
     MovementPrimitive,
     approximator_names,
 )
+from pepper_drake.learning.demonstrations.check import examine
+from pepper_drake.learning.demonstrations.demonstration_files import read_demonstrations
 from pepper_drake.learning.demonstrations.text_files import write_atomically
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS
 from pepper_drake.learning.dmp.primitive import (
@@ -33,7 +37,7 @@ def parse_arguments() -> argparse.Namespace:
     """Returns the command line's arguments."""
     parser = make_parser("learn", __doc__)
     add = parser.add_argument
-    add("demonstrations", nargs="+", metavar="DEMO", help="a demonstration")
+    add("demonstrations", nargs="+", type=Path, metavar="DEMO", help="a demonstration")
     add(
         "--approximator",
         default=DEFAULT_APPROXIMATOR,
@@ -43,9 +47,8 @@ def parse_arguments() -> argparse.Namespace:
     add(
         "--num-basis",
         type=int,
-        default=DEFAULT_NUM_BASIS,
         metavar="N",
-        help="number of basis functions (default: %(default)s)",
+        help=f"number of basis functions (default: {DEFAULT_NUM_BASIS}, or as the data ask for)",
     )
     add(
         "--scaling",
@@ -67,6 +70,7 @@ def parse_arguments() -> argparse.Namespace:
         action="store_true",
         help=f"positions are above the floor: the torso frame is {TORSO_HEIGHT} m higher",
     )
+    add_import_options(parser)
     return parser.parse_args()
 
 
@@ -78,17 +82,20 @@ def prepare(demonstration: Demonstration, arguments: argparse.Namespace) -> Demo
         demonstration = demonstration.smoothed(arguments.smooth)
     if arguments.trim:
         demonstration = demonstration.trimmed()
-    if arguments.from_floor:
-        demonstration = demonstration.translated((0.0, 0.0, -TORSO_HEIGHT))
     return demonstration.mirrored() if arguments.mirror else demonstration
 
 
 def main() -> int:
     """Runs the app and returns its exit code."""
     arguments = parse_arguments()
-    demonstrations = [
-        prepare(Demonstration.load(path), arguments) for path in arguments.demonstrations
+    if arguments.from_floor:
+        arguments.frame = "base_footprint"
+    options = import_options(arguments)
+    loaded = [
+        demo for path in arguments.demonstrations for demo in read_demonstrations(path, options)
     ]
+    checks = [examine(demo) for demo in loaded]
+    demonstrations = [prepare(demo, arguments) for demo in loaded]
     started = time.perf_counter()
     primitive = MovementPrimitive.fit(
         demonstrations,
@@ -127,6 +134,7 @@ def main() -> int:
         "joints": list(primitive.posture.names) if primitive.posture else [],
         "fit_seconds": fit_seconds,
         "demonstrations": rows,
+        "checks": [check.to_data() for check in checks],
     }
     primitive.save(arguments.output / "primitive.yaml")
     write_atomically(arguments.output / "report.json", json.dumps(report, indent=2) + "\n")
@@ -134,6 +142,8 @@ def main() -> int:
     figure.savefig(arguments.output / "learn.png", dpi=110)
 
     if not arguments.quiet:
+        for check in checks:
+            print("\n".join(check.lines()))
         for row in rows:
             print(
                 f"{row['demonstration']}: {row['samples']} samples, {row['duration']:.2f} s,"

@@ -213,6 +213,21 @@ def refuse_impossible(demonstration: "Demonstration", where: Where | None = None
         refuse_joints(demonstration, label)
 
 
+def refuse_out_of_reach(demonstration: "Demonstration", name: str) -> None:
+    """Refuses a motion for an arm to perform of which no sample is within its reach.
+
+    Raises:
+        InputError: With the mend.
+    """
+    report = examine(demonstration)
+    if report.within_reach == 0.0:
+        raise InputError(
+            f"{name}: no position is within the arm's reach, {report.arm_reach:.2f} m from the"
+            f" shoulder (up to {report.reach:.2f} m); positions above the floor need import.py"
+            " --frame base_footprint"
+        )
+
+
 def refuse_far(positions: Array, label: Where) -> None:
     """Refuses positions that are metres away: another unit, another frame."""
     far = np.linalg.norm(positions, axis=1)
@@ -220,11 +235,12 @@ def refuse_far(positions: Array, label: Where) -> None:
     if far[k] <= FARTHEST:
         return
     units = [
-        f"{word} (unit: {unit})"
+        f"{word} (--unit {unit})"
         for unit, word, size in (("mm", "millimetres", 1e-3), ("cm", "centimetres", 1e-2))
         if far[k] * size <= FARTHEST
     ]
-    hint = f"are they {' or '.join(units[::-1])}, or in another frame (start: x y z)?"
+    guess = f"are they {' or '.join(units[::-1])}, or in" if units else "are they in"
+    hint = f"{guess} another unit or frame (--unit, --start X Y Z)?"
     raise InputError(
         f"{label(k)}: the hand would be {far[k]:.3g} m from the torso, and the arm reaches 0.41 m;"
         f" positions must be metres in the torso frame: {hint}"
@@ -239,7 +255,7 @@ def refuse_time(times: Array, positions: Array, label: Where) -> None:
     if step >= SLOW_STEP and 0.01 < length < SLOWEST * duration:
         raise InputError(
             f"{label(len(times) - 1)}: {duration:.4g} s for {length:.2f} m, {length / duration:.2g}"
-            " m/s: times must be seconds; are they milliseconds (time: ms)? Say time: s if it was"
+            " m/s: times must be seconds; are they milliseconds (--time ms)? Say --time s if it was"
             " that slow"
         )
 
@@ -277,14 +293,14 @@ def refuse_jumps(times: Array, positions: Array, label: Where) -> None:
         k = int(outliers[0])
         raise InputError(
             f"{label(k)}: an outlier, a jump of {100 * steps[k - 1]:.0f} cm and back"
-            f" ({len(outliers)} such samples); remove the rows (or say drop_outliers)"
+            f" ({len(outliers)} such samples); remove the rows (or say --drop-outliers)"
         )
     speeds = steps / np.diff(times)
     k = int(np.argmax(speeds))
     if speeds[k] > FASTEST:
         slow = float(np.median(speeds)) > FASTEST
         mend = (
-            "are positions metres and times seconds (unit, time)?"
+            "are positions metres and times seconds (--unit, --time)?"
             if slow
             else "remove what is wrong there"
         )
@@ -328,7 +344,7 @@ def refuse_turns(times: Array, rotations: Array, label: Where) -> None:
     if rates[k] > FASTEST_TURN and sizes[k] > 0.5:
         raise InputError(
             f"{label(k + 1)}: the hand turns by {np.degrees(sizes[k]):.0f} degrees in"
-            f" {np.diff(times)[k]:.2g} s; are angles in degrees (angle: deg), or was the tracker"
+            f" {np.diff(times)[k]:.2g} s; are angles in degrees (--angle deg), or was the tracker"
             " lost there?"
         )
 
@@ -355,7 +371,7 @@ def refuse_limits(joints: Array, names: Sequence[str], label: Where) -> None:
         if over[k] > LIMIT_SLACK:
             # A joint that turns by more than a circle is not in radians.
             degrees = np.abs(joints).max() > 4.0
-            mend = "are they degrees (angle: deg)?" if degrees else "correct the row"
+            mend = "are they degrees (--angle deg)?" if degrees else "correct the row"
             raise InputError(
                 f"{label(k)}: joint {name} at {joints[k, j]:.4g} rad is beyond its limits,"
                 f" {lower:g} to {upper:g} rad; {mend}"
@@ -374,7 +390,7 @@ def _refuse_disagreement(
         mean = offsets.mean(axis=0)
         steady = float(np.linalg.norm(offsets - mean, axis=1).max()) < HAND_DISTANCE
         if steady and abs(mean[2] - 0.82) < 0.05 and np.abs(mean[:2]).max() < 0.05:
-            mend = "they are above the floor (frame: base_footprint)"
+            mend = "they are above the floor (--frame base_footprint)"
         elif steady:
             mend = f"they are in another frame, shifted by {np.round(mean, 3)} m"
         else:
@@ -392,7 +408,7 @@ def _refuse_disagreement(
         raise InputError(
             f"{label(k)}: the orientation and the joints disagree by"
             f" {np.degrees(np.median(sizes)):.0f} degrees (median) by forward kinematics; is the"
-            " quaternion's order another (quaternion: xyzw), or are angles in degrees (angle: deg)?"
+            " quaternion's order another (--quaternion xyzw), or are angles in degrees (--angle deg)?"
         )
 
 

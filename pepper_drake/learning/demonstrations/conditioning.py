@@ -6,6 +6,7 @@ noise.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -168,7 +169,7 @@ def fill_times(times: Array, longest: float) -> Array:
         np.linspace(a, b, int(np.ceil((b - a) / longest)), endpoint=False)
         if b - a > longest
         else np.array([a])
-        for a, b in zip(times[:-1], times[1:], strict=True)
+        for a, b in pairwise(times)
     ]
     return np.append(np.concatenate(parts), times[-1])
 
