@@ -81,11 +81,13 @@ class ArmChain:
             lever: What an error of one radian counts [m].
         """
         middle, half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
-        starts = np.stack(np.meshgrid(*([-0.5, 0.5],) * 5, indexing="ij"), axis=-1).reshape(-1, 5)
+        # The shoulder and the elbow's turn decide which way the arm is bent.
+        starts = np.stack(np.meshgrid(*([-0.5, 0.5],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        starts = np.concatenate((starts, np.zeros((len(starts), 2))), axis=1)
         q = middle + half * starts
         damping = np.full(len(q), 1e-2)
         error = self._pose_error(q, position, rotation, lever)
-        for _ in range(40):
+        for _ in range(25):
             jacobian = self._jacobian(q, position, rotation, lever, error)
             normal = jacobian.swapaxes(1, 2) @ jacobian
             normal = normal + damping[:, None, None] * 1e-2 * np.eye(5)

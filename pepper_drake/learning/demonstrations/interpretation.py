@@ -102,16 +102,19 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
         where = track.where
     assert track.times is not None
     refuse_jumps(track.times, placed.positions, where)
-    demonstration = Demonstration.from_positions(
-        track.times,
-        placed.positions,
-        placed.velocities,
-        placed.accelerations,
-        rotations=placed.rotations,
-        joints=joints,
-        joint_names=names,
-        name=track.name,
-    )
+    try:
+        demonstration = Demonstration.from_positions(
+            track.times,
+            placed.positions,
+            placed.velocities,
+            placed.accelerations,
+            rotations=placed.rotations,
+            joints=joints,
+            joint_names=names,
+            name=track.name,
+        )
+    except InputError as error:
+        raise InputError(f"{track.path}: {error}") from None
     if options.up == "y" or options.plane is not None:
         angles = None  # Those of another frame.
     demonstration = replace(demonstration, angles=angles, notes=tuple(notes))
@@ -472,13 +475,16 @@ def _from_angles(
                 " are they degrees (--angle deg)?"
             )
     values[:, :3] = np.unwrap(values[:, :3], axis=0)
-    motion = Demonstration.from_positions(
-        track.times,
-        values[:, :3],
-        values[:, 3:6] if values.shape[1] >= 6 else None,
-        values[:, 6:9] if values.shape[1] >= 9 else None,
-        name=track.name,
-    )
+    try:
+        motion = Demonstration.from_positions(
+            track.times,
+            values[:, :3],
+            values[:, 3:6] if values.shape[1] >= 6 else None,
+            values[:, 6:9] if values.shape[1] >= 9 else None,
+            name="angles",
+        )
+    except InputError as error:
+        raise InputError(f"{track.path}: {error}") from None
     angles = np.hstack((motion.positions, motion.velocities, motion.accelerations))
     return so3.make_continuous(so3.from_angles(motion.positions)), angles
 
