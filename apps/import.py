@@ -18,9 +18,9 @@ from pathlib import Path
 
 from pepper_drake.cli import EXIT_DONE, make_parser, run
 from pepper_drake.cli_demonstration import add_import_options, import_options
+from pepper_drake.files import write_atomically
 from pepper_drake.learning.demonstrations.check import examine
 from pepper_drake.learning.demonstrations.demonstration_files import read_demonstrations
-from pepper_drake.learning.demonstrations.text_files import write_atomically
 from pepper_drake.reporting.demonstration_figure import draw_demonstration
 
 

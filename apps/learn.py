@@ -14,6 +14,7 @@ from pepper_drake.cli import EXIT_DONE, make_parser, run
 from pepper_drake.cli_demonstration import add_import_options, import_options
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import distances
+from pepper_drake.files import write_atomically
 from pepper_drake.learning import (
     TORSO_HEIGHT,
     Demonstration,
@@ -22,7 +23,6 @@ from pepper_drake.learning import (
 )
 from pepper_drake.learning.demonstrations.check import examine
 from pepper_drake.learning.demonstrations.demonstration_files import read_demonstrations
-from pepper_drake.learning.demonstrations.text_files import write_atomically
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS
 from pepper_drake.learning.dmp.primitive import (
     DEFAULT_APPROXIMATOR,

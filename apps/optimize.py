@@ -36,8 +36,8 @@ from tqdm import tqdm
 from pepper_drake import cli
 from pepper_drake.diagrams.factory import prepare_scene
 from pepper_drake.errors import InputError
+from pepper_drake.files import write_atomically
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.demonstrations.text_files import write_atomically
 from pepper_drake.models.scene import load_scene
 from pepper_drake.optimization.averaging import decay_over
 from pepper_drake.optimization.comparison import compare_methods
@@ -65,7 +65,7 @@ from pepper_drake.optimization.parallel import dask_cluster, processes
 from pepper_drake.optimization.problem import Problem
 from pepper_drake.optimization.ratings import RatingCollector, rated
 from pepper_drake.optimization.search import search
-from pepper_drake.reporting.optimization_figures import draw_comparison
+from pepper_drake.reporting.optimization_figures import draw_comparison, save_reproductions
 from pepper_drake.reporting.optimization_report import save_search
 
 EXIT_INTERRUPTED = 130
@@ -260,6 +260,7 @@ def ask_tutor(
         evaluate.parameters,
         options.output / "reproductions",
         options.ratings or options.output / "ratings.txt",
+        save_reproductions,
         ask=input if options.ratings is None else None,
         rated=history.rollouts,
     )

@@ -29,7 +29,7 @@ def add_import_options(parser: ArgumentParser) -> None:
         type=float,
         nargs=6,
         metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"),
-        help="pose [m, rad] of the plane on which a path of two dimensions lies, in the torso frame",
+        help="pose [m, rad] in the torso frame of the plane on which a path of two dimensions lies",
     )
     add(
         "--start",

@@ -1,4 +1,4 @@
-"""How apps let a person choose a scene."""
+"""Command-line options that choose a scene."""
 
 from argparse import ArgumentParser, Namespace
 

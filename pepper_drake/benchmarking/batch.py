@@ -24,7 +24,7 @@ class Task:
     case: Case
 
     def file(self, folder: Path) -> Path:
-        """Where the result is kept."""
+        """File that keeps the result."""
         return folder / "results" / self.case.name / f"{self.method}.json"
 
 

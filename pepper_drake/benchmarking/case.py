@@ -1,4 +1,4 @@
-"""What a method is tried on: a scene, and the seed of what is random in its run."""
+"""A benchmark case: a scene, and the seed of all randomness in its run."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Where the arm may end: postures with the hand at its goal, by Drake's inverse kinematics."""
+"""Goal configurations with the hand at its goal, by Drake's inverse kinematics."""
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ from pepper_drake.models.pepper import hand_frame
 Array = npt.NDArray[np.float64]
 
 _TOLERANCE = 0.0005
-"""Of the hand's position along each axis [m]."""
+"""Tolerance [m] of the hand's position along each axis."""
 
 
 def goal_postures(

@@ -1,4 +1,4 @@
-"""What came of one method in one scene."""
+"""Result of one method in one scene."""
 
 import json
 from dataclasses import asdict, dataclass, fields
@@ -10,7 +10,7 @@ import numpy as np
 from pepper_drake.errors import InputError
 
 OUTCOMES = ("reached", "touched", "refused", "failed", "error")
-"""What can come of a run: the hand is at its goal and nothing was touched; a link touched an
+"""Outcomes of a run: the hand is at its goal and nothing was touched; a link touched an
 obstacle, whatever else happened; it was declined before the arm moved; it ended on the way, or
 elsewhere than at the goal; the run itself broke down."""
 

@@ -14,7 +14,7 @@ from pepper_drake.errors import InputError
 
 
 class Run(Protocol):
-    """How a method is run."""
+    """Protocol of a method."""
 
     @property
     def options(self) -> tuple[str, ...] | None:

@@ -12,7 +12,7 @@ from pepper_drake.learning import MovementPrimitive
 Array = npt.NDArray[np.float64]
 
 _WINDOW, _ORDER = 15, 5
-"""Of the local polynomials whose third derivative is the jerk: 0.15 s at 100 Hz."""
+"""Window of the local polynomials whose third derivative is the jerk: 0.15 s at 100 Hz."""
 
 
 def path_length(positions: Array) -> float:
@@ -35,7 +35,7 @@ def rms_jerk(positions: Array, time_step: float) -> float:
 def demonstration_distance(
     primitive: MovementPrimitive, positions: Array, duration: float, time_step: float = 0.01
 ) -> float:
-    """How far a path is from what the demonstration would look like here, equation 4.1 [m].
+    """Distance [m] of a path to the demonstration adapted to its ends, equation 4.1.
 
     The demonstrated movement is rolled out from the path's start to its end, with nothing in the
     way. Both paths are compared at equal fractions of their durations, at as many samples as the

@@ -42,13 +42,13 @@ _STEP = 0.01
 _PATIENCE = 0.25
 """Between the waiting times that are tried [s]."""
 _PADDINGS = (0.010, 0.003)
-"""What is kept between the arm and the scene: more, if that can be had [m]."""
+"""Padding [m] between the arm and the scene, the largest that can be kept first."""
 _LONGEST_SEARCH = 60.0
 """With each padding; of computing time, after which no further place to stand is tried [s]."""
 _HOLDING = 1.0
-"""How long the hand stays at its goal [s]."""
+"""Time [s] that the hand stays at its goal."""
 _TOLERANCE = 0.010
-"""Of the hand at its goal [m]."""
+"""Position tolerance [m] of the hand at its goal."""
 
 Motions = Callable[[GroundTruthScene, Array, int], Iterator[Array]]
 """Yields motions (N, 5) from a place to stand (3,) and a seed, every 10 ms [rad]."""

@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 
 
 _STRIDE = 3
-"""Of the motion's samples, which are 10 ms apart, one in so many is shown."""
+"""Stride through the motion's samples, which are 10 ms apart."""
 
 
 def record_motion(known: GroundTruthScene, motion: Array, base_pose: Array) -> str:

@@ -1,4 +1,4 @@
-"""What many runs say together: rates with their uncertainty, and a table."""
+"""Summary of many runs: rates with their uncertainty, and a table."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from pepper_drake.benchmarking.methods import get_method
 
 @dataclass(frozen=True)
 class Rate:
-    """How often something happened."""
+    """A rate with its counts."""
 
     count: int
     total: int
@@ -66,7 +66,7 @@ class Scenes:
 
     @property
     def share(self) -> str:
-        """What a rate is a share of."""
+        """Number of runs that rates are a share of."""
         return "all scenes" if self.solvable is None else "the scenes that can be solved"
 
     def __str__(self) -> str:

@@ -19,7 +19,7 @@ _CHECKED = 25
 _DURATIONS = (0.5, 6.0)
 _BEYOND_PADDING = 0.001
 _INFLUENCE = 0.03
-"""How much nearer than this, beyond the padding, things must be to matter to the solver [m]."""
+"""Distance [m] beyond the padding within which obstacles influence the solver."""
 _MAJOR_ITERATIONS = 100
 _SECONDS = 5.0
 """Longest time for one solution; the solver's usual one is below a second."""
@@ -79,7 +79,7 @@ def optimized_motion(
 
 
 def _solved(problem: KinematicTrajectoryOptimization) -> BsplineTrajectory:
-    """What the solver ends with, be it optimal or not: who calls checks the motion itself."""
+    """Final iterate of the solver, optimal or not: the caller checks the motion."""
     options = SolverOptions()
     options.SetOption(SnoptSolver.id(), "Major iterations limit", _MAJOR_ITERATIONS)
     options.SetOption(SnoptSolver.id(), "Time limit", _SECONDS)

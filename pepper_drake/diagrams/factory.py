@@ -16,7 +16,7 @@ SHIPPED_DEMONSTRATION = MODELS_DIR / "demonstrations" / "reach"
 """A right arm's reach, guided by hand with nothing in the way."""
 
 HAND_RADIUS = 0.09
-"""Radius about the hand's control frame that holds the half-open hand but for its fingertips [m]."""
+"""Radius [m] about the hand's control frame that holds the half-open hand but its fingertips."""
 
 
 SHORTEST_PATH = 0.01

@@ -11,6 +11,7 @@ from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
+from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.systems.robot.body_pose import BodyPose
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
 from pepper_drake.systems.sensing.gaze_controller import GazeController
@@ -59,7 +60,7 @@ def add_perception(builder: DiagramBuilder, scene: Scene, station: PepperStation
     source = builder.AddNamedSystem(
         "cloud_source",
         DepthPointCloudSource(
-            station.control_model.solids(),
+            RobotSolids(station.control_model.plant, station.control_model.diagram.scene_graph()),
             marked,
             intrinsics=station.depth_intrinsics,
             parameters=station.obstacle_parameters,

@@ -1,4 +1,4 @@
-"""How closely and how fast each approximator gives demonstrations back: the report's table 4.1."""
+"""Accuracy and speed of each approximator on demonstrations: the report's table 4.1."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence

@@ -26,7 +26,7 @@ _WRONG_BEYOND = 0.02
 
 @dataclass(frozen=True)
 class WrongGoals:
-    """What came of looking at what is not the goal.
+    """Counts of false detections in images without the goal.
 
     Attributes:
         frames: Images looked at.

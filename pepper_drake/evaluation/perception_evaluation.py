@@ -1,4 +1,4 @@
-"""How well Pepper sees a scene: depth cloud, stereo cloud and goal, against the truth."""
+"""Accuracy of perception in a scene: depth cloud, stereo cloud and goal, against the truth."""
 
 import dataclasses
 import math
@@ -51,7 +51,7 @@ Image = npt.NDArray[np.uint8]
 Images = dict[str, npt.NDArray[np.generic]]
 
 _VISIBLE_RANGE = 1.2
-"""How far from the camera true surfaces count as visible [m]."""
+"""Range [m] within which true surfaces count as visible."""
 
 _SUPERSAMPLING = 2
 """Rendered pixels along one edge of a sensor's pixel, which gathers light over its whole area."""
@@ -295,7 +295,7 @@ class PerceptionEvaluation:
         )
 
     def _photograph(self, camera: HeadCamera, texture: str, number: int) -> Image:
-        """What one of the stereo cameras delivers."""
+        """Image of one of the stereo cameras."""
         image, depth = self.rig.color(camera.name), self.rig.depth(camera.name)
         X_WC = self.rig.pose(camera.name)
         if texture == "painted":

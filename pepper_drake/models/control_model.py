@@ -16,8 +16,13 @@ from pydrake.planning import (
 )
 from pydrake.systems.framework import Context
 
-from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS, add_pepper
-from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.models.pepper import (
+    BODY_JOINTS,
+    JOINT_GROUPS,
+    CoupledLimit,
+    add_pepper,
+    coupled_limits,
+)
 
 CONTROL_PERIOD = 0.02
 """Period at which joint commands are made [s]: that at which NAOqi's ALMotion passes them on."""
@@ -31,7 +36,7 @@ def arm_joints(arm: str) -> tuple[str, ...]:
 
 
 def body_indices(names: Sequence[str]) -> list[int]:
-    """Where joints stand in a vector over `BODY_JOINTS`."""
+    """Indices of joints in a vector over `BODY_JOINTS`."""
     return [BODY_JOINTS.index(name) for name in names]
 
 
@@ -43,6 +48,8 @@ class CommandLimits:
     position_upper: Vector
     velocity: Vector
     acceleration: Vector
+    coupled: tuple[CoupledLimit, ...] = ()
+    """Limits of a joint that depend on where another is, by their indices among these joints."""
 
 
 class ControlModel:
@@ -88,12 +95,8 @@ class ControlModel:
             )
         )
 
-    def solids(self) -> RobotSolids:
-        """Pepper's collision shapes, to be cut out of what its cameras see."""
-        return RobotSolids(self.plant, self.diagram.scene_graph(), self.model_instance)
-
     def position_indices(self, names: Sequence[str]) -> list[int]:
-        """Where joints stand in the plant's position vector."""
+        """Indices of joints in the plant's position vector."""
         return [self._joint_index[name] for name in names]
 
     def positions(self, joint_position: Vector, base_pose: Vector) -> Vector:
@@ -129,6 +132,7 @@ class ControlModel:
             position_upper=np.array([joint.position_upper_limit() for joint in joints]),
             velocity=speed_fraction * np.array([joint.velocity_upper_limit() for joint in joints]),
             acceleration=np.full(len(names), acceleration),
+            coupled=coupled_limits(names),
         )
 
 

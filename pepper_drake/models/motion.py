@@ -1,4 +1,4 @@
-"""How obstacles and the goal object move: rows of time and offset, a smooth path through them."""
+"""Motions of obstacles and the goal object: a smooth path through rows of time and offset."""
 
 from collections.abc import Sequence
 from pathlib import Path

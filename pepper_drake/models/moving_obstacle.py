@@ -30,7 +30,7 @@ _LIFT = 0.001
 _GAP = 0.015
 """Least distance to what stands on the table [m]."""
 _FREE = 0.11
-"""What is left to the arm about the hand's goal and the forearm behind it [m]."""
+"""Radius [m] kept free for the arm around the hand's goal and the forearm behind it."""
 _FOREARM = 0.22
 _FARTHEST = 0.10
 """It comes at least so near to what is left to the arm [m]."""
@@ -71,12 +71,12 @@ def moving_obstacle(scene: Scene, rng: np.random.Generator) -> Obstacle:
 
 
 def _passes_by(gaps: Array) -> bool:
-    """Whether it comes near to what is left to the arm, by the gaps to that, and not into it."""
+    """True if it comes near to the space kept for the arm, but not into it."""
     return bool(0.0 <= gaps.min() <= _FARTHEST)
 
 
 def _reaches_into(times: Array, gaps: Array) -> bool:
-    """Whether it starts outside of what is left to the arm, and comes well into it, early."""
+    """True if it starts outside the space kept for the arm, and comes well into it, early."""
     return bool(
         gaps[0] >= _FARTHEST / 2
         and gaps.min() <= -_FREE / 2
@@ -154,7 +154,7 @@ def _there(obstacle: Obstacle, count: int = 16) -> tuple[Array, list[RigidTransf
 
 
 def _over_table(obstacle: Obstacle, axis: Array, top: Obstacle) -> bool:
-    """Whether it never comes to the robot's side of the edge, and what rolls stays on the table."""
+    """True if it stays beyond the table's edge, and on the table if it rolls."""
     radius = obstacle.size[0]
     low = np.array(top.position[:2]) - np.array(top.size[:2]) / 2 + radius
     high = np.array(top.position[:2]) + np.array(top.size[:2]) / 2 - radius

@@ -44,7 +44,7 @@ def make_pose(position: Sequence[float], rpy: Sequence[float]) -> RigidTransform
 
 @dataclass
 class RobotStart:
-    """Where Pepper stands at the start."""
+    """Pose of Pepper's base at the start."""
 
     x: float = 0.0  # Base on the floor, world frame [m].
     y: float = 0.0
@@ -75,7 +75,7 @@ class Marker:
 
 @dataclass
 class HandPose:
-    """Where the hand's control frame H is to be, in the goal object's frame O."""
+    """Pre-grasp pose of the hand's control frame H in the goal object's frame O."""
 
     position: list[float] = field(default_factory=list)  # p_OH [m].
     rpy: list[float] = field(default_factory=list)  # R_OH as roll, pitch, yaw [rad].

@@ -21,7 +21,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.models.pepper import MODELS_DIR
 
 MESHES_DIR = MODELS_DIR / "meshes"
-"""Where meshes are looked for that a scene names without a folder."""
+"""Folder of meshes that a scene names without a folder."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What all scripts of a demonstration share: which arm, and where it starts."""
+"""Fields that all scripts of a demonstration share: the arm, and its start."""
 
 from copy import deepcopy
 from dataclasses import dataclass, field

@@ -15,7 +15,7 @@ DECAY = 0.7
 """Default of d in equation 3.2: after seven updates the search looks a twelfth as far."""
 
 LAST_EXPLORATION = 0.03
-"""What `decay_over` leaves of the first exploration's standard deviation."""
+"""Share that `decay_over` leaves of the first exploration's standard deviation."""
 
 
 def decay_over(updates: int) -> float:
@@ -84,7 +84,7 @@ class RewardWeightedAveraging(GaussianSearch):
 
     @property
     def converged(self) -> bool:
-        """Whether the last update changed Sigma by less than the threshold."""
+        """True if the last update changed Sigma by less than the threshold."""
         if self._update == 0:
             return False
         # Both are multiples of the identity, whose norm cancels.

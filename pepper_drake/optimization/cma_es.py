@@ -71,7 +71,7 @@ class CmaEs:
 
     @property
     def converged(self) -> bool:
-        """Whether one of CMA-ES' own criteria holds."""
+        """True if one of CMA-ES' own termination criteria holds."""
         return bool(self._strategy.stop())
 
     def ask(self) -> Array:

@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What several methods made of one problem.
+    """Results of several methods on one problem.
 
     Attributes:
         rollouts: (updates + 1,) how many samples were evaluated by then.

@@ -37,7 +37,7 @@ def terms_of(cost: Cost, outcome: Outcome, task: Task) -> dict[str, float]:
 
 @dataclass
 class CostWeights:
-    """How much each term counts; what a cost file holds. Zero leaves a term out."""
+    """Weights of the cost's terms, as in a cost file. Zero leaves a term out."""
 
     hand_to_goal: float = 0.0
     """For each metre between hand and goal at the end."""
@@ -64,7 +64,7 @@ class CostWeights:
 
     @property
     def needs_arm(self) -> bool:
-        """Whether it asks about more than the hand."""
+        """True if a term needs more than the hand."""
         return self.arm_to_obstacles > 0.0 or self.joint_limits > 0.0
 
     def __call__(self, outcome: Outcome, task: Task) -> Array:

@@ -18,15 +18,15 @@ from pepper_drake.optimization.outcome import Outcome
 Array = npt.NDArray[np.float64]
 
 HAND_RADIUS = 0.05
-"""Of the sphere that stands for the hand where there is no arm [m]."""
+"""Radius [m] of the sphere that stands for the hand where there is no arm."""
 
 LIMIT_MARGIN = 0.1
-"""How near to its limit a joint begins to cost [rad]."""
+"""Margin [rad] to its limit within which a joint costs."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a movement is for, in the torso frame T.
+    """Task of a movement, in the torso frame T.
 
     Attributes:
         goal: (3,) where the hand should end [m].
@@ -60,7 +60,7 @@ def hand_to_goal(outcome: Outcome, task: Task) -> Array:
 
 
 def hand_to_obstacles(outcome: Outcome, task: Task) -> Array:
-    """What the hand lacks of the clearance, at its worst and on average [m]."""
+    """Violation [m] of the clearance by the hand, maximum and mean."""
     if task.obstacles is None:
         raise InputError("cost: hand_to_obstacles needs obstacles")
     gaps = task.obstacles.distance(outcome.positions) - task.hand_radius
@@ -68,7 +68,7 @@ def hand_to_obstacles(outcome: Outcome, task: Task) -> Array:
 
 
 def arm_to_obstacles(outcome: Outcome, task: Task) -> Array:
-    """What any part of the arm lacks of the clearance, at its worst and on average [m]."""
+    """Violation [m] of the clearance by the arm, maximum and mean."""
     return violation(outcome.arm_gaps, task.clearance)
 
 
@@ -88,7 +88,7 @@ def jerk(outcome: Outcome, task: Task) -> Array:
 
 
 def joint_limits(outcome: Outcome, task: Task) -> Array:
-    """How deep joints are in the last 0.1 rad before their limits, mean of time, 1 at a limit."""
+    """Depth of joints in the last 0.1 rad before their limits, mean over time, 1 at a limit."""
     if outcome.joints is None or outcome.joint_limits is None:
         raise InputError(
             "cost: joint_limits needs the arm; use kinematics in place of fast rollouts"

@@ -33,7 +33,7 @@ class FastRollouts:
 
     @property
     def at_once(self) -> int:
-        """How many samples suit one call."""
+        """Number of samples that suit one call."""
         return 64
 
     def __call__(self, samples: Array) -> Array:

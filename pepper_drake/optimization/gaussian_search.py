@@ -1,4 +1,4 @@
-"""What searches have in common that sample around a mean."""
+"""Base of searches that sample around a mean."""
 
 import numpy as np
 import numpy.typing as npt

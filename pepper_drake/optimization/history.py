@@ -1,4 +1,4 @@
-"""What a search asked and was told: its whole state, in one file."""
+"""History of a search, which is its whole state, in one file."""
 
 import io
 import json
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.demonstrations.text_files import write_atomically
+from pepper_drake.files import write_atomically
 from pepper_drake.optimization.problem import total_costs
 
 Array = npt.NDArray[np.float64]
@@ -42,7 +42,7 @@ class History:
 
     @property
     def updates(self) -> int:
-        """How many updates were made."""
+        """Number of updates."""
         return len(self.costs)
 
     @property
@@ -52,7 +52,7 @@ class History:
 
     @property
     def rollouts(self) -> int:
-        """How many samples were evaluated in whole updates; the means are not counted."""
+        """Number of samples evaluated in whole updates, without the means."""
         return sum(len(costs) for costs in self.costs)
 
     def best(self) -> tuple[Array, float]:

@@ -27,10 +27,10 @@ from pepper_drake.planning.trajectories.joint_trajectories import minimum_durati
 Array = npt.NDArray[np.float64]
 
 SPEED_FRACTION = 0.5
-"""Of the joints' rated speed that may be used."""
+"""Share of the joints' rated speed that may be used."""
 
 GRID_ERROR = 0.005
-"""What gaps are taken to be smaller than the grid says [m]."""
+"""Margin [m] by which the grid may overestimate distances."""
 
 
 class KinematicRollouts:
@@ -70,7 +70,7 @@ class KinematicRollouts:
 
     @property
     def at_once(self) -> int:
-        """How many samples suit one call."""
+        """Number of samples that suit one call."""
         return 8
 
     def __call__(self, samples: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What all ways to perform a movement for its cost have in common, and how one is chosen."""
+"""Rollouts of movements for their cost: the common interface, and its factory."""
 
 from typing import Protocol
 
@@ -36,17 +36,17 @@ class MovementRollouts(Protocol):
 
     @property
     def parameters(self) -> MovementParameters:
-        """What the numbers mean."""
+        """The searched parameters."""
         ...
 
     @property
     def task(self) -> Task:
-        """What the movement is for."""
+        """The task."""
         ...
 
     @property
     def cost(self) -> Cost:
-        """Of an outcome."""
+        """Cost of an outcome."""
         ...
 
     def __call__(self, samples: Array) -> Array:

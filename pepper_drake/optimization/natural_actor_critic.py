@@ -68,7 +68,7 @@ class EpisodicNaturalActorCritic(GaussianSearch):
 
     @property
     def converged(self) -> bool:
-        """Whether the last update changed the exploration by less than the threshold."""
+        """True if the last update changed the exploration by less than the threshold."""
         if self._update == 0:
             return False
         now = self._decay ** (2 * self._update)

@@ -1,4 +1,4 @@
-"""What every search method is: it asks for costs and is told them."""
+"""Ask-and-tell interface of every search method."""
 
 from typing import Protocol
 
@@ -30,7 +30,7 @@ class Optimizer(Protocol):
 
     @property
     def converged(self) -> bool:
-        """Whether the exploration no longer changes, and the search may end."""
+        """True if the exploration no longer changes, and the search may end."""
         ...
 
     def ask(self) -> Array:

@@ -1,4 +1,4 @@
-"""What came of performing several movements: all that a cost may ask about."""
+"""Outcome of performing several movements: all that a cost may depend on."""
 
 from collections.abc import Callable
 from functools import cached_property

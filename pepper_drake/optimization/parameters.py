@@ -22,7 +22,7 @@ from pepper_drake.learning.phase import gate, phase_at
 Array = npt.NDArray[np.float64]
 
 RADIANS_PER_METRE = 2.5
-"""What counts as one metre for a joint: it moves a hand 0.4 m away by as much."""
+"""Joint angle [rad] that counts as one metre: it moves a hand 0.4 m away by as much."""
 
 _STEPS = 200
 """Steps of the grid on which changes are measured."""

@@ -82,7 +82,7 @@ class Pi2Cma(GaussianSearch):
 
     @property
     def converged(self) -> bool:
-        """Whether the last update changed Sigma by less than the threshold."""
+        """True if the last update changed Sigma by less than the threshold."""
         return self._change < self._threshold
 
     def _spread(self, noise: Array) -> Array:

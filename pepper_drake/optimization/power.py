@@ -81,7 +81,7 @@ class Power(GaussianSearch):
 
     @property
     def converged(self) -> bool:
-        """Whether the last update changed no variance any more."""
+        """True if the last update changed no variance."""
         return self._change < self._threshold
 
     def tell(self, costs: Array) -> None:

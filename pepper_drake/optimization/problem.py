@@ -14,7 +14,7 @@ Evaluate = Callable[[Array], npt.ArrayLike]
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be minimised.
+    """A minimisation problem.
 
     Attributes:
         guess: (n,) where the search starts.

@@ -1,6 +1,6 @@
 """A tutor's scores of reproductions as a cost: from a file, or typed as they are asked for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.demonstrations.text_files import read_text, write_atomically
+from pepper_drake.files import read_text, write_atomically
+from pepper_drake.learning import MovementPrimitive
 from pepper_drake.optimization.parameters import MovementParameters
 from pepper_drake.optimization.problem import Evaluate
-from pepper_drake.reporting.optimization_figures import draw_reproductions
 
 Array = npt.NDArray[np.float64]
 
@@ -37,6 +37,7 @@ class RatingCollector:
         parameters: What the numbers of a sample mean.
         folder: Where the reproductions are left.
         scores: The file of scores.
+        draw: Draws reproductions (by number) beside the primitive and saves them as a picture.
         ask: Shows a question and returns the answer; None to take scores from the file only.
         rated: How many reproductions were rated in updates that are over.
     """
@@ -44,6 +45,7 @@ class RatingCollector:
     parameters: MovementParameters
     folder: Path
     scores: Path
+    draw: Callable[[MovementPrimitive, Mapping[int, MovementPrimitive], Path], None]
     ask: Callable[[str], str] | None = None
     rated: int = 0
     _known: list[float] = field(default_factory=list, repr=False)
@@ -72,8 +74,8 @@ class RatingCollector:
         }
         for number, primitive in shown.items():
             primitive.save(self.folder / f"{number:03d}.yaml")
-        figure = draw_reproductions(self.parameters.primitive, shown)
-        figure.savefig(self.folder / f"{numbers[0]:03d}_to_{numbers[-1]:03d}.png", dpi=100)
+        picture = self.folder / f"{numbers[0]:03d}_to_{numbers[-1]:03d}.png"
+        self.draw(self.parameters.primitive, shown, picture)
         for number in numbers[max(0, len(self._known) - self.rated) :]:
             if self.ask is None:
                 raise InputError(

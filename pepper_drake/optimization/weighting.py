@@ -6,7 +6,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 ELITENESS = 10.0
-"""How much the best sample of a normalised batch counts above the worst: exp(10) to 1."""
+"""Exponent of the weights of a normalised batch: the best counts exp(10) times the worst."""
 
 
 def normalized(costs: Array, axis: int = 0) -> Array:

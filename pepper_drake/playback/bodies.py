@@ -1,4 +1,4 @@
-"""Where every body is at every frame: Drake's kinematics of the recorded joints, no simulation."""
+"""Body poses at every frame, by Drake's kinematics of the recorded joints, no simulation."""
 
 from dataclasses import dataclass
 
@@ -84,7 +84,7 @@ class Frames:
     cloud_W: Vector
 
     def at_frames(self, values: Vector) -> Vector:
-        """What values (N,) that go with the motion's times are at the frames, (F,)."""
+        """Values (F,) at the frames, interpolated from values (N,) at the motion's times."""
         return np.interp(self.clock, self.motion.times, values)
 
 
@@ -117,7 +117,7 @@ class RecordedModel:
         self._columns = {name: self.column(name) for name in motion.positions}
 
     def column(self, joint: str) -> int:
-        """Where a joint of one degree of freedom stands among the plant's positions."""
+        """Index of a joint of one degree of freedom in the plant's positions."""
         if not self.plant.HasJointNamed(joint):
             raise InputError(f'{self.motion.name}: there is no joint "{joint}"; record it again')
         return int(self.plant.GetJointByName(joint).position_start())

@@ -98,7 +98,7 @@ def _background(run: Frames) -> list[Command]:
 
 
 def _view(run: Frames) -> dict[str, list[float]]:
-    """Where one looks from, and to: from the arm's side, past the hand to the robot, in W."""
+    """Camera position and target in W: from the arm's side, past the hand to the robot."""
     side = 1.0 if run.motion.arm == "left" else -1.0
     cos, sin = np.cos(run.yaw), np.sin(run.yaw)
     R_WP = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -123,7 +123,7 @@ def _body(body: MovingBody, path: str, ghost: tuple[float, float, float] | None)
 
 
 def _same(one: MovingBody, other: MovingBody) -> bool:
-    """Whether two things of a scene look the same and are at the same place all the time."""
+    """True if two objects of a scene look the same and are at the same place all the time."""
     if one.is_robot or one.name != other.name or len(one.parts) != len(other.parts):
         return False
     count = min(len(one.translations), len(other.translations))

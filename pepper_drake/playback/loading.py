@@ -151,7 +151,7 @@ def _stages(log: ReachLog) -> tuple[tuple[float, str], ...]:
 
 
 def _run_figures(log: ReachLog, report: dict[str, Any]) -> dict[str, str | float]:
-    """What is worth comparing: of the report, and of the way that the hand took."""
+    """Figures to compare: of the report, and of the hand's path."""
     moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
     hand, times = log.hand_position_torso_m[moving], log.time_s[moving]
     figures = _report_figures(report) | {"whole run [s]": float(log.time_s[-1])}

@@ -1,4 +1,4 @@
-"""What is played back: where every joint was at what time, and what there is to say about it."""
+"""Recorded motion of all joints over time, with its captions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

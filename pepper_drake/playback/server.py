@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pepper_drake.playback.drawing import Command
 
 DEFAULT_URL = "tcp://127.0.0.1:6000"
-"""Where a meshcat server listens if nobody says otherwise."""
+"""Default address of a meshcat server."""
 
 _ANSWER_MS = 10_000
 _START_SECONDS = 20.0
@@ -29,7 +29,7 @@ _QUIT = b"quit"
 
 
 def is_listening(url: str) -> bool:
-    """Whether something listens at an address such as tcp://127.0.0.1:6000.
+    """True if something listens at an address such as tcp://127.0.0.1:6000.
 
     Raises:
         InputError: This is no such address.

@@ -1,1 +1,1 @@
-"""What a run leaves behind: report.json, log.npz and figures."""
+"""Figures and pictures of runs."""

@@ -1,4 +1,4 @@
-"""What is connected to what in a Drake diagram, as a person would draw it."""
+"""Connections of a Drake diagram as a graph."""
 
 import re
 from collections.abc import Iterator

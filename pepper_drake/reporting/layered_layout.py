@@ -29,7 +29,7 @@ _SWEEPS = 24
 
 @dataclass
 class Layout:
-    """Where everything is, in inches, y upwards.
+    """Positions of a drawn graph [inch], y upwards.
 
     Attributes:
         centers: (N, 2) of the boxes.
@@ -194,7 +194,7 @@ class _Router:
         return [self._box(sender).x, *(self._slots["net", sender, row].x for row in between)]
 
     def _find_entries(self) -> dict[tuple[int, int], float]:
-        """Where on its receiver's upper side each line arrives: in the order they come from."""
+        """Positions at which lines arrive on a node's upper side, in the order of their sources."""
         entries = {}
         for node in range(len(self._sizes)):
             senders = [a for a, b in self._edges if b == node]

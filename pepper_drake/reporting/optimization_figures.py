@@ -1,6 +1,7 @@
 """Figures of a search: the cost of each update, and what became of the movement."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,13 @@ def draw_reproductions(before: MovementPrimitive, shown: Mapping[int, MovementPr
     axes.set_aspect("equal")
     axes.legend(loc="center left", bbox_to_anchor=(1.08, 0.5))
     return figure
+
+
+def save_reproductions(
+    before: MovementPrimitive, shown: Mapping[int, MovementPrimitive], path: Path
+) -> None:
+    """Saves what `draw_reproductions` draws as a picture."""
+    draw_reproductions(before, shown).savefig(path, dpi=100)
 
 
 def draw_comparison(curves: Mapping[str, Array], rollouts: Array, title: str) -> Figure:

@@ -27,7 +27,7 @@ class CloudReport:
 
 @dataclass
 class ReachReport:
-    """What `report.json` says. Errors are against the truth, in m, rad and s."""
+    """Contents of `report.json`. Errors are against the truth, in m, rad and s."""
 
     outcome: str = "failed"
     """"reached" or "failed"."""

@@ -39,7 +39,7 @@ def plain_figures(monkeypatch):
             f"pepper_drake.reporting.optimization_report.{name}", lambda *_, **__: Figure()
         )
     monkeypatch.setattr(
-        "pepper_drake.optimization.ratings.draw_reproductions", lambda *_, **__: Figure()
+        "pepper_drake.reporting.optimization_figures.draw_reproductions", lambda *_, **__: Figure()
     )
 
 

@@ -5,13 +5,18 @@ from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.optimization import all_weights
 from pepper_drake.optimization.ratings import RatingCollector, load_scores, rated, rating_cost
+from pepper_drake.reporting.optimization_figures import save_reproductions
 
 
 @pytest.fixture
 def make_tutor(primitive, tmp_path):
     def make(**more):
         return RatingCollector(
-            all_weights(primitive), tmp_path / "shown", tmp_path / "scores.txt", **more
+            all_weights(primitive),
+            tmp_path / "shown",
+            tmp_path / "scores.txt",
+            save_reproductions,
+            **more,
         )
 
     return make

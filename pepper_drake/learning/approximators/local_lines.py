@@ -12,7 +12,7 @@ from pepper_drake.learning.approximators.registry import Array, fade_out
 
 @dataclass(frozen=True, eq=False)
 class LineBasis:
-    """Where which line counts: h_k(s), proportional to exp(gain_k - (s - c_k)^2 / (2 v_k)).
+    """Weights of the local lines: h_k(s), proportional to exp(gain_k - (s - c_k)^2 / (2 v_k)).
 
     The h_k add up to one, and s = -log(x) / alpha_x is the motion's time divided by its duration.
     It is the input rather than the phase x, where the second half of a motion is squeezed into

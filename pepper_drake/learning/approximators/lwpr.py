@@ -16,7 +16,7 @@ from pepper_drake.learning.approximators.registry import Approximator, Array, Fo
 
 @dataclass(frozen=True)
 class LwprParameters:
-    """How fields come, change and go; the names in brackets are the paper's.
+    """Parameters of receptive fields; the names in brackets are the paper's.
 
     Attributes:
         generation_threshold: A sample that activates no field this much gets its own [w_gen].

@@ -37,7 +37,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ForcingData:
-    """What an approximator learns from: N samples of the forcing term in D dimensions.
+    """Training data of an approximator: N samples of the forcing term in D dimensions.
 
     Several demonstrations are concatenated; `lengths` tells them apart. Coordinates are those of
     the formulation (its scaling taken out), so that demonstrations are comparable.

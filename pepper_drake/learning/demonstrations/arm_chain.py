@@ -97,6 +97,8 @@ class ArmChain:
             better = np.sum(left**2, axis=1) < np.sum(error**2, axis=1)
             q = np.where(better[:, None], tried, q)
             error = np.where(better[:, None], left, error)
+            if np.sum(error**2, axis=1).min() < 1e-8:
+                break
             damping = np.clip(np.where(better, 0.2 * damping, 5.0 * damping), 1e-8, 1e4)
         return float(np.sqrt(np.sum(error**2, axis=1).min()))
 

@@ -408,7 +408,8 @@ def _refuse_disagreement(
         raise InputError(
             f"{label(k)}: the orientation and the joints disagree by"
             f" {np.degrees(np.median(sizes)):.0f} degrees (median) by forward kinematics; is the"
-            " quaternion's order another (--quaternion xyzw), or are angles in degrees (--angle deg)?"
+            " quaternion's order another (--quaternion xyzw), or are the angles degrees (--angle"
+            " deg)?"
         )
 
 

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text, write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.check import refuse_impossible
 from pepper_drake.learning.demonstrations.demonstration import RECORDED, Demonstration
@@ -33,9 +34,7 @@ from pepper_drake.learning.demonstrations.recording import PARTIAL, read_partial
 from pepper_drake.learning.demonstrations.text_files import (
     format_table,
     parse_table,
-    read_text,
     row_lines,
-    write_atomically,
 )
 
 Array = npt.NDArray[np.float64]

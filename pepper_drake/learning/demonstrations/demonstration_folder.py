@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.demonstrations.demonstration_files import (
     JOINTS,
@@ -13,7 +14,6 @@ from pepper_drake.learning.demonstrations.demonstration_files import (
 )
 from pepper_drake.learning.demonstrations.importers.bags import is_bag
 from pepper_drake.learning.demonstrations.recording import PARTIAL
-from pepper_drake.learning.demonstrations.text_files import read_text
 
 
 def load_all(paths: Sequence[str | Path]) -> list[Demonstration]:

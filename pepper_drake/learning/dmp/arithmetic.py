@@ -18,7 +18,7 @@ Number = Any  # A float, or an array (...).
 
 
 class Arithmetic(NamedTuple):
-    """How to calculate with vectors in space.
+    """Vector arithmetic for arrays or floats.
 
     Attributes:
         xp: Has exp, sqrt, minimum, maximum, of numbers.

@@ -26,10 +26,10 @@ import yaml
 from scipy.interpolate import make_interp_spline
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text, write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
-from pepper_drake.learning.demonstrations.text_files import read_text, write_atomically
 from pepper_drake.learning.dmp.coupling import Coupling, make_coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.primitive import DEFAULT_APPROXIMATOR, MovementPrimitive, Path3D
@@ -38,14 +38,14 @@ from pepper_drake.learning.spring import NODES, advance, make_step
 Array = npt.NDArray[np.float64]
 
 SIDES = np.array([0.5, -0.5])[:, None]
-"""Where the left and the right hand are, in units of the vector from right to left."""
+"""Positions of left and right hand, in units of the vector from right to left."""
 
 LONGEST = 10.0
 """A motion that obstacles hold up ends after this many durations."""
 
 
 class HandPaths(NamedTuple):
-    """What a rollout gives: both hands, sample by sample together."""
+    """A rollout: both hands, sample by sample together."""
 
     left: Path3D
     right: Path3D

@@ -1,4 +1,4 @@
-"""What a tutor's push during a reproduction teaches: the primitive, corrected.
+"""Correction of a primitive by pushes of a tutor during its reproduction.
 
 Where the hand was pushed away from the primitive's own path it is taken at its word; everywhere
 else, at the start and at the goal, the primitive stays as it is.
@@ -23,7 +23,7 @@ _ENDS = 0.08
 
 @dataclass(frozen=True)
 class ReproducedMotion:
-    """What the arm did while it performed a primitive, N samples.
+    """Record of a reproduction: N samples of the arm.
 
     Attributes:
         times: (N,) [s], increasing.

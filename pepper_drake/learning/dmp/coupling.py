@@ -35,7 +35,7 @@ Array = npt.NDArray[np.float64]
 
 
 class CouplingOutput(NamedTuple):
-    """What obstacles do to the hand, for any leading shape (...).
+    """Effect of obstacles on the hand, for any leading shape (...).
 
     Attributes:
         coupling: (..., 3) C_t [m].
@@ -49,7 +49,7 @@ class CouplingOutput(NamedTuple):
 
 
 class Field(Protocol):
-    """Where obstacles are: an `PointCloudDistance` or a `FieldFollower`."""
+    """Obstacles: a `PointCloudDistance` or a `FieldFollower`."""
 
     def distance(self, positions: npt.ArrayLike, within: float = np.inf) -> Array:
         """Returns distances (...) [m] at positions (..., 3), infinite from `within` [m] on."""

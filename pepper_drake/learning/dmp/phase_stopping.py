@@ -1,4 +1,4 @@
-"""How a movement gives way to what holds or pushes the hand.
+"""Phase stopping: a movement slows down when the hand is held or pushed.
 
 Ijspeert et al. 2013, section 2.4, doi:10.1162/NECO_a_00393: with y the position that the primitive
 wants, y_a the one that the hand has,

@@ -13,7 +13,7 @@ from pepper_drake.errors import InputError
 Array = npt.NDArray[np.float64]
 
 EXTENSION = 0.12
-"""How far points are extended downwards [m]: what stands on something is solid below its top."""
+"""Downward extension [m] of points: an object that stands is solid below its top."""
 
 _SPACING = 0.02
 _NEIGHBOURS = 12
@@ -113,7 +113,7 @@ class PointCloudDistance:
         return [self._solid[i] for i in self._tree.query_ball_point(positions, radius)]
 
     def _has_tree(self) -> bool:
-        """Whether there is a tree, or should be by now."""
+        """True if a k-d tree exists, or pays by now."""
         return "_tree" in self.__dict__ or self._looked_at > _WITHOUT_TREE * len(self._solid)
 
     def follow(self) -> "FieldFollower":

@@ -57,7 +57,7 @@ _MOST_SAMPLES, _FEWEST_NUM_BASIS = 6000, 8
 
 @dataclass(frozen=True, eq=False)
 class Path3D:
-    """What a rollout gives.
+    """Result of a rollout.
 
     Attributes:
         times: (N,) [s].

@@ -102,7 +102,7 @@ class PathBatch:
 
 
 class Features(Hashable, Protocol):
-    """What a linear model's features depend on; equal objects have equal features."""
+    """Key of a linear model's features; equal keys have equal features."""
 
     def features(self, phases: npt.ArrayLike) -> Array:
         """Returns (N, K) features at phases (N,)."""

@@ -1,4 +1,4 @@
-"""What callers of rollouts give, checked and in one form."""
+"""Arguments of rollouts, checked and in one form."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""How the forcing term adapts to another start and goal: one mechanism, five named choices.
+"""Scaling of the forcing term to another start and goal: one mechanism, five named choices.
 
 f = S h(x) + b x, with h what was learned; the matrix S (D, D) and the vector b (D,) depend on start
 y0 and goal g. b is zero for all but `gradual`.
@@ -35,7 +35,7 @@ SCALINGS = ("gradual", "none", "goal", "amplitude", "rotation_dilation")
 
 @dataclass(frozen=True, eq=False)
 class MotionFrame:
-    """What a scaling refers to: a demonstration's start (D,), goal (D,) and extent (D,)."""
+    """Reference of a scaling: a demonstration's start (D,), goal (D,) and extent (D,)."""
 
     start: Array
     goal: Array

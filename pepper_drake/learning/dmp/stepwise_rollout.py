@@ -149,7 +149,7 @@ def _undisturbed(
 
 
 class _Obstacles:
-    """What obstacles do to a motion, looked up only where it can be anything at all."""
+    """Coupling along a motion, evaluated only where it can be non-zero."""
 
     def __init__(
         self, coupling: Coupling, field: PointCloudDistance, shape: tuple[int, ...]

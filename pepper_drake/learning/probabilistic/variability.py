@@ -1,4 +1,4 @@
-"""Where several demonstrations agree, and where they do not."""
+"""Variability of several demonstrations along the motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -31,13 +31,13 @@ _NEAR = 0.6
 NEWCOMER_DISTANCE = 0.03
 """A point this far from all that was seen when the movement was planned is new [m]."""
 NEWCOMER_DEPTH = 0.10
-"""How far what is new is taken to reach down [m]: of what hangs in the air, such as an arm, a camera
+"""Depth [m] to which new points are extruded: of what hangs in the air, such as an arm, a camera
 from above sees the upper side alone."""
 
 NEWCOMER_SIDE = 0.04
 """How far it is taken to reach to all sides by who plans around it [m]."""
 MOVING_SIDE = 0.05
-"""The same by who sees that something moves [m]: what is nearest to the camera it cannot measure."""
+"""The same [m] where something moves: the part nearest to the camera is not measured."""
 
 
 def extrude_new_points_down(cloud: Vector, known: cKDTree, around: Vector) -> Vector:

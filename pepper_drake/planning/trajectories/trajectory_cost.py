@@ -59,7 +59,7 @@ class TrajectoryCost:
 
     Args:
         surroundings: What is around the arm.
-        references: (R, N, 5) what the paths are to be like, with their start and goal [rad]: one for
+        references: (R, N, 5) paths [rad] to stay near, with their start and goal: one for
             all of them, or one for each.
         duration: Of the paths, T [s].
         velocity: (5,) what the joints may do [rad/s].

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
 from pepper_drake.learning.demonstrations.importers.bags import is_bag, read_bag
 from pepper_drake.learning.demonstrations.importers.choregraphe import (
     is_exported_python,
@@ -24,7 +25,6 @@ from pepper_drake.learning.demonstrations.importers.named_columns import (
 from pepper_drake.learning.demonstrations.importers.number_columns import read_number_columns
 from pepper_drake.learning.demonstrations.importers.table import check_file, parse_words
 from pepper_drake.learning.demonstrations.importers.track import Track
-from pepper_drake.learning.demonstrations.text_files import read_text
 
 
 def read_tracks(path: Path) -> list[Track]:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
 from pepper_drake.learning.demonstrations.importers.bags import EXTRA
 from pepper_drake.learning.demonstrations.importers.headers import meaning
 from pepper_drake.learning.demonstrations.importers.table import LARGEST_NUMBER, check_file
 from pepper_drake.learning.demonstrations.importers.track import Track
-from pepper_drake.learning.demonstrations.text_files import read_text
 
 STATE = "observation.state"
 

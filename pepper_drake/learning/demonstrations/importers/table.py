@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.demonstrations.text_files import read_text
+from pepper_drake.files import read_text
 
 Array = npt.NDArray[np.float64]
 

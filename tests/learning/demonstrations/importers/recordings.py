@@ -130,9 +130,7 @@ def write_motive(folder, motion):
 
 
 def write_vicon(folder, motion):
-    head = (
-        "Objects\n50\n,,Hand:Hand,,,,,,\nFrame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ\n,,,,,,mm,mm,mm\n"
-    )
+    head = "Objects\n50\n,,Hand:Hand,,,,,,\nFrame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ\n,,,,,,mm,mm,mm\n"
     count = np.arange(1, len(motion.times) + 1)
     columns = (count, 0 * count, xyzw(motion), motion.positions * 1e3)
     return write(folder / "vicon.csv", head + table(*columns))
@@ -160,12 +158,18 @@ def write_timeline(folder, motion):
     curves = []
     frames = np.round(motion.times * 25).astype(int)
     for name, column in zip(NAMES, np.degrees(motion.joints).T, strict=True):
-        keys = "".join(
-            f'<Key frame="{frames[k]}" value="{column[k]!r}"/>'
-            for k in range(0, len(frames), 4)
-            if frames[k] == motion.times[k] * 25
-        ).replace("np.float64(", "").replace(")", "")
-        curves.append(f'<ActuatorCurve name="value" actuator="{name}" mute="0">{keys}</ActuatorCurve>')
+        keys = (
+            "".join(
+                f'<Key frame="{frames[k]}" value="{column[k]!r}"/>'
+                for k in range(0, len(frames), 4)
+                if frames[k] == motion.times[k] * 25
+            )
+            .replace("np.float64(", "")
+            .replace(")", "")
+        )
+        curves.append(
+            f'<ActuatorCurve name="value" actuator="{name}" mute="0">{keys}</ActuatorCurve>'
+        )
     text = (
         '<?xml version="1.0" encoding="UTF-8" ?><ChoregrapheProject xmlns="http://x/project.xsd">'
         '<Box><Timeline enable="1" fps="25" start_frame="1" end_frame="-1" size="60">'
