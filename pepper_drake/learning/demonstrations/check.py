@@ -263,7 +263,7 @@ def refuse_time(times: Array, positions: Array, label: Where) -> None:
 def find_outliers(times: Array, positions: Array) -> npt.NDArray[np.int64]:
     """Returns the samples that jump away and back: far from the line between their neighbours.
 
-    Far is 3 cm, ten times the median of all samples, and three times what the neighbours are apart.
+    Far is 3 cm, ten times the median of all samples, and one and a half times what the neighbours are apart.
     """
     if len(times) < _FEW:
         return np.empty(0, dtype=np.int64)
@@ -271,7 +271,7 @@ def find_outliers(times: Array, positions: Array) -> npt.NDArray[np.int64]:
     between = positions[:-2] + share * (positions[2:] - positions[:-2])
     away = np.linalg.norm(positions[1:-1] - between, axis=1)
     apart = np.linalg.norm(positions[2:] - positions[:-2], axis=1)
-    far = (away > _OUTLIER) & (away > 10.0 * np.median(away)) & (away > 3.0 * apart)
+    far = (away > _OUTLIER) & (away > 10.0 * np.median(away)) & (away > 1.5 * apart)
     return np.flatnonzero(far) + 1
 
 

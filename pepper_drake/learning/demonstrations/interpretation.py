@@ -315,6 +315,8 @@ def _joints(
             refuse_limits(joints_of_arm, joint_names, track.where)
         return None, joints_of_arm, joint_names
     columns = {arm: joints[:, _columns(names, arm)] for arm in whole}
+    if options.arm is None and len(whole) == 1:
+        _refuse_the_arm_at_rest(track, names, joints, whole[0])
     arm = options.arm or (whole[0] if len(whole) == 1 else None)
     if arm is None:
         for side, values in columns.items():
@@ -324,6 +326,21 @@ def _joints(
         notes.append(f"the {arm} arm's joints, picked by name among {len(names)}")
     refuse_limits(columns[arm], arm_chain(arm).joint_names, track.where)
     return arm, columns[arm], arm_chain(arm).joint_names
+
+
+def _refuse_the_arm_at_rest(
+    track: Track, names: Sequence[str | None], joints: Array, whole: str
+) -> None:
+    """Refuses an arm that rests while joints of the other one, of which one is missing, move."""
+    other = "left" if whole == "right" else "right"
+    missing = [name for name in arm_chain(other).joint_names if name not in names]
+    present = [names.index(name) for name in arm_chain(other).joint_names if name in names]
+    moved = float(np.ptp(joints[:, _columns(names, whole)], axis=0).max())
+    if present and float(np.ptp(joints[:, present], axis=0).max()) > 5.0 * moved:
+        raise InputError(
+            f"{track.path}: the {other} arm moves, but {missing[0]} is not among the columns; the"
+            f" {whole} arm rests (say --arm {whole} if it is meant)"
+        )
 
 
 def _columns(names: Sequence[str | None], arm: str) -> list[int]:

@@ -102,6 +102,7 @@ def read_exported_python(path: Path, text: str) -> list[Track]:
             f"{path}: {len(names)} names, {len(times)} lists of times and {len(keys)} of keys;"
             " there must be one of each for each joint"
         )
+    _check_order(path, lists)
     curves = []
     for name, when, what in zip(names, times, keys, strict=True):
         joint = joint_of(name) if isinstance(name, str) else None
@@ -120,6 +121,19 @@ def read_exported_python(path: Path, text: str) -> list[Track]:
     if not curves:
         raise InputError(f"{path}: no joint of Pepper among the names")
     return [_track(path, path.stem, "Choregraphe's exported Python", curves, "rad")]
+
+
+def _check_order(path: Path, lists: dict[str, list[Any]]) -> None:
+    """Refuses names, times and keys in an order from which nobody sees what belongs together."""
+    order = [key for _, key in sorted((line, key) for key, v in lists.items() for line, _ in v)]
+    count = len(lists["names"])
+    rows, columns = ["names", "times", "keys"] * count, []
+    for key in ("names", "times", "keys"):
+        columns += [key] * count
+    if order not in (rows, columns):
+        raise InputError(
+            f"{path}: names, times and keys are not appended in turn; export the timeline again"
+        )
 
 
 def _curve(element: ElementTree.Element, fps: float, path: Path) -> _Curve | None:

@@ -81,7 +81,10 @@ def read_named_columns(table: Table, names: list[str], first: int) -> list[Track
     time, absolute = _time_column(found)
     unit = None if time is None else _time_unit(names, found, time)
     frame = _frame(names, table.rows[first])
-    groups = _groups(found)
+    try:
+        groups = _groups(found)
+    except InputError as error:
+        raise InputError(f"{path}, line {table.lines[0]}: {error}") from None
     joints = {i: m for i, m in enumerate(found) if m is not None and m.kind == "joint"}
     notes = _notes(names, found)
     tracks = []
@@ -186,6 +189,10 @@ def _groups(found: list[Meaning | None]) -> dict[str, dict[str, list[int]]]:
         for kind in ("velocity", "acceleration"):
             if all(axis in kinds.get(kind, {}) for axis in dimensions):
                 columns[kind] = [kinds[kind][axis] for axis in dimensions]
+        if 0 < len(kinds.get("quaternion", {})) < 4:
+            raise InputError(
+                f"a quaternion with {len(kinds['quaternion'])} columns; name all four, or none"
+            )
         if len(kinds.get("quaternion", {})) == 4:
             columns["quaternion"] = [kinds["quaternion"][axis] for axis in (3, 0, 1, 2)]
         if len(kinds.get("angle", {})) == 3:

@@ -173,6 +173,7 @@ def numbers(
         InputError: A row is too short, or a word is not a number.
     """
     widest = max(columns) + 1
+    width = len(table.rows[first]) if first < len(table.rows) else widest
     values, lines, empty = [], [], []
     for row, line in zip(table.rows[first:], table.lines[first:], strict=True):
         where = f"{table.path}, line {line}"
@@ -180,6 +181,11 @@ def numbers(
             raise InputError(
                 f"{where}: {len(row)} columns where {widest} or more are expected; complete or"
                 " remove the row"
+            )
+        if len(row) > width and any(row[width:]):
+            raise InputError(
+                f"{where}: {len(row)} columns where the rows before have {width}; correct or remove"
+                " the row"
             )
         words = [row[column] for column in columns]
         if not all(words):
