@@ -1,9 +1,9 @@
 """Perform taught movements in sequence, each from where the last one ended, without a jump.
 
 A MOVEMENT is a demonstration or a primitive's YAML file, of the right arm; with @X,Y,Z it ends
-there [m, torso frame], with ! it ends without a stop; wait:S waits S seconds. Writes chain/ (the whole
-motion as a demonstration, which learn.py, reproduce.py and play.py take), chain.png and report.json
-with the jumps of the velocity at the joins.
+there [m, torso frame], with ! it ends without a stop; wait:S waits S seconds. Writes chain/ (the
+whole motion as a demonstration, which learn.py, reproduce.py and play.py take), chain.png and
+report.json with the jumps of the velocity at the joins.
 
   chain.py reach.yaml wait:1 lift.yaml put_down.yaml return.yaml
   chain.py reach.yaml! lift.yaml@0.2,-0.2,0.1 --via 1 0.5 0.15 -0.3 0    over a point, halfway

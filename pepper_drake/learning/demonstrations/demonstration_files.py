@@ -29,7 +29,11 @@ from pepper_drake.learning.demonstrations.check import refuse_impossible
 from pepper_drake.learning.demonstrations.demonstration import RECORDED, Demonstration
 from pepper_drake.learning.demonstrations.importers import ImportOptions, Track, read_tracks
 from pepper_drake.learning.demonstrations.importers.table import check_file
-from pepper_drake.learning.demonstrations.interpretation import interpret
+from pepper_drake.learning.demonstrations.interpretation import (
+    JointRecording,
+    interpret,
+    interpret_joints,
+)
 from pepper_drake.learning.demonstrations.recording import PARTIAL, read_partial
 from pepper_drake.learning.demonstrations.text_files import (
     format_table,
@@ -77,6 +81,16 @@ def read_demonstrations(path: Path, options: ImportOptions | None = None) -> lis
     if said.track is not None or (path.is_dir() and (path / PARTIAL).exists()):
         return [read_demonstration(path, said)]
     return [interpret(track, said) for track in read_all_tracks(path)]
+
+
+def read_joint_recording(path: Path, options: ImportOptions | None = None) -> JointRecording:
+    """Reads the motion of any of Pepper's joints, one or more; no hand is made of it.
+
+    Raises:
+        InputError: There is none, or it cannot be right; with the mend.
+    """
+    said = options or ImportOptions()
+    return interpret_joints(_choose(read_all_tracks(path), said, path), said)
 
 
 def read_all_tracks(path: Path) -> list[Track]:

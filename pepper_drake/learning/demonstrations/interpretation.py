@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.demonstrations.arm_chain import ARMS, arm_chain, rotate
+from pepper_drake.learning.demonstrations.arm_chain import ARMS, arm_chain, joint_limits, rotate
 from pepper_drake.learning.demonstrations.check import (
     FARTHEST,
     HAND_DISTANCE,
@@ -120,6 +120,52 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     demonstration = replace(demonstration, angles=angles, notes=tuple(notes))
     refuse_impossible(demonstration, where)
     return filtered(demonstration)
+
+
+@dataclass(frozen=True, eq=False)
+class JointRecording:
+    """A motion of joints.
+
+    Attributes:
+        name: Of the motion.
+        times: (N,) [s].
+        joints: (N, J) [rad].
+        names: J names, as NAOqi has them.
+        notes: What was read as what.
+    """
+
+    name: str
+    times: Array
+    joints: Array
+    names: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+def interpret_joints(track: Track, options: ImportOptions) -> JointRecording:
+    """Returns the motion of those of Pepper's joints that a track has [rad, s].
+
+    Of two arms, the one that was asked for is kept; joints that rest are kept as well.
+
+    Raises:
+        InputError: It has none, or they are beyond their limits.
+    """
+    notes = [f"read as {track.kind}", *track.notes]
+    track = _with_times(track, options, notes)
+    _refuse_order(track)
+    found = [joint_of(name) for name in track.joint_names]
+    limits = joint_limits()
+    kept = [k for k, name in enumerate(found) if name is not None and name in limits]
+    if options.arm is not None:
+        kept = [k for k in kept if str(found[k]).startswith(options.arm[0].upper())]
+    if track.joints is None or track.times is None or not kept:
+        raise InputError(f"{track.path}: no joints of Pepper in it; name the columns as NAOqi does")
+    unit = options.angle or track.joint_unit or "rad"
+    joints = track.joints[:, kept] * ANGLES[unit]
+    names = tuple(str(found[k]) for k in kept)
+    if len(set(names)) < len(names):
+        raise InputError(f"{track.path}: a joint has two columns ({', '.join(names)[:80]})")
+    refuse_limits(joints, names, track.where)
+    return JointRecording(track.name, track.times, joints, names, tuple(notes))
 
 
 @dataclass(frozen=True)

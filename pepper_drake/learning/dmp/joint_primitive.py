@@ -40,6 +40,17 @@ Array = npt.NDArray[np.float64]
 _FEWEST = 4
 
 
+def is_joint_primitive(path: str | Path) -> bool:
+    """Tells whether a file is a primitive of joints.
+
+    Raises:
+        InputError: The file cannot be read as a primitive's.
+    """
+    from pepper_drake.learning.dmp.primitive_files import read_fields
+
+    return "joints" in read_fields(Path(path)).data
+
+
 @dataclass(frozen=True, eq=False)
 class JointPath:
     """What a rollout gives.
