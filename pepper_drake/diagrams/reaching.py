@@ -34,6 +34,7 @@ from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
     hand_key,
@@ -76,6 +77,8 @@ class ReachingConfig:
     timing: ReachTiming = field(default_factory=ReachTiming)
     minimum_clearance: float = 0.002
     """Distance of the arm to the cloud at which the safety monitor stops it [m]."""
+    contact: ContactParams = field(default_factory=ContactParams)
+    """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
     """How the reaching arm gives way when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
@@ -408,7 +411,9 @@ class Reaching(Diagram):
             "safety_monitor",
             SafetyMonitor(
                 limits=model.command_limits(BODY_JOINTS),
+                start_position=[self.scene.robot.positions()[name] for name in BODY_JOINTS],
                 minimum_clearance=self.config.minimum_clearance,
+                contact=None if self.config.compliance else self.config.contact,
                 time_step=self.config.ik.time_step,
             ),
         )
