@@ -18,11 +18,11 @@ from pepper_drake.evaluation.approximator_comparison import (
     markdown_table,
     reproduce_demonstration,
 )
+from pepper_drake.files import write_atomically
 from pepper_drake.learning import approximator_names
 from pepper_drake.learning.approximators.registry import get_approximator
 from pepper_drake.learning.demonstrations.demonstration_folder import load_all
 from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
-from pepper_drake.learning.demonstrations.text_files import write_atomically
 from pepper_drake.reporting.comparison_figure import draw_comparison
 
 

@@ -12,13 +12,13 @@ import time
 from pepper_drake.cli import EXIT_DONE, make_parser, run
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import distances
+from pepper_drake.files import write_atomically
 from pepper_drake.learning import (
     TORSO_HEIGHT,
     Demonstration,
     MovementPrimitive,
     approximator_names,
 )
-from pepper_drake.learning.demonstrations.text_files import write_atomically
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS
 from pepper_drake.learning.dmp.primitive import (
     DEFAULT_APPROXIMATOR,

@@ -36,8 +36,8 @@ from tqdm import tqdm
 from pepper_drake import cli
 from pepper_drake.diagrams.factory import prepare_scene
 from pepper_drake.errors import InputError
+from pepper_drake.files import write_atomically
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.demonstrations.text_files import write_atomically
 from pepper_drake.models.scene import load_scene
 from pepper_drake.optimization.averaging import decay_over
 from pepper_drake.optimization.comparison import compare_methods

@@ -11,27 +11,46 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --live                       watch it in a browser, in real time
 
 Results: report.json, log.npz, recording.html (open it in any browser), path.png, timeline.png,
-scene.png. Exit code 0: reached; 1: not reached, the report says why; 2: bad input.
+scene.png. While it runs, what there is of it is kept in interrupted/. Exit code 0: reached; 1: not
+reached, the report says why; 2: bad input; 130: ended by Ctrl-C or SIGTERM.
 """
 
 import math
+import shutil
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
-
-from pydrake.geometry import Meshcat
 
 from pepper_drake import cli
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.diagrams.compliance import ComplianceConfig
 from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
-from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions, save_result
+from pepper_drake.diagrams.reach_simulation import (
+    ReachResult,
+    ReachSimulation,
+    RunOptions,
+    keep_result,
+    save_result,
+)
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.scene_picture import save_scene_picture
+from pepper_drake.results.folder import INTERRUPTED, whole_results
 from pepper_drake.systems.guiding.external_force import ForcePulse
+from pepper_drake.web.drake_page import open_meshcat
+
+RESULTS = (
+    "report.json",
+    "scene.yaml",
+    "log.npz",
+    "recording.html",
+    "path.png",
+    "timeline.png",
+    "scene.png",
+)
+"""The files that a run leaves."""
 
 PUSH_DURATION = 0.5
 """How long the hand is pushed [s]."""
@@ -88,6 +107,7 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--live", action="store_true", help="show it in a browser in real time, and stay open"
     )
+    cli.add_host_option(parser)
     parser.add_argument(
         "--no-recording", action="store_true", help="leave recording.html out, which is faster"
     )
@@ -130,31 +150,45 @@ def compliance(options: Namespace) -> ComplianceConfig | None:
 
 def main() -> int:
     """Runs the app."""
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
     cli.quiet_libraries()
     reaching = build(options)
-    meshcat = Meshcat() if options.live or not options.no_recording else None
-    if options.live and meshcat is not None:
-        print(f"Watch it at {meshcat.web_url()}", flush=True)
-    run = ReachSimulation(
-        reaching,
-        RunOptions(
-            meshcat=meshcat,
-            record=not options.no_recording,
-            realtime=options.live,
-            progress=not options.quiet and sys.stderr.isatty(),
-        ),
-    )
-    result = run.run()
-    save_result(result, options.output)
-    save_reach_figures(result.log, options.output)
-    save_scene_picture(reaching.scene, *run.final_positions(), options.output / "scene.png")
-    if not options.quiet:
-        print(result.report.summary())
-        print(f"Results are in {options.output}")
-    if options.live:
-        cli.wait_for_interrupt("Press Ctrl-C to end.")
+    with open_meshcat(page=options.live, host=options.host) as (meshcat, url):
+        if options.live:
+            print(f"Watch it at {url}", flush=True)
+        drawn = options.live or not options.no_recording
+        with cli.stop_on_interrupt() as should_stop:
+            run = ReachSimulation(
+                reaching,
+                RunOptions(
+                    meshcat=meshcat if drawn else None,
+                    record=not options.no_recording,
+                    realtime=options.live,
+                    progress=not options.quiet and sys.stderr.isatty(),
+                    should_stop=should_stop,
+                    keep=lambda result: keep_result(result, options.output / INTERRUPTED),
+                ),
+            )
+            result = run.run()
+            interrupted = should_stop()
+        save(result, run, options.output)
+        if not options.quiet:
+            print(result.report.summary())
+            print(f"Results are in {options.output}")
+        if interrupted:
+            return cli.EXIT_INTERRUPTED
+        if options.live:
+            cli.wait_for_interrupt("Press Ctrl-C to end.")
     return cli.EXIT_DONE if result.report.outcome == "reached" else cli.EXIT_FAILED
+
+
+def save(result: ReachResult, run: ReachSimulation, folder: Path) -> None:
+    """Writes all results, and removes what was kept of the run until now."""
+    with whole_results(folder, RESULTS) as inside:
+        save_result(result, inside)
+        save_reach_figures(result.log, inside)
+        save_scene_picture(result.scene, *run.final_positions(), inside / "scene.png")
+    shutil.rmtree(folder / INTERRUPTED, ignore_errors=True)
 
 
 if __name__ == "__main__":

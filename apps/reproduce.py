@@ -35,8 +35,8 @@ from pepper_drake.diagrams.reproduction_simulation import (
     reproduce,
 )
 from pepper_drake.errors import InputError
+from pepper_drake.files import write_atomically
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.demonstrations.text_files import write_atomically
 from pepper_drake.learning.dmp.correction import learn_correction
 from pepper_drake.optimization.ratings import BEST_SCORE, load_scores
 from pepper_drake.systems.guiding.external_force import ForcePulse

@@ -13,11 +13,14 @@ from types import FrameType
 from typing import NoReturn
 
 from pepper_drake.errors import InputError, PepperDrakeError
+from pepper_drake.results.folder import check_writable
 
 EXIT_DONE = 0
 EXIT_FAILED = 1
 """The robot did not do its job; the app's report says why."""
 EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+"""Ctrl-C or SIGTERM ended the app before it was done; what it had done is kept."""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -47,7 +50,7 @@ def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
         description: The help text, usually the module's docstring.
     """
     parser = OneLineParser(
-        prog=f"{name}.py",
+        prog=program if (program := sys.argv[0]).startswith("pepper-drake ") else f"{name}.py",
         description=description,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -65,8 +68,39 @@ def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
     return parser
 
 
+def add_host_option(parser: argparse.ArgumentParser) -> None:
+    """Adds `--host`, for apps that show a page."""
+    parser.add_argument(
+        "--host",
+        metavar="ADDRESS",
+        help="show the page to other computers, too: an address of this one, or 0.0.0.0 for all; "
+        "who opens it needs the token in the address that is printed (default: this computer only)",
+    )
+
+
+def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """Reads the command line, and checks that the results can be written.
+
+    Args:
+        parser: As `make_parser` made it.
+
+    Raises:
+        InputError: Nothing can be written to `--output`.
+    """
+    options = parser.parse_args()
+    try:
+        check_writable(options.output)
+    except InputError as error:
+        raise InputError(f"--output {error}") from None
+    return options
+
+
 def run(main: Callable[[], int]) -> None:
-    """Runs an app's `main` and exits with its code; errors a user can mend become one line."""
+    """Runs an app's `main` and exits with its code; errors a user can mend become one line.
+
+    SIGTERM ends it as Ctrl-C does.
+    """
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         code = main()
     except InputError as error:
@@ -80,7 +114,7 @@ def run(main: Callable[[], int]) -> None:
         code = EXIT_DONE
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
-        code = 130
+        code = EXIT_INTERRUPTED
     sys.exit(code)
 
 

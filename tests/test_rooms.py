@@ -6,7 +6,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1] / "pepper_drake"
 
 FLOORS = (
-    ("errors", "files", "_former_names"),
+    ("errors", "_former_names"),
+    ("files", "web"),
     ("learning",),
     ("models",),
     ("perception",),
@@ -19,6 +20,7 @@ FLOORS = (
     ("optimization", "benchmarking", "live"),
     ("reporting",),
     ("playback",),
+    ("__main__",),
 )
 """Rooms from the ground up; those on one floor do not import one another."""
 

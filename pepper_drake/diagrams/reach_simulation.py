@@ -1,6 +1,7 @@
 """One reach from start to end: simulate, watch, measure, and leave a folder of results."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -25,6 +26,7 @@ from pepper_drake.models.pepper import hand_frame
 from pepper_drake.models.scene import Scene, save_scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points, make_cloud
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
 
@@ -34,6 +36,8 @@ _SLICE = 0.1
 """How often a run is looked at from outside, s of simulated time."""
 _LONGEST = 60.0
 """No reach takes longer, s of simulated time."""
+_KEEP_PERIOD = 0.8
+"""Wall time from when a run was kept until it is kept again [s]; a slice comes on top."""
 
 
 @dataclass
@@ -48,6 +52,10 @@ class RunOptions:
     """Whether it runs no faster than real time."""
     progress: bool = True
     """Whether a progress bar is shown."""
+    should_stop: Callable[[], bool] = lambda: False
+    """Asked every 0.1 s of simulated time; when it says so the run ends in order."""
+    keep: "Callable[[ReachResult], None] | None" = None
+    """Is given what there is of the run about once a second, should the program be killed."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +96,8 @@ class ReachSimulation:
         self.simulator = Simulator(system)
         self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
         self._fault = ""
+        self._is_over = False
+        self._true_rows: tuple[list[Vector], list[Vector]] = ([], [])
         self._cloud_W: Vector = np.zeros((0, 3))
         self._cloud_T: Vector = np.zeros((0, 3))
         self._cloud_report = CloudReport()
@@ -120,6 +130,7 @@ class ReachSimulation:
         if self._visualizer is not None and options.record:
             self._visualizer.StartRecording(False)
         wall = 0.0
+        kept = time.monotonic()
         progress = tqdm(
             total=None,
             desc="looking",
@@ -131,7 +142,7 @@ class ReachSimulation:
         mode = ReachMode.LOOKING
         while mode not in (ReachMode.DONE, ReachMode.FAILED):
             now = self.simulator.get_context().get_time()
-            if now >= _LONGEST:
+            if now >= _LONGEST or options.should_stop():
                 break
             started = time.perf_counter()
             self._advance(now + _SLICE)
@@ -143,7 +154,11 @@ class ReachSimulation:
                 self._look_at_cloud()
             progress.set_description(mode.name.lower())
             progress.update(_SLICE)
+            if options.keep is not None and time.monotonic() - kept > _KEEP_PERIOD:
+                options.keep(self._result(wall))
+                kept = time.monotonic()
         progress.close()
+        self._is_over = not options.should_stop()
         self._draw_paths()
         html = None
         if self._visualizer is not None and options.record:
@@ -151,6 +166,10 @@ class ReachSimulation:
             self._visualizer.StopRecording()
             self._visualizer.PublishRecording()
             html = options.meshcat.StaticHtml()
+        return self._result(wall, html)
+
+    def _result(self, wall: float, html: str | None = None) -> ReachResult:
+        """What there is of the run now."""
         log = self._log()
         return ReachResult(self.reaching.scene, self._report(log, wall), log, html)
 
@@ -232,8 +251,8 @@ class ReachSimulation:
         """The hand's and its goal's true positions in W, (N, 3) each."""
         plant = self.reaching.station.plant
         plant_context = plant.CreateDefaultContext()
-        hands, goals = [], []
-        for state in self._rows("state"):
+        hands, goals = self._true_rows
+        for state in self._rows("state")[len(hands) :]:
             plant.SetPositionsAndVelocities(plant_context, state)
             X_WH, X_WG = self._true_poses(plant_context)
             hands.append(X_WH.translation())
@@ -305,6 +324,9 @@ class ReachSimulation:
             report.reason, report.message = "simulation_failed", self._fault
         elif mode == ReachMode.FAILED:
             report.reason, report.message = reason, message
+        elif mode != ReachMode.DONE and not self._is_over:
+            report.reason = "interrupted"
+            report.message = f"the run was ended at {report.simulated_seconds:.1f} s"
         elif mode != ReachMode.DONE:
             report.reason = "timeout"
             report.message = f"the reach was not over after {_LONGEST:g} s"
@@ -364,7 +386,15 @@ def save_result(result: ReachResult, folder: Path) -> None:
     """Writes `report.json`, `scene.yaml`, `log.npz` and, if it was recorded, `recording.html`."""
     folder.mkdir(parents=True, exist_ok=True)
     save_scene(result.scene, folder / "scene.yaml")
-    result.report.save(folder / "report.json")
     result.log.save(folder / "log.npz")
     if result.html is not None:
         (folder / "recording.html").write_text(result.html)
+    result.report.save(folder / "report.json")
+
+
+def keep_result(result: ReachResult, folder: Path) -> None:
+    """Writes the same as whole files, fast, for a run that is not over; see `save_result`."""
+    with whole_results(folder, ()) as inside:
+        save_scene(result.scene, inside / "scene.yaml")
+        result.log.save(inside / "log.npz", compress=False)
+        result.report.save(inside / "report.json")

@@ -230,6 +230,8 @@ class Reaching(Diagram):
             "goal_position": self.hand_goal.GetOutputPort("goal_position"),
             "cloud": self.cloud_source.GetOutputPort("cloud"),
             "cloud_time": self.cloud_source.GetOutputPort("time_stamp"),
+            "cloud_age": self.cloud_source.GetOutputPort("age"),
+            "cloud_fault": self.cloud_source.GetOutputPort("fault"),
             "approaching": self.cloud_source.GetOutputPort("approaching"),
             "joint_position": station.GetOutputPort("joint_position"),
             "base_pose": station.GetOutputPort("base_pose"),

@@ -271,9 +271,8 @@ def set_joint_positions(
 def add_pepper(plant: MultibodyPlant, *, posture: str = "stand") -> ModelInstanceIndex:
     """Adds Pepper to a plant that is not finalized yet, standing at the world's origin.
 
-    Its floor link is welded to the world; the joints BaseX, BaseY and BaseYaw move it. Gravity is
-    turned off for the model, as a compensation of gravity is part of every motor's controller.
-    Gains are not set. The default context has the posture.
+    Its floor link is welded to the world; the joints BaseX, BaseY and BaseYaw move it. Gains are
+    not set. The default context has the posture.
 
     Args:
         plant: The plant; with a scene graph, if shapes are wanted.
@@ -287,7 +286,6 @@ def add_pepper(plant: MultibodyPlant, *, posture: str = "stand") -> ModelInstanc
     parser.package_map().AddPackageXml(MODELS_DIR / "package.xml")
     (model,) = parser.AddModels(PEPPER_URDF)
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("odom", model))
-    plant.set_gravity_enabled(model, False)
     for name, value in positions.items():
         plant.GetJointByName(name, model).set_default_positions([value])
     return model

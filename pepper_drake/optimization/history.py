@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.demonstrations.text_files import write_atomically
+from pepper_drake.files import write_atomically
 from pepper_drake.optimization.problem import total_costs
 
 Array = npt.NDArray[np.float64]

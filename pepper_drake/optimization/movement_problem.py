@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.demonstrations.text_files import read_text
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.optimization.cost_terms import HAND_RADIUS, Task
 from pepper_drake.optimization.outcome import Outcome

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text, write_atomically
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.demonstrations.text_files import read_text, write_atomically
 from pepper_drake.optimization.parameters import MovementParameters
 from pepper_drake.optimization.problem import Evaluate
 

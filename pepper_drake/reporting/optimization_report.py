@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from pepper_drake.learning.demonstrations.text_files import write_atomically
+from pepper_drake.files import write_atomically
 from pepper_drake.optimization.history import History
 from pepper_drake.optimization.movement_rollouts import MovementRollouts
 from pepper_drake.reporting.optimization_figures import draw_costs, draw_ways

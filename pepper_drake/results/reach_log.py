@@ -73,9 +73,10 @@ class ReachLog:
     cloud_torso_m: Vector
     demonstration_m: Vector
 
-    def save(self, path: Path) -> None:
-        """Writes all arrays into one compressed file."""
-        np.savez_compressed(path, **{f.name: getattr(self, f.name) for f in fields(self)})
+    def save(self, path: Path, *, compress: bool = True) -> None:
+        """Writes all arrays into one file, compressed unless it is to be fast."""
+        save = np.savez_compressed if compress else np.savez
+        save(path, **{f.name: getattr(self, f.name) for f in fields(self)})
 
     @classmethod
     def load(cls, path: Path) -> Self:

@@ -20,15 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text, write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.demonstration import RECORDED, Demonstration
 from pepper_drake.learning.demonstrations.recording import read_partial
-from pepper_drake.learning.demonstrations.text_files import (
-    format_table,
-    parse_table,
-    read_text,
-    write_atomically,
-)
+from pepper_drake.learning.demonstrations.text_files import format_table, parse_table
 
 Array = npt.NDArray[np.float64]
 

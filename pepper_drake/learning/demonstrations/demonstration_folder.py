@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.demonstrations.demonstration_files import (
     JOINTS,
@@ -12,7 +13,6 @@ from pepper_drake.learning.demonstrations.demonstration_files import (
     TRANSLATION,
 )
 from pepper_drake.learning.demonstrations.recording import PARTIAL
-from pepper_drake.learning.demonstrations.text_files import read_text
 
 
 def load_all(paths: Sequence[str | Path]) -> list[Demonstration]:

@@ -1,8 +1,6 @@
-"""Number tables as text: strict reading with errors that name file and line, atomic writing."""
+"""Number tables as text: strict reading with errors that name file and line."""
 
 import math
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,22 +10,6 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 
 Array = npt.NDArray[np.float64]
-
-
-def read_text(path: Path) -> str:
-    """Returns the file's text.
-
-    Raises:
-        InputError: The file is missing, unreadable, or not text.
-    """
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; check the path") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file; give one with rows of numbers") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
 def parse_table(
@@ -93,27 +75,3 @@ def format_table(table: npt.ArrayLike, separator: str = " ") -> str:
     """Returns one line per row, each number in the shortest form that reads back the same."""
     lines = (separator.join(map(repr, row)) for row in np.asarray(table, dtype=float).tolist())
     return "\n".join(lines) + "\n"
-
-
-def write_atomically(path: Path, content: str | bytes) -> None:
-    """Writes a file so that others see the old one or the new one, never a part.
-
-    Raises:
-        InputError: The folder cannot be written to.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except OSError as error:
-        Path(name).unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise

@@ -26,10 +26,10 @@ import yaml
 from scipy.interpolate import make_interp_spline
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text, write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
-from pepper_drake.learning.demonstrations.text_files import read_text, write_atomically
 from pepper_drake.learning.dmp.coupling import Coupling, make_coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.primitive import DEFAULT_APPROXIMATOR, MovementPrimitive, Path3D

@@ -14,8 +14,8 @@ import numpy.typing as npt
 import yaml
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text, write_atomically
 from pepper_drake.learning.approximators.registry import get_approximator
-from pepper_drake.learning.demonstrations.text_files import read_text, write_atomically
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS, OrientationAttractor
 from pepper_drake.learning.dmp.posture import PostureProfile
 from pepper_drake.learning.dmp.primitive import MovementPrimitive

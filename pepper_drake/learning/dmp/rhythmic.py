@@ -20,8 +20,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text, write_atomically
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
-from pepper_drake.learning.demonstrations.text_files import read_text, write_atomically
 from pepper_drake.learning.dmp.primitive import Path3D
 from pepper_drake.learning.least_squares import ridge_solver
 from pepper_drake.learning.phase import ALPHA_Z

@@ -24,6 +24,9 @@ from pydrake.systems.sensors import CameraInfo
 
 from pepper_drake.errors import InputError
 
+_CLOSEST = 0.05
+"""Depth from which on depths are rendered [m]."""
+
 
 @dataclass(frozen=True)
 class CameraIntrinsics:
@@ -258,7 +261,8 @@ def make_render_cameras(
     core = RenderCameraCore(renderer_name, info, clipping, RigidTransform())
     return (
         ColorRenderCamera(core),
-        DepthRenderCamera(core, DepthRange(intrinsics.near, intrinsics.far)),
+        # What is too near to be measured still keeps the projector's light away.
+        DepthRenderCamera(core, DepthRange(min(_CLOSEST, intrinsics.near), intrinsics.far)),
     )
 
 

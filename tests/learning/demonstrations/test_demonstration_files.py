@@ -6,13 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import write_atomically
 from pepper_drake.learning import Demonstration
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.demonstrations.text_files import (
-    format_table,
-    parse_table,
-    write_atomically,
-)
+from pepper_drake.learning.demonstrations.text_files import format_table, parse_table
 
 ROWS = "\n".join(f"{0.1 * k:.1f} {k} 0 0 1 0 0 0 0 0" for k in range(6))
 

@@ -1,0 +1,197 @@
+"""Files as anybody may hand them in: read within limits, written whole or not at all.
+
+Whatever reads a file from the disk reads it through here, so that a pipe, a device, a file without
+end or a link out of its folder is answered with one sentence, and never with a hang or a full
+memory.
+"""
+
+import json
+import math
+import os
+import stat
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from pepper_drake.errors import InputError
+
+TEXT_LIMIT = 64 * 2**20
+"""Largest text file that is read [bytes]: an hour of demonstration at 100 Hz is 60 MB."""
+
+_DEEPEST = 100
+"""Levels of lists and objects that a JSON file may have."""
+
+
+def read_bytes(path: Path, limit: int = TEXT_LIMIT) -> bytes:
+    """Returns the content of a regular file.
+
+    Args:
+        path: The file; it may be a link to one.
+        limit: Largest size [bytes].
+
+    Raises:
+        InputError: There is no such file, it is no regular file, it cannot be read, or it is
+            larger than the limit.
+    """
+    try:
+        # Without O_NONBLOCK, a pipe would be waited for until somebody writes to it.
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; check the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValueError:
+        raise InputError(f"{path}: no file can have this name; check the path") from None
+    try:
+        status = os.fstat(handle)
+        if not stat.S_ISREG(status.st_mode):
+            raise InputError(f"{path}: not a regular file; give the path of a file")
+        if status.st_size <= limit:
+            with os.fdopen(handle, "rb", closefd=False) as file:
+                content = file.read(limit + 1)
+            if len(content) <= limit:
+                return content
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    finally:
+        os.close(handle)
+    raise InputError(f"{path}: larger than {limit / 2**20:.3g} MiB; give a smaller file")
+
+
+def read_text(path: Path, limit: int = TEXT_LIMIT) -> str:
+    """Returns the text of a regular file in UTF-8, without a byte order mark.
+
+    Args:
+        path: The file.
+        limit: Largest size [bytes].
+
+    Raises:
+        InputError: As `read_bytes`, or the file is not text.
+    """
+    try:
+        text = read_bytes(path, limit).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise InputError(f"{path}: not a text file in UTF-8; give one")
+    return text
+
+
+def read_json(path: Path, limit: int = TEXT_LIMIT) -> Any:
+    """Returns the value that a JSON file holds: objects, lists, texts and finite numbers.
+
+    Args:
+        path: The file.
+        limit: Largest size [bytes].
+
+    Raises:
+        InputError: As `read_text`, or the file is no JSON (which knows no NaN), gives a name in
+            an object twice, or nests deeper than any of our files.
+    """
+    text = read_text(path, limit)
+    try:
+        value = json.loads(
+            text,
+            parse_constant=_refuse_constant,
+            parse_float=_finite,
+            parse_int=_whole,
+            object_pairs_hook=_object,
+        )
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path} line {error.lineno}: not valid JSON ({error.msg})") from None
+    except (ValueError, RecursionError) as error:
+        reason = "nested too deeply" if isinstance(error, RecursionError) else error
+        raise InputError(f"{path}: not valid JSON ({reason})") from None
+    if _depth(value) > _DEEPEST:
+        raise InputError(f"{path}: not valid JSON (nested too deeply)")
+    return value
+
+
+def _refuse_constant(word: str) -> float:
+    raise ValueError(f"{word} is no number")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text[:20]} is too large")
+    return number
+
+
+def _whole(text: str) -> int:
+    if len(text) > 20:
+        raise ValueError("a whole number of more than 20 digits")
+    return int(text)
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f'"{twice[:40]}" stands there twice')
+    return found
+
+
+def _depth(value: Any) -> int:
+    """Levels of lists and objects around the innermost value."""
+    depth, level = 0, [value]
+    while level:
+        below: list[Any] = []
+        for item in level:
+            if isinstance(item, dict):
+                below += item.values()
+            elif isinstance(item, list):
+                below += item
+        depth, level = depth + 1, below
+    return depth
+
+
+def path_inside(folder: Path, name: str | Path) -> Path:
+    """Returns the path of what a folder holds under a name.
+
+    A folder that was handed in must not make the program read what lies elsewhere.
+
+    Args:
+        folder: The folder.
+        name: A path relative to it.
+
+    Raises:
+        InputError: The path leads out of the folder, by its name or by a link.
+    """
+    path = folder / name
+    try:
+        is_inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):  # A circle of links is a RuntimeError.
+        is_inside = False
+    if not is_inside:
+        raise InputError(f"{path}: leads out of its folder; put a copy of the file there")
+    return path
+
+
+def write_atomically(path: Path, content: str | bytes) -> None:
+    """Writes a file so that others see the old one or the new one, never a part.
+
+    Args:
+        path: The file; its folder is made if need be.
+        content: What it is to hold; a text is written in UTF-8.
+
+    Raises:
+        InputError: The folder cannot be written to.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except OSError as error:
+        Path(name).unlink(missing_ok=True)
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise

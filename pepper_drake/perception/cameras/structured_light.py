@@ -1,0 +1,211 @@
+"""Pixels that a structured-light depth camera cannot measure.
+
+Such a camera compares the image of an infrared pattern with what its projector throws. The
+projector sits beside the camera: what a nearer surface keeps in the projector's shadow is not
+measured. Neither is a surface that throws too little of the pattern back, since it is dark, shiny
+or seen at a grazing angle, nor the last columns, where the compared window leaves the image.
+"""
+
+import functools
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+from scipy.ndimage import gaussian_filter
+
+from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays, ray_lengths
+
+Array = npt.NDArray[np.float32]
+Mask = npt.NDArray[np.bool_]
+
+_SHADOW_STEP = 0.04
+"""Least step in depth between a surface and what lies in its shadow [m]."""
+_NEAREST = 0.1
+"""Depth below which the displacement of the pattern is not followed [m]."""
+_BEND = 0.3
+"""Bend of the inverse depth on a surface, as a share of its rise between pixels."""
+_PATCH_CELLS = 128
+"""Edge of the cube of reflectances that fills space periodically [cells], a power of two."""
+_PATCH_CELL = 0.01
+"""Edge of one of its cells [m]."""
+_PATCH_STRIDE = 2
+"""Of so many pixels along both axes one tells whether all are in a patch."""
+_PATCH_BLUR = 2.0
+"""Standard deviation of the Gaussian that gives patches their size [cells]."""
+
+
+def projector_displacement(
+    depth: npt.NDArray[np.floating], focal_x: float, baseline: float
+) -> npt.NDArray[np.floating]:
+    """Computes how far the pattern on a surface is displaced along the image: f b / z [pixels].
+
+    Args:
+        depth: Depths [m], any shape; all positive.
+        focal_x: Focal length along image x [pixels].
+        baseline: Place of the projector along the camera's x axis [m].
+    """
+    return (focal_x * baseline) / np.maximum(depth, _NEAREST)
+
+
+def projector_shadow(depth: Array, intrinsics: CameraIntrinsics, baseline: float) -> Mask:
+    """Finds the pixels that the projector does not light, since something nearer is in between.
+
+    The depth image is projected into the projector's image and kept there with the least depth of
+    each column and row, as a z-buffer does.
+
+    Args:
+        depth: True depths (height, width) [m]; zero, infinite or NaN where there is no surface.
+            What is too near to be measured casts a shadow too, if its depth is given.
+        intrinsics: The camera; its distortion is neglected.
+        baseline: Place of the projector along the camera's x axis [m]. If it is positive, shadows
+            are to the left of things.
+
+    Returns:
+        (height, width); False where there is no surface.
+    """
+    shadow = np.zeros(depth.shape, dtype=bool)
+    if baseline == 0.0:
+        return shadow
+    with np.errstate(invalid="ignore"):
+        surface = (depth > 0.0) & (depth < np.inf)
+    # Where neighbours differ little, nothing is in front of anything.
+    z = np.where(surface, depth, np.float32(0.0))
+    chosen = np.flatnonzero(np.any(np.abs(np.diff(z, axis=1)) > _SHADOW_STEP, axis=1))
+    if not len(chosen):
+        return shadow
+    z, surface = z[chosen], surface[chosen]
+    width = depth.shape[1]
+    reach = int(np.ceil(abs(intrinsics.focal_x * baseline) / _NEAREST)) + 1
+    wide = width + 2 * reach
+    shift = projector_displacement(z, intrinsics.focal_x, baseline).astype(np.float32)
+    first = np.arange(reach, reach + width, dtype=np.float32)
+    index = np.rint(first - shift).astype(np.int32)
+    index += (wide * np.arange(len(chosen), dtype=np.int32))[:, None]
+    nearest = np.full(len(chosen) * wide, np.inf, np.float32)
+    np.minimum.at(nearest, index[surface], z[surface])
+    # A surface that faces the projector is seen wider by it than by the camera.
+    closed = cv2.erode(nearest.reshape(-1, wide), np.ones((1, 3), np.uint8)).ravel()
+    shadow[chosen] = surface & (z > closed[index] + _SHADOW_STEP)
+    return shadow
+
+
+def grazing_pixels(depth: Array, intrinsics: CameraIntrinsics, cosine: Array) -> Mask:
+    """Finds the pixels whose ray meets its surface at a grazing angle.
+
+    Args:
+        depth: Depths (height, width) [m]; zero, infinite or NaN where there is no surface.
+        intrinsics: The camera.
+        cosine: Cosine of the angle between ray and normal (height, width) below which it is.
+
+    Returns:
+        (height, width); False where a pixel and its four neighbours are not in a plane.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        inverse = np.where(depth > 0.0, np.float32(1.0) / depth, np.float32(0.0))
+    half = np.array([[-0.5, 0.0, 0.5]], np.float32)
+    along_x, along_y = cv2.filter2D(inverse, -1, half), cv2.filter2D(inverse, -1, half.T)
+    rise = np.abs(along_x) + np.abs(along_y)
+    # Inverse depth is linear on a plane: at a step it bends as much as it rises.
+    bend = np.abs(cv2.Laplacian(inverse, -1))
+    steep = (rise * min(intrinsics.focal_x, intrinsics.focal_y) > inverse) & (inverse > 0.0)
+    grazing = np.zeros(depth.shape, dtype=bool)
+    chosen = np.nonzero(steep & (bend <= _BEND * rise))
+    if not len(chosen[0]):
+        return grazing
+    w = inverse[chosen]
+    a = along_x[chosen] * np.float32(intrinsics.focal_x)
+    b = along_y[chosen] * np.float32(intrinsics.focal_y)
+    rays = pixel_rays(intrinsics)[chosen]
+    # A plane a x + b y + c = 1/z has the normal (a, b, c); along the ray it measures 1/z.
+    c = w - a * rays[:, 0] - b * rays[:, 1]
+    length = np.sqrt(a * a + b * b + c * c) * ray_lengths(intrinsics)[chosen]
+    grazing[chosen] = w < cosine[chosen] * length
+    return grazing
+
+
+@functools.lru_cache(maxsize=4)
+def _patches(seed: int, share: float) -> npt.NDArray[np.bool_]:
+    """Cells of a periodic cube that are in dark patches (n, n, n)."""
+    rng = np.random.default_rng([seed, _PATCH_CELLS])
+    field = rng.standard_normal((_PATCH_CELLS,) * 3, dtype=np.float32)
+    field = gaussian_filter(field, _PATCH_BLUR, mode="wrap")
+    dark = field > np.quantile(field, 1.0 - share)
+    dark.setflags(write=False)
+    return dark
+
+
+def dark_patches(
+    depth: Array, intrinsics: CameraIntrinsics, X_WC: RigidTransform, *, share: float, seed: int
+) -> Mask:
+    """Finds the pixels on patches that throw nothing back; patches stay where they are in W.
+
+    The patches are about 4 cm wide and drawn once for a seed: where the excursions of a smooth
+    Gaussian random field in W are highest.
+
+    Args:
+        depth: True depths (height, width) [m]; zero, infinite or NaN where there is no surface.
+        intrinsics: The camera.
+        X_WC: Its pose.
+        share: Share of all surfaces that is dark, within [0, 1).
+        seed: Decides where they are.
+
+    Returns:
+        (height, width).
+    """
+    if share <= 0.0:
+        return np.zeros(depth.shape, dtype=bool)
+    coarse = depth[::_PATCH_STRIDE, ::_PATCH_STRIDE]
+    with np.errstate(invalid="ignore"):
+        surface = (coarse > 0.0) & (coarse < np.inf)
+    z = np.where(surface, coarse, np.float32(0.0))
+    scale = np.float32(1.0 / _PATCH_CELL)
+    R = X_WC.rotation().matrix().astype(np.float32) * scale
+    p = X_WC.translation().astype(np.float32) * scale
+    p_W = (pixel_rays(intrinsics)[::_PATCH_STRIDE, ::_PATCH_STRIDE] * z[..., None]) @ R.T + p
+    cells = np.floor(p_W).astype(np.int32) & (_PATCH_CELLS - 1)
+    index = (cells[..., 0] * _PATCH_CELLS + cells[..., 1]) * _PATCH_CELLS + cells[..., 2]
+    dark = surface & _patches(seed, share).ravel()[index]
+    height, width = depth.shape
+    fine = dark.repeat(_PATCH_STRIDE, 0).repeat(_PATCH_STRIDE, 1)
+    return np.asarray(fine[:height, :width])
+
+
+def quantise_depth(
+    depth: Array, intrinsics: CameraIntrinsics, *, baseline: float, step: float
+) -> Array:
+    """Rounds depths to what whole steps of the pattern's displacement stand for.
+
+    Args:
+        depth: Depths (height, width) [m]; 0 where there is none.
+        intrinsics: The camera.
+        baseline: Distance of projector and camera [m].
+        step: Least difference of displacements that is told apart [pixels].
+
+    Returns:
+        Depths (height, width) [m].
+    """
+    reach = np.float32(intrinsics.focal_x * abs(baseline))
+    if reach == 0.0 or step <= 0.0:
+        return depth
+    unit = np.float32(reach / step)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        steps = np.rint(unit / depth)
+        return np.where((depth > 0.0) & (steps > 0.0), unit / steps, np.float32(0.0))
+
+
+def quantisation_sigma(
+    depth: npt.NDArray[np.floating], intrinsics: CameraIntrinsics, *, baseline: float, step: float
+) -> npt.NDArray[np.floating]:
+    """Standard deviation of the rounding of `quantise_depth` [m]: z^2 step / (f b sqrt(12)).
+
+    Args:
+        depth: Depths [m], any shape.
+        intrinsics: The camera.
+        baseline: Distance of projector and camera [m].
+        step: Least difference of displacements that is told apart [pixels].
+    """
+    reach = intrinsics.focal_x * abs(baseline)
+    if reach == 0.0:
+        return np.zeros_like(depth)
+    return np.square(depth) * (step / (reach * np.sqrt(12.0)))

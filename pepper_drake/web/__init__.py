@@ -1,0 +1,1 @@
+"""Pages in the browser: one way to serve them, on which nobody else gets in."""

@@ -1,0 +1,77 @@
+"""The process that serves a Meshcat's page: no browser can disturb the session from here.
+
+It reads one line of JSON from its standard input, which says where the Meshcat is and who may open
+the page, answers with one that says at which port, and ends when its standard input does.
+"""
+
+import asyncio
+import contextlib
+import json
+import re
+import sys
+from typing import Any
+
+from tornado.httpclient import AsyncHTTPClient, HTTPClientError
+from tornado.websocket import WebSocketClosedError, websocket_connect
+
+from pepper_drake.errors import PepperDrakeError
+from pepper_drake.web.access import Access
+from pepper_drake.web.messages import Message, pack_message
+from pepper_drake.web.page_server import Asset, PageServer
+
+_SCENE_LIMIT = 2**30
+"""Largest message of Meshcat [bytes]: our own meshes and recordings, nothing from outside."""
+
+
+async def serve_page(order: dict[str, Any]) -> int:
+    """Starts to serve a Meshcat's page, and returns the port.
+
+    Args:
+        order: Its fields are `meshcat`, the address of the Meshcat; `host`, where to listen; and
+            `token`, which may be null.
+    """
+    url = order["meshcat"]
+
+    def pass_on(message: Message) -> None:
+        with contextlib.suppress(WebSocketClosedError):
+            upstream.write_message(pack_message(message), binary=True)
+
+    def show(data: bytes | str | None) -> None:
+        if isinstance(data, bytes):
+            server.broadcast(data)
+
+    server = PageServer(await _assets(url), Access(order["host"], order["token"]), pass_on)
+    upstream = await websocket_connect(
+        url.replace("http://", "ws://"),
+        on_message_callback=show,
+        max_message_size=_SCENE_LIMIT,
+    )
+    return server.listen()
+
+
+async def _assets(url: str) -> dict[str, Asset]:
+    """Returns the files of Drake's page by path."""
+    page = await _get(url + "/")
+    scripts = re.findall(rb'src="([\w/.-]+)"', page.content)
+    paths = ["/favicon.ico", *(f"/{script.decode()}" for script in scripts)]
+    return {"/": page} | {path: await _get(url + path) for path in paths}
+
+
+async def _get(url: str) -> Asset:
+    answer = await AsyncHTTPClient().fetch(url)
+    return Asset(answer.body, answer.headers.get("Content-Type", "application/octet-stream"))
+
+
+async def main() -> None:
+    """Serves until the standard input ends."""
+    try:
+        answer: dict[str, Any] = {"port": await serve_page(json.loads(sys.stdin.readline()))}
+    except (PepperDrakeError, OSError, HTTPClientError, ValueError) as error:
+        answer = {"error": str(error)}
+    print(json.dumps(answer), flush=True)
+    if "error" not in answer:
+        await asyncio.to_thread(sys.stdin.read)
+
+
+if __name__ == "__main__":
+    asyncio.run(main())

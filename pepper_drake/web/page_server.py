@@ -1,0 +1,218 @@
+"""Serves a page to browsers, whatever they send."""
+
+import asyncio
+import contextlib
+import logging
+import socket
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import tornado.web
+from tornado.httpserver import HTTPServer
+from tornado.iostream import StreamClosedError
+from tornado.netutil import bind_sockets
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+
+from pepper_drake.errors import InputError
+from pepper_drake.web.access import Access, GuardedHandler
+from pepper_drake.web.messages import (
+    MESSAGE_LIMIT,
+    BadMessageError,
+    GamepadChange,
+    Message,
+    SliderChange,
+    read_message,
+)
+from pepper_drake.web.retained_scene import RetainedScene, value_message
+
+FIRST_PORT = 7000
+"""Pages take the first port from here on that is free."""
+
+_PORTS = 100
+_MOST_BROWSERS = 64
+_MOST_WAITING = 64 * 2**20
+"""A browser that is this far behind [bytes] is let go: it hangs, or its computer sleeps."""
+_PING_PERIOD, _PING_TIMEOUT = 20, 20  # [s]
+_POLICY_VIOLATION, _TRY_AGAIN = 1008, 1013
+"""Codes with which a websocket is closed (RFC 6455 and its registry)."""
+
+
+@dataclass(frozen=True)
+class Asset:
+    """A file of the page: its content and its media type."""
+
+    content: bytes
+    media_type: str
+
+
+class PageServer:
+    """A page, its files, and the browsers that have it open; all in one event loop.
+
+    What is sent with `broadcast` goes to all browsers, and to those that come later as far as it
+    still holds. What browsers send is checked; a message that no page of ours sends closes the
+    connection that it came by, and nothing else.
+    """
+
+    def __init__(
+        self,
+        assets: Mapping[str, Asset],
+        access: Access,
+        on_message: Callable[[Message], None],
+    ) -> None:
+        """Makes a server that does not listen yet.
+
+        Args:
+            assets: The page's files by path; "/" is the page.
+            access: Who may open it.
+            on_message: Is told what browsers do.
+        """
+        self._access, self._assets, self._on_message = access, assets, on_message
+        self._scene = RetainedScene()
+        self._browsers: set[_Browser] = set()
+        self._has_pad: _Browser | None = None
+
+    def listen(self) -> int:
+        """Starts to serve, and returns the port.
+
+        Raises:
+            InputError: No port is free.
+        """
+        # What strangers send wrong is no business of the terminal.
+        for name in ("access", "application", "general"):
+            logging.getLogger(f"tornado.{name}").setLevel(logging.CRITICAL)
+        options = {"access": self._access, "assets": self._assets, "server": self}
+        application = tornado.web.Application(
+            [(r"(/.*)", _Page, options)],
+            log_function=lambda handler: None,
+            websocket_ping_interval=_PING_PERIOD,
+            websocket_ping_timeout=_PING_TIMEOUT,
+            websocket_max_message_size=MESSAGE_LIMIT,
+        )
+        http = HTTPServer(
+            application,
+            max_header_size=16 * 2**10,
+            max_body_size=2**10,
+            idle_connection_timeout=60,
+            body_timeout=10,
+        )
+        sockets = listening_sockets(self._access.host)
+        http.add_sockets(sockets)
+        return int(sockets[0].getsockname()[1])
+
+    def broadcast(self, data: bytes) -> None:
+        """Sends a message to all browsers."""
+        self._scene.add(data)
+        for browser in tuple(self._browsers):
+            browser.send(data)
+
+    def enter(self, browser: "_Browser") -> bool:
+        """Shows a new browser what the others show; returns whether there is room for it."""
+        if len(self._browsers) >= _MOST_BROWSERS:
+            return False
+        self._browsers.add(browser)
+        for data in self._scene.messages():
+            browser.send(data)
+        return True
+
+    def leave(self, browser: "_Browser") -> None:
+        """Forgets a browser that has gone; nobody holds its game pad any more."""
+        self._browsers.discard(browser)
+        if browser is self._has_pad:
+            self._has_pad = None
+            self._on_message(GamepadChange())
+
+    def receive(self, browser: "_Browser", data: bytes | str) -> None:
+        """Does what a browser says.
+
+        Raises:
+            BadMessageError: It is none of the messages that a page sends.
+        """
+        message = read_message(data, self._scene.controls)
+        if message is None:
+            return
+        if isinstance(message, GamepadChange):
+            # A page without a pad says so once, which must not let go of another page's.
+            if message.index is None and browser is not self._has_pad:
+                return
+            self._has_pad = browser if message.index is not None else None
+        if isinstance(message, SliderChange):
+            self._scene.set_value(message.name, message.value)
+            moved = value_message(message.name, message.value)
+            for other in self._browsers - {browser}:
+                other.send(moved)
+        self._on_message(message)
+
+
+def listening_sockets(host: str) -> list[socket.socket]:
+    """Returns sockets that listen at the first free port from `FIRST_PORT` on.
+
+    Raises:
+        InputError: No port is free.
+    """
+    for port in (*range(FIRST_PORT, FIRST_PORT + _PORTS), 0):
+        with contextlib.suppress(OSError):
+            return bind_sockets(port, host)
+    raise InputError(f"no page can be served at {host}; try another --host")
+
+
+class _Page(GuardedHandler, WebSocketHandler):
+    """The page's files, and its websocket, which is where the page is."""
+
+    def initialize(self, access: Access, assets: Mapping[str, Asset], server: PageServer) -> None:
+        # The viewer's script is the same everywhere; only the page and its socket are somebody's.
+        self.guard(access, public=self.request.path not in ("/", "/index.html"))
+        self._assets, self._server = assets, server
+        self._browser = _Browser(self)
+
+    async def get(self, path: str) -> None:
+        path = "/" if path == "/index.html" else path
+        if path == "/" and self.request.headers.get("Upgrade", "").lower() == "websocket":
+            await super().get(path)
+            return
+        asset = self._assets.get(path)
+        if asset is None:
+            self.send_error(404)
+            return
+        self.set_header("Content-Type", asset.media_type)
+        self.finish(asset.content)
+
+    def check_origin(self, origin: str) -> bool:
+        return True  # `prepare` has checked it.
+
+    def open(self, *args: str, **kwargs: str) -> None:
+        if not self._server.enter(self._browser):
+            self.close(_TRY_AGAIN, "too many browsers have this page open")
+
+    def on_message(self, message: bytes | str) -> None:
+        try:
+            self._server.receive(self._browser, message)
+        except BadMessageError as error:
+            self.close(_POLICY_VIOLATION, str(error))
+
+    def on_close(self) -> None:
+        self._server.leave(self._browser)
+
+
+class _Browser:
+    """One browser's connection, and how far behind it is."""
+
+    def __init__(self, handler: WebSocketHandler) -> None:
+        self._handler, self._waiting = handler, 0
+
+    def send(self, data: bytes) -> None:
+        """Sends a message, or lets the browser go if it takes none any more."""
+        self._waiting += len(data)
+        if self._waiting > _MOST_WAITING:
+            self._handler.close(_TRY_AGAIN, "too slow")
+            return
+        try:
+            sending = asyncio.ensure_future(self._handler.write_message(data, binary=True))
+        except WebSocketClosedError:
+            return
+        sending.add_done_callback(lambda done: self._sent(done, len(data)))
+
+    def _sent(self, done: "asyncio.Future[None]", size: int) -> None:
+        self._waiting -= size
+        if not done.cancelled():
+            error = done.exception()
+            assert error is None or isinstance(error, WebSocketClosedError | StreamClosedError)
