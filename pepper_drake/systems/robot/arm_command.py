@@ -3,13 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
 
 from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.planning.ik.command_limits import limit_joint_command
-
-Vector = npt.NDArray[np.float64]
+from pepper_drake.planning.ik.command_limits import clamp_to_position_limits, limit_joint_command
 
 _REST = np.zeros(5)
 
@@ -52,7 +49,8 @@ class ArmCommand(LeafSystem):
         self.measured_position_input: InputPort = self.DeclareVectorInputPort(
             "measured_position", 5
         )
-        self._position = self.DeclareDiscreteState(self._step(np.array(start_position), _REST)[0])
+        start = clamp_to_position_limits(np.array(start_position), limits)
+        self._position = self.DeclareDiscreteState(start)
         self._velocity = self.DeclareDiscreteState(5)
         self.DeclareStateOutputPort("position_command", self._position)
         self.DeclareStateOutputPort("velocity_command", self._velocity)
@@ -60,7 +58,8 @@ class ArmCommand(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
-        position, _ = self._step(self.measured_position_input.Eval(context), _REST)
+        measured = self.measured_position_input.Eval(context)
+        position = clamp_to_position_limits(measured, self._limits)
         discrete_state.set_value(self._position, position)
         discrete_state.set_value(self._velocity, _REST)
 
@@ -69,21 +68,12 @@ class ArmCommand(LeafSystem):
         velocity = context.get_discrete_state(self._velocity).value()
         if not (active or velocity.any()):
             return
-        position, velocity = self._step(
+        position, velocity = limit_joint_command(
             context.get_discrete_state(self._position).value(),
             velocity,
             self.desired_velocity_input.Eval(context) if active else _REST,
-        )
-        discrete_state.set_value(self._position, position)
-        discrete_state.set_value(self._velocity, velocity)
-
-    def _step(
-        self, position: Vector, velocity: Vector, desired_velocity: Vector = _REST
-    ) -> tuple[Vector, Vector]:
-        return limit_joint_command(
-            position,
-            velocity,
-            desired_velocity,
             limits=self._limits,
             time_step=self._time_step,
         )
+        discrete_state.set_value(self._position, position)
+        discrete_state.set_value(self._velocity, velocity)
