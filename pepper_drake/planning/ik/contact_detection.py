@@ -13,13 +13,14 @@ Vector = npt.NDArray[np.float64]
 class ContactParams:
     """How far and for how long a joint may be off its command before it counts as held.
 
-    The defaults are half as much again as the largest error of a shipped reach (7 mrad at
-    3.4 rad/s). At 0.3 rad/s a joint that is held is noticed 50 to 80 ms later.
+    The defaults are a third above the largest error of free motion in reaches (16 mrad at
+    1.4 rad/s, while other joints accelerate: motors give way to inertia). A joint that is held at
+    0.5 rad/s is noticed 80 ms later, one at 0.3 rad/s 110 ms.
     """
 
-    angle: float = 0.009
+    angle: float = 0.018
     """Angle off the command that a joint at rest may have [rad]."""
-    angle_per_speed: float = 0.002
+    angle_per_speed: float = 0.004
     """How much more it may have for each rad/s of the command [s]."""
     steps: int = 2
     """For how many control periods in a row it has to be farther off."""
