@@ -141,7 +141,7 @@ class Motion(BaseMoves, MotionSettings, Module):
         self._raise_event("robotIsWakeUp", False)
 
     def robot_is_wake_up(self) -> bool:
-        """Whether the robot is awake: its leg is stiff."""
+        """Returns whether the robot is awake: its leg is stiff."""
         return self._awake
 
     def set_stiffnesses(self, names: Any, stiffnesses: Any) -> None:
@@ -318,7 +318,7 @@ class Motion(BaseMoves, MotionSettings, Module):
         return [[task.name, task.id] for task in self.tasks.tasks()]
 
     def are_resources_available(self, resources: list[str]) -> bool:
-        """Whether no running task books one of these joints or chains."""
+        """Returns whether no running task books one of these joints or chains."""
         return not self.tasks.booked() & _resources(resources)
 
     def kill_task(self, task_id: int) -> bool:

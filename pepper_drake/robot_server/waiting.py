@@ -53,7 +53,7 @@ async def until_ended(tasks: TaskManager, task: Task) -> None:
 
 
 class Module:
-    """What every module of NAOqi answers, and calls that run beside their caller.
+    """Methods of every module of NAOqi, and calls that run beside their caller.
 
     Attributes:
         name: The service's name.
@@ -123,7 +123,7 @@ class Module:
         return not future.done()
 
     def is_running(self, call: int) -> bool:
-        """Whether a call is still running."""
+        """Returns whether a call is still running."""
         return call in self._calls and not self._calls[call].done()
 
     def stop(self, call: int) -> None:
