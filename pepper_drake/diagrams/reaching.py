@@ -1,6 +1,6 @@
 """Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
@@ -415,7 +415,7 @@ class Reaching(Diagram):
                 limits=model.command_limits(BODY_JOINTS),
                 start_position=[self.scene.robot.positions()[name] for name in BODY_JOINTS],
                 minimum_clearance=self.config.minimum_clearance,
-                contact=None if self.config.compliance else self.config.contact,
+                contact=self._contact_params(),
                 time_step=self.config.ik.time_step,
             ),
         )
@@ -427,6 +427,19 @@ class Reaching(Diagram):
         builder.Connect(
             self.safety.GetOutputPort("safe_joint_position_command"),
             station.GetInputPort("joint_position_command"),
+        )
+
+    def _contact_params(self) -> ContactParams | None:
+        """When a joint counts as held, on a robot of this latency and slack."""
+        if self.config.compliance is not None:
+            return None
+        wear = self.config.station.wear
+        if wear is None:
+            return self.config.contact
+        return replace(
+            self.config.contact,
+            latency=self.config.contact.latency + wear.command_latency,
+            angle=self.config.contact.angle + 0.5 * float(wear.backlash.max()),
         )
 
     def _add_motions(self) -> None:

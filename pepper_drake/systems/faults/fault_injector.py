@@ -11,7 +11,6 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import (
     BasicVector,
     Context,
-    Diagram,
     DiagramBuilder,
     EventStatus,
     InputPort,
@@ -22,7 +21,7 @@ from pydrake.systems.framework import (
 )
 
 from pepper_drake.systems.faults.corruption import corrupt
-from pepper_drake.systems.faults.fault import SIGNALS, Fault, Signal
+from pepper_drake.systems.faults.fault import SIGNALS, Fault
 
 Vector = npt.NDArray[np.float64]
 Values = tuple[Any, ...]
@@ -319,8 +318,8 @@ class FaultSet:
             suffix: Of the injector's name, where a signal has several.
 
         Returns:
-            The ports to connect instead, by the same names; without a fault the same ports. An
-            injector's trigger is connected by `connect_triggers`.
+            The ports to connect instead, by the same names; without a fault the same ports. Who
+            builds the diagram connects the triggers of those that are `waiting`.
         """
         fault = self.fault(signal)
         if fault is None:
@@ -344,16 +343,10 @@ class FaultSet:
             builder.Connect(neutral, injector.GetInputPort("neutral"))
         return {name: injector.GetOutputPort(name) for name in ports}
 
-
-def fault_injectors(diagram: Diagram) -> list[FaultInjector]:
-    """The fault injectors in a diagram and in all that it contains."""
-    found = []
-    for system in diagram.GetSystems():
-        if isinstance(system, FaultInjector):
-            found.append(system)
-        elif isinstance(system, Diagram):
-            found.extend(fault_injectors(system))
-    return found
-
-
-__all__ = ["FaultInjector", "FaultSet", "Role", "Signal", "fault_injectors"]
+    def waiting(self, builder: DiagramBuilder) -> list[FaultInjector]:
+        """The injectors among a builder's systems that wait for the arm to start."""
+        return [
+            system
+            for system in builder.GetMutableSystems()
+            if isinstance(system, FaultInjector) and np.isnan(system.fault.start)
+        ]
