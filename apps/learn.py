@@ -12,7 +12,6 @@ import time
 from pepper_drake.cli import EXIT_DONE, make_parser, run
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import distances
-from pepper_drake.files import write_atomically
 from pepper_drake.learning import (
     TORSO_HEIGHT,
     Demonstration,
@@ -27,6 +26,7 @@ from pepper_drake.learning.dmp.primitive import (
 )
 from pepper_drake.learning.dmp.scaling import SCALINGS
 from pepper_drake.reporting.learning_figure import draw_learning
+from pepper_drake.results.folder import whole_results
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -128,10 +128,12 @@ def main() -> int:
         "fit_seconds": fit_seconds,
         "demonstrations": rows,
     }
-    primitive.save(arguments.output / "primitive.yaml")
-    write_atomically(arguments.output / "report.json", json.dumps(report, indent=2) + "\n")
     figure = draw_learning(primitive, demonstrations, primitive.rollout())
-    figure.savefig(arguments.output / "learn.png", dpi=110)
+    names = ("primitive.yaml", "learn.png", "report.json")
+    with whole_results(arguments.output, names) as folder:
+        primitive.save(folder / "primitive.yaml")
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+        figure.savefig(folder / "learn.png", dpi=110)
 
     if not arguments.quiet:
         for row in rows:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import time
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,9 @@ from pepper_drake.files import write_atomically
 from pepper_drake.optimization.problem import total_costs
 
 Array = npt.NDArray[np.float64]
+
+_KEEP_PERIOD = 0.8
+"""Wall time from when a history was kept until it is kept again [s]."""
 
 
 @dataclass
@@ -79,8 +83,12 @@ class History:
                     " give the same options, or start anew without --resume"
                 )
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path, *, compress: bool = True) -> None:
         """Writes the history as numpy's npz; a crash leaves the file as it was before.
+
+        Args:
+            path: The file.
+            compress: Whether it is to be small rather than written fast.
 
         Raises:
             InputError: The path cannot be written to.
@@ -95,7 +103,7 @@ class History:
         pending = self.pending.get(self.updates, {})
         arrays |= {f"pending_{k}": costs for k, costs in pending.items()}
         content = io.BytesIO()
-        np.savez_compressed(content, **arrays)
+        (np.savez_compressed if compress else np.savez)(content, **arrays)
         write_atomically(path, content.getvalue())
 
     @classmethod
@@ -127,3 +135,27 @@ class History:
             raise InputError(f"{path}: no such file; there is nothing to resume") from None
         except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError):
             raise InputError(f"{path}: not a history of a search; start anew") from None
+
+
+@dataclass
+class HistoryKeeper:
+    """Keeps a history in a file while the search goes on, about once a second.
+
+    Attributes:
+        path: The file; its folder is made when there is something to keep.
+        history: Of the search.
+    """
+
+    path: Path
+    history: History
+    _kept: float = field(default_factory=time.monotonic, repr=False)
+
+    def keep(self, *, now: bool = False) -> None:
+        """Writes the file if it is time to, or at once.
+
+        Raises:
+            InputError: The path cannot be written to.
+        """
+        if self.history.means and (now or time.monotonic() - self._kept > _KEEP_PERIOD):
+            self.history.save(self.path, compress=False)
+            self._kept = time.monotonic()
