@@ -46,6 +46,7 @@ def make_parser() -> ArgumentParser:
     )
     add("--html", type=Path, metavar="FILE", help="write a page instead, into the output folder")
     add("--video", type=Path, metavar="FILE", help="write a film (.mp4), into the output folder")
+    cli.add_host_option(parser)
     add("--stop", action="store_true", help="end the server that play.py started, and its window")
     return parser
 
@@ -63,7 +64,7 @@ def show_in_window(options: Namespace) -> "tuple[list[Frames], str]":
     """Draws the runs into the server's window; returns them and the browser's address."""
     started: Popen[bytes] | None = None
     if not server.is_listening(options.zmq_url):
-        started = server.start_server(options.zmq_url)
+        started = server.start_server(options.zmq_url, options.host)
     try:
         runs = load(options.runs, from_arm=options.from_arm)
         from pepper_drake.playback.drawing import draw
@@ -97,7 +98,7 @@ def write_files(options: Namespace) -> "list[Frames]":
 def main() -> int:
     """Runs the app."""
     begin = time.perf_counter()
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
     if options.stop:
         server.quit_server(options.zmq_url)
         return cli.EXIT_DONE
