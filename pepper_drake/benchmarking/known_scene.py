@@ -120,7 +120,7 @@ class GroundTruthScene:
         return q
 
     def free(self, joints: Array, base_pose: Array) -> bool:
-        """True if nothing is nearer to the arm than the padding, and the elbow is within its limits.
+        """True if the arm keeps the padding to everything, and the elbow its limits.
 
         Args:
             joints: (5,) the arm's [rad].

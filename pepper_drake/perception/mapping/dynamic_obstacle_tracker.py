@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.perception.mapping.depth_holes import HoleMemory
 from pepper_drake.perception.mapping.dynamic_obstacles import (
     DepthFrame,
     NewPoints,
@@ -17,6 +18,7 @@ from pepper_drake.perception.mapping.near_field_occlusion import (
     ON_TABLE,
     background_points,
     occluded_points,
+    unexplained_holes,
 )
 from pepper_drake.perception.mapping.obstacle_map import ExcludedSolids, ObstacleParameters
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
@@ -43,6 +45,7 @@ class DynamicObstacleTracker:
         hidden: (H, 3) where something too near to be measured was lately, in W, m, and when (H,),
             s.
         expected: (Q, 3) where what moves may be soon, in W [m].
+        holes: What earlier images told of holes.
     """
 
     views: tuple[DepthFrame, ...] = ()
@@ -57,6 +60,7 @@ class DynamicObstacleTracker:
         default_factory=lambda: (np.zeros((0, 3)), np.zeros(0))
     )
     expected: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    holes: HoleMemory = field(default_factory=HoleMemory.empty)
 
 
 def update_tracker(
@@ -89,13 +93,24 @@ def update_tracker(
     new = fresh[_was_empty(watch.views, places[fresh], memory)]
     transient_keys = np.union1d(watch.transient_keys, keys[new])
     is_visitor = np.isin(voxels.keys, transient_keys)
-    behind, veil = watch.behind, watch.behind[:0]
-    if parameters.treat_holes_as_near:
+    behind, veil, holes = watch.behind, watch.behind[:0], watch.holes
+    if parameters.treat_holes_as_near and view.depth.size:
         behind = background_points(behind, view.depth, view.intrinsics, view.X_WC)
         # What came does not explain a hole beside it: that may be more of it.
         known = voxels.positions[~is_visitor]
+        holes, unexplained = unexplained_holes(
+            holes, behind, view.depth, view.intrinsics, view.X_WC, table
+        )
         veil = occluded_points(
-            behind, known, view.depth, view.intrinsics, view.X_WC, ignored, table
+            behind,
+            known,
+            view.depth,
+            view.intrinsics,
+            view.X_WC,
+            ignored,
+            table,
+            holes=unexplained,
+            baseline=parameters.projector_baseline,
         )
     things = watch.things
     if watch.views:
@@ -126,6 +141,7 @@ def update_tracker(
         np.intersect1d(transient_keys, voxels.keys),
         (hidden, times),
         predict_occupancy(things, hidden, view, memory, approach),
+        holes,
     ), voxels
 
 
@@ -142,13 +158,14 @@ def reset_while_driving(
         parameters: How obstacles are seen and remembered.
 
     Returns:
-        A watch that begins anew, but for what will be seen if nothing hides it.
+        A watch that begins anew, but for what will be seen if nothing hides it and what is known of
+        the sensor's own holes.
     """
-    if not parameters.treat_holes_as_near:
-        return DynamicObstacleTracker()
-    return DynamicObstacleTracker(
-        behind=background_points(watch.behind, view.depth, view.intrinsics, view.X_WC)
-    )
+    if not parameters.treat_holes_as_near or not view.depth.size:
+        return DynamicObstacleTracker(holes=watch.holes)
+    behind = background_points(watch.behind, view.depth, view.intrinsics, view.X_WC)
+    holes, _ = unexplained_holes(watch.holes, behind, view.depth, view.intrinsics, view.X_WC)
+    return DynamicObstacleTracker(behind=behind, holes=holes)
 
 
 def _kept(views: Sequence[DepthFrame], view: DepthFrame, visit: float) -> list[DepthFrame]:

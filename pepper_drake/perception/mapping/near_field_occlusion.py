@@ -1,27 +1,33 @@
-"""What is too near for the depth camera, from what it hides.
+"""Infers things inside the depth camera's near limit from what they occlude.
 
 A depth camera measures nothing of what is nearer than its near limit: it leaves a hole in the
 image. Where a hole hides what is known to be there, be it the floor alone, and neither the robot
-nor anything else that is known stands in the way, something is between.
+nor anything else that is known stands in the camera's or the projector's way, and the hole is none
+that the sensor makes by itself (see `depth_holes`), something is between.
 """
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays
+from pepper_drake.perception.mapping.depth_holes import (
+    HoleMemory,
+    blank_pixels,
+    in_measured_shadow,
+    learn_blindness,
+    learn_dropouts,
+)
 from pepper_drake.perception.mapping.obstacle_map import ExcludedSolids
 from pepper_drake.perception.mapping.solids import near_solids
 from pepper_drake.perception.mapping.voxel_map import voxel_keys
 
 Points = npt.NDArray[np.floating]
+Mask = npt.NDArray[np.bool_]
 
-_HOLE = 7
-"""Edge of the square of pixels that have to have measured nothing, all of them."""
 _BEYOND = 0.05
 """What is hidden is farther than the near limit by this [m]."""
 _PITCH = 6
@@ -42,6 +48,10 @@ ON_TABLE = 0.02
 """What is no higher above the table is the table: of that there is no other side [m]."""
 _LEAST_RAYS = 4
 """Fewer are noise."""
+_GRAZING = 0.25
+"""Cosine of the angle of incidence below which floor and table need not be measured."""
+_FLOOR = 0.03
+"""What is no higher is the floor [m]."""
 
 
 def background_points(
@@ -67,7 +77,7 @@ def background_points(
     p_C = _in_camera(before, X_WC)
     inside = np.flatnonzero((p_C[:, 2] > 0.0) & intrinsics.sees(p_C))
     columns, rows = _pixels(p_C[inside], intrinsics)
-    kept[inside] = _is_hole(depth)[rows, columns]
+    kept[inside] = blank_pixels(depth)[rows, columns]
     half = _PITCH // 2
     z = depth[half::_PITCH, half::_PITCH]
     rays = pixel_rays(intrinsics, _PITCH)
@@ -75,6 +85,34 @@ def background_points(
     p_W = (rays[measured] * z[measured][:, None]) @ X_WC.rotation().matrix().T
     points = np.concatenate((p_W + X_WC.translation(), before[kept]))
     return np.asarray(points[np.unique(voxel_keys(points, _GRAIN), return_index=True)[1]])
+
+
+def unexplained_holes(
+    memory: HoleMemory,
+    behind: Points,
+    depth: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    table: float = -np.inf,
+) -> tuple[HoleMemory, Mask]:
+    """Finds the holes of an image that the sensor or the surface behind does not explain.
+
+    Args:
+        memory: What earlier images told of holes.
+        behind: (B, 3) what would be seen if nothing hid it, in W [m].
+        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        intrinsics: The camera.
+        X_WC: Its pose when the image was taken.
+        table: Height of what things stand on, in W [m].
+
+    Returns:
+        What is known of holes now, and the pixels (height, width) in the middle of the others.
+    """
+    _, expected = _expected(behind, intrinsics, X_WC, table)
+    memory = learn_blindness(memory, depth, expected, intrinsics, X_WC)
+    blank = blank_pixels(depth, memory.blind_pixels())
+    memory, explained = learn_dropouts(memory, depth, blank, intrinsics, X_WC)
+    return memory, blank & ~explained
 
 
 def occluded_points(
@@ -85,51 +123,80 @@ def occluded_points(
     X_WC: RigidTransform,
     ignored: Sequence[ExcludedSolids],
     table: float = -np.inf,
+    *,
+    holes: Mask | None = None,
+    baseline: float = 0.0,
 ) -> npt.NDArray[np.float64]:
     """Finds where something may be that is too near to be measured.
 
     Args:
         behind: (B, 3) what would be seen if nothing hid it, in W [m]; the floor, z = 0, at latest.
         known: (P, 3) points on known obstacles, in W [m].
-        depth: Depth image (height, width), m, 0 where nothing was measured.
+        depth: Depth image (height, width) [m], 0 where nothing was measured.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
         ignored: The robot and the goal object, where they were.
         table: Height of what things stand on, in W [m].
+        holes: From `unexplained_holes`; all holes of the image when left out.
+        baseline: Distance of the camera from its projector [m]; 0 if it needs none.
 
     Returns:
-        (Q, 3) points in W, m, on the rays through such holes, up to the near limit; none for an
+        (Q, 3) points in W [m], on the rays through such holes, up to the near limit; none for an
         image without any measurement.
     """
     nothing = np.zeros((0, 3))
     if not depth.any():
         return nothing
-    behind = np.concatenate((behind, _floor(intrinsics, X_WC)))
-    R_WC, p_WC = X_WC.rotation().matrix(), X_WC.translation()
-    p_C = _in_camera(behind, X_WC)
-    ahead = p_C[(p_C[:, 2] > intrinsics.near + _BEYOND) & intrinsics.sees(p_C)]
-    columns, rows = _pixels(ahead, intrinsics)
-    hidden = _is_hole(depth)[rows, columns]
+    ahead, (columns, rows) = _expected(behind, intrinsics, X_WC, table)
+    hidden = (blank_pixels(depth) if holes is None else holes)[rows, columns]
     squares = columns[hidden] // _PITCH + (rows[hidden] // _PITCH) * intrinsics.width
     ahead = ahead[hidden][np.unique(squares, return_index=True)[1]]
+    if len(ahead) >= _LEAST_RAYS:
+        ahead = ahead[~in_measured_shadow(ahead, depth, intrinsics, baseline)]
+    depths = np.arange(_NEAREST, intrinsics.near + _MARGIN, _STEP)
+    R_WC, p_WC = X_WC.rotation().matrix(), X_WC.translation()
+    near = np.asarray(known[np.sum((known - p_WC) ** 2, axis=1) < (2 * intrinsics.near) ** 2])
+    is_table = near[:, 2] < table + ON_TABLE
+    trees = [
+        (cKDTree(some), margin)
+        for some, margin in ((near[~is_table], _AROUND_KNOWN), (near[is_table], ON_TABLE))
+        if len(some)
+    ]
+    # The camera's view and the projector's light; on which side that is does not matter.
+    for origin in (0.0,) if baseline == 0.0 else (0.0, baseline, -baseline):
+        if len(ahead) < _LEAST_RAYS:
+            return nothing
+        p_CO = np.array([origin, 0.0, 0.0])
+        rays_C = p_CO + (ahead - p_CO)[:, None] * (depths[:, None] / ahead[:, None, 2:])
+        points = (rays_C @ R_WC.T + p_WC).reshape(-1, 3)
+        explained = np.zeros(len(points), dtype=bool)
+        for tree, margin in trees:
+            explained |= np.isfinite(tree.query(points, distance_upper_bound=margin)[0])
+        for each in ignored:
+            explained |= near_solids(points, each.solids, each.poses, each.margin)
+        ahead = ahead[~explained.reshape(len(ahead), -1).any(axis=1)]
     if len(ahead) < _LEAST_RAYS:
         return nothing
-    depths = np.arange(_NEAREST, intrinsics.near + _MARGIN, _STEP)
-    rays_C = (ahead / ahead[:, 2:])[:, None] * depths[:, None]
-    rays_W = rays_C @ R_WC.T + p_WC
-    points = rays_W.reshape(-1, 3)
-    near = np.asarray(known[np.sum((known - p_WC) ** 2, axis=1) < (2 * intrinsics.near) ** 2])
-    explained = np.zeros(len(points), dtype=bool)
-    is_table = near[:, 2] < table + ON_TABLE
-    for some, margin in ((near[~is_table], _AROUND_KNOWN), (near[is_table], ON_TABLE)):
-        if len(some):
-            explained |= np.isfinite(cKDTree(some).query(points, distance_upper_bound=margin)[0])
-    for each in ignored:
-        explained |= near_solids(points, each.solids, each.poses, each.margin)
-    open_rays = ~explained.reshape(len(ahead), -1).any(axis=1)
-    if open_rays.sum() < _LEAST_RAYS:
-        return nothing
-    return np.asarray(rays_W[open_rays][:, depths >= _LIKELY].reshape(-1, 3))
+    likely = depths[depths >= _LIKELY]
+    rays_C = (ahead / ahead[:, 2:])[:, None] * likely[:, None]
+    return np.asarray((rays_C @ R_WC.T + p_WC).reshape(-1, 3))
+
+
+def _expected(
+    behind: Points, intrinsics: CameraIntrinsics, X_WC: RigidTransform, table: float
+) -> tuple[npt.NDArray[np.float64], tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
+    """What an image should show: points (N, 3) in C [m], and their columns and rows (N,).
+
+    Floor and table are not, where they are seen at a grazing angle.
+    """
+    behind = np.concatenate((behind, _floor(intrinsics, X_WC)))
+    offset = X_WC.translation() - behind
+    level = (behind[:, 2] < _FLOOR) | (np.abs(behind[:, 2] - table) < ON_TABLE)
+    grazing = level & (np.abs(offset[:, 2]) < _GRAZING * np.linalg.norm(offset, axis=1))
+    p_C = _in_camera(behind[~grazing], X_WC)
+    ahead = p_C[(p_C[:, 2] > intrinsics.near + _BEYOND) & intrinsics.sees(p_C)]
+    columns, rows = _pixels(ahead, intrinsics)
+    return ahead, (columns, rows)
 
 
 def _floor(intrinsics: CameraIntrinsics, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
@@ -153,10 +220,3 @@ def _in_camera(p_W: Points, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
 def _pixels(p_C: Points, intrinsics: CameraIntrinsics) -> npt.NDArray[np.int64]:
     """Columns and rows (2, N) of points (N, 3) that the camera sees."""
     return np.rint(intrinsics.project(p_C)).astype(np.int64).T
-
-
-def _is_hole(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
-    """Which pixels have measured nothing, nor have any around them."""
-    measured = (depth > 0).astype(np.uint8)
-    hole: npt.NDArray[np.bool_] = cv2.dilate(measured, np.ones((_HOLE, _HOLE), np.uint8)) == 0
-    return hole

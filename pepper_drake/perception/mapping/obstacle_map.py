@@ -53,12 +53,15 @@ class ObstacleParameters:
         approach: How what moves is followed.
         treat_holes_as_near: Whether a hole in the image is of something too near to be measured; if
             not, it means nothing.
+        projector_baseline: Distance of the camera from the projector whose pattern it sees [m]; 0
+            if it needs none.
     """
 
     cloud: CloudParameters = field(default_factory=CloudParameters)
     memory: VoxelMapParameters = field(default_factory=VoxelMapParameters)
     approach: ApproachParameters = field(default_factory=ApproachParameters)
     treat_holes_as_near: bool = True
+    projector_baseline: float = 0.075
 
 
 def update_obstacles(

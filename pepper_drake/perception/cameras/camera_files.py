@@ -1,0 +1,397 @@
+"""Reads a camera's intrinsics from the files that calibration tools write.
+
+Read are ROS `camera_info` (the YAML of `camera_calibration` and a printed `sensor_msgs/CameraInfo`),
+OpenCV's FileStorage (YAML, JSON or XML, as its calibration samples write it) and NAOqi's names of
+camera and resolution with their fields of view.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import yaml
+from pydrake.math import RigidTransform, RotationMatrix
+
+from pepper_drake.errors import InputError
+from pepper_drake.perception.cameras.camera import (
+    CAMERA_BOTTOM,
+    CAMERA_DEPTH,
+    CAMERA_TOP,
+    CameraIntrinsics,
+)
+
+_MATRIX_NAMES = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "K", "k", "mtx")
+_DISTORTION_NAMES = (
+    "distortion_coefficients",
+    "Distortion_Coefficients",
+    "distCoeffs",
+    "dist_coeffs",
+    "distortionCoefficients",
+    "D",
+    "d",
+    "dist",
+)
+_WIDTH_NAMES = ("image_width", "image_Width", "imageWidth", "width")
+_HEIGHT_NAMES = ("image_height", "image_Height", "imageHeight", "height")
+_SIZE_NAMES = ("image_size", "imageSize", "img_size", "size")
+_PINHOLE_MODELS = ("plumb_bob", "rational_polynomial", "brown_conrady", "radtan", "")
+_FISHEYE_MODELS = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "omnidir", "fov")
+
+NAOQI_RESOLUTIONS = {
+    "kQQQQVGA": (8, (40, 30)),
+    "kQQQVGA": (7, (80, 60)),
+    "kQQVGA": (0, (160, 120)),
+    "kQVGA": (1, (320, 240)),
+    "kVGA": (2, (640, 480)),
+    "k4VGA": (3, (1280, 960)),
+    "k16VGA": (4, (2560, 1920)),
+}
+"""NAOqi's resolutions: number and image size [pixels]."""
+_NAOQI_CAMERAS = {0: CAMERA_TOP, 1: CAMERA_BOTTOM, 2: CAMERA_DEPTH}
+
+
+def load_intrinsics(path: str | Path) -> CameraIntrinsics:
+    """Reads the intrinsics of one camera.
+
+    Args:
+        path: A ROS `camera_info` YAML, an OpenCV FileStorage (YAML, JSON, XML) or a YAML with
+            `camera` and `resolution` as NAOqi names them.
+
+    Returns:
+        The intrinsics, in OpenCV's pixel coordinates as all these files have them.
+
+    Raises:
+        InputError: If the file is not one of these, lacks something, or is of a fisheye lens.
+    """
+    path = Path(path)
+    return _intrinsics(_read(path), str(path))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Reads a file's entries; matrices become arrays."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot read the camera file: {error}.") from error
+    head = text.lstrip()[:200]
+    if head.startswith(("%YAML:", "<?xml", "<opencv_storage")) or (
+        head.startswith("{") and "opencv-matrix" in text
+    ):
+        return _read_file_storage(path)
+    if "!!opencv-matrix" in text:
+        return _read_file_storage(path)
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        line = getattr(getattr(error, "problem_mark", None), "line", None)
+        where = "" if line is None else f":{line + 1}"
+        raise InputError(f"{path}{where}: is no YAML of a camera's calibration.") from error
+    if not isinstance(content, dict):
+        raise InputError(
+            f"{path}: holds no camera; expected are camera_matrix, image_width, image_height and "
+            "distortion_coefficients."
+        )
+    return {str(name): _plain(value) for name, value in content.items()}
+
+
+def _plain(value: Any) -> Any:
+    """A matrix written as `rows`, `cols`, `data` as an array; all else as it is."""
+    if isinstance(value, dict) and "data" in value:
+        data = _numbers(value["data"])
+        rows, columns = value.get("rows"), value.get("cols")
+        if data is not None and isinstance(rows, int) and isinstance(columns, int):
+            if data.size == rows * columns:
+                return data.reshape(rows, columns)
+        return value["data"]
+    return value
+
+
+def _read_file_storage(path: Path) -> dict[str, Any]:
+    try:
+        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    except (cv2.error, SystemError) as error:
+        raise InputError(f"{path}: OpenCV cannot read this file storage.") from error
+    if not storage.isOpened():
+        raise InputError(f"{path}: OpenCV cannot read this file storage.")
+    entries = {}
+    for name in storage.root().keys():
+        node = storage.getNode(name)
+        entries[name] = _node_value(node)
+    storage.release()
+    return entries
+
+
+def _node_value(node: cv2.FileNode) -> Any:
+    if node.isMap():
+        try:
+            matrix = node.mat()
+        except cv2.error:
+            matrix = None
+        if matrix is not None:
+            return matrix
+        return {name: _node_value(node.getNode(name)) for name in node.keys()}
+    if node.isSeq():
+        return [_node_value(node.at(k)) for k in range(node.size())]
+    if node.isInt() or node.isReal():
+        return node.real()
+    return node.string()
+
+
+def _numbers(value: Any) -> npt.NDArray[np.float64] | None:
+    """A list, matrix or text of numbers as a flat array; None if it is no such thing."""
+    if isinstance(value, str):
+        value = re.split(r"[\s,;]+", value.strip("[]() \t\n"))
+    if isinstance(value, np.ndarray | Iterable) and not isinstance(value, Mapping):
+        try:
+            return np.array(value, dtype=float).ravel()
+        except (TypeError, ValueError):
+            return None
+    return None
+
+
+def _first(entries: Mapping[str, Any], names: Iterable[str]) -> tuple[str, Any] | None:
+    for name in names:
+        if name in entries and entries[name] is not None:
+            return name, entries[name]
+    return None
+
+
+def _intrinsics(entries: Mapping[str, Any], where: str) -> CameraIntrinsics:
+    if "camera" in entries and "resolution" in entries:
+        return _naoqi(entries, where)
+    _refuse_other_lenses(entries, where)
+    found = _first(entries, _MATRIX_NAMES)
+    if found is None:
+        raise InputError(
+            f"{where}: has no camera matrix; name it camera_matrix (OpenCV, ROS) or K."
+        )
+    name, value = found
+    matrix = _numbers(value)
+    if matrix is None or matrix.size != 9:
+        raise InputError(f"{where}: {name} must be 9 numbers, the rows of a 3x3 camera matrix.")
+    return make_intrinsics(
+        matrix.reshape(3, 3), _distortion(entries, where), _image_size(entries, where), where=where
+    )
+
+
+def make_intrinsics(
+    matrix: npt.NDArray[np.float64],
+    distortion: npt.ArrayLike,
+    size: tuple[int, int],
+    *,
+    where: str = "camera",
+) -> CameraIntrinsics:
+    """Makes intrinsics of a camera matrix as OpenCV's calibration returns it.
+
+    Args:
+        matrix: K (3, 3) [pixels].
+        distortion: 0, 4, 5 or 8 coefficients in OpenCV's order, in any container.
+        size: Width and height of the images that K belongs to [pixels].
+        where: Named in errors.
+    """
+    lower = np.array([matrix[1, 0], matrix[2, 0], matrix[2, 1], matrix[2, 2] - 1.0])
+    if not np.all(np.isfinite(matrix)) or np.abs(lower).max() > 1e-9:
+        raise InputError(
+            f"{where}: the camera matrix must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]."
+        )
+    if abs(matrix[0, 1]) > 1e-6 * abs(matrix[0, 0]):
+        raise InputError(
+            f"{where}: the camera matrix has a skew of {matrix[0, 1]:g}; it must be 0."
+        )
+    try:
+        return CameraIntrinsics(
+            *size,
+            float(matrix[0, 0]),
+            float(matrix[1, 1]),
+            float(matrix[0, 2]),
+            float(matrix[1, 2]),
+            tuple(np.ravel(distortion)),
+        )
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _refuse_other_lenses(entries: Mapping[str, Any], where: str) -> None:
+    """Raises for what is no pinhole image of the whole sensor."""
+    model = str(_first(entries, ("distortion_model", "camera_model", "model")) or ("", ""))
+    named = _first(entries, ("distortion_model", "camera_model"))
+    model = "" if named is None else str(named[1]).strip().lower()
+    is_fisheye = model in _FISHEYE_MODELS or bool(entries.get("fisheye_model", 0))
+    if is_fisheye:
+        raise InputError(
+            f"{where}: is of a fisheye lens ({model or 'fisheye_model'}); undistort its images and "
+            "give the calibration of the undistorted ones."
+        )
+    if model not in (*_PINHOLE_MODELS, "pinhole"):
+        raise InputError(
+            f"{where}: distortion model {model!r} is unknown; plumb_bob and rational_polynomial "
+            "are read."
+        )
+    for name in ("binning_x", "binning_y"):
+        if float(entries.get(name) or 0) > 1:
+            raise InputError(
+                f"{where}: {name} is {entries[name]}: calibrate the images as they are taken."
+            )
+    window = entries.get("roi")
+    if isinstance(window, Mapping):
+        offsets = [float(window.get(name) or 0) for name in ("x_offset", "y_offset")]
+        if any(offsets):
+            raise InputError(
+                f"{where}: its images are a part of the sensor's (roi); give whole ones."
+            )
+
+
+def _distortion(entries: Mapping[str, Any], where: str) -> npt.NDArray[np.float64]:
+    found = _first(entries, _DISTORTION_NAMES)
+    if found is None:
+        if _first(entries, ("distortion_model",)) is None:
+            raise InputError(
+                f"{where}: has no distortion_coefficients; write an empty list if the lens has no "
+                "distortion."
+            )
+        return np.zeros(0)
+    name, value = found
+    numbers = np.zeros(0) if value in ([], "") else _numbers(value)
+    if numbers is None:
+        raise InputError(f"{where}: {name} must be a list of numbers.")
+    return numbers
+
+
+def _image_size(entries: Mapping[str, Any], where: str) -> tuple[int, int]:
+    width, height = _first(entries, _WIDTH_NAMES), _first(entries, _HEIGHT_NAMES)
+    size = _first(entries, _SIZE_NAMES)
+    if width is not None and height is not None:
+        values = [width[1], height[1]]
+    elif size is not None:
+        numbers = _numbers(size[1])
+        values = [] if numbers is None else numbers.tolist()
+    else:
+        raise InputError(f"{where}: has no image size; add image_width and image_height.")
+    try:
+        whole = [int(value) for value in values]
+        if len(whole) != 2 or any(float(v) != w for v, w in zip(values, whole, strict=True)):
+            raise ValueError
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"{where}: image size {values} must be two whole numbers of pixels."
+        ) from error
+    return whole[0], whole[1]
+
+
+def _naoqi(entries: Mapping[str, Any], where: str) -> CameraIntrinsics:
+    """A camera by NAOqi's name or number, and a resolution by name or number.
+
+    `horizontal_fov` and `vertical_fov` [rad], as ALVideoDevice gives them, are the camera's own if
+    left out.
+    """
+    camera = entries["camera"]
+    by_name = {head.name: head for head in _NAOQI_CAMERAS.values()}
+    head = _NAOQI_CAMERAS.get(camera) if isinstance(camera, int) else by_name.get(str(camera))
+    if head is None:
+        raise InputError(
+            f"{where}: camera {camera!r} is unknown; NAOqi's are 0 or CameraTop, 1 or CameraBottom "
+            "and 2 or CameraDepth."
+        )
+    resolution = entries["resolution"]
+    by_number = {number: size for number, size in NAOQI_RESOLUTIONS.values()}
+    if isinstance(resolution, int):
+        size = by_number.get(resolution)
+    else:
+        size = NAOQI_RESOLUTIONS.get(str(resolution), (0, None))[1]
+    if size is None:
+        raise InputError(
+            f"{where}: resolution {resolution!r} is unknown; NAOqi's are numbers or names like kVGA."
+        )
+    width, height = size
+    own = head.intrinsics
+    focal = [own.focal_x * width / own.width, own.focal_y * height / own.height]
+    for k, (name, pixels) in enumerate((("horizontal_fov", width), ("vertical_fov", height))):
+        if entries.get(name) is not None:
+            try:
+                angle = float(entries[name])
+            except (TypeError, ValueError):
+                angle = math.nan
+            if not 0.0 < angle < math.pi:
+                raise InputError(f"{where}: {name} {entries[name]!r} must be an angle [rad].")
+            focal[k] = pixels / 2 / math.tan(angle / 2)
+    return replace(
+        own,
+        width=width,
+        height=height,
+        focal_x=focal[0],
+        focal_y=focal[1],
+        center_x=(width - 1) / 2,
+        center_y=(height - 1) / 2,
+    )
+
+
+@dataclass(frozen=True)
+class StereoCalibration:
+    """Two cameras fixed to each other, with the full rotation between them.
+
+    Attributes:
+        left: Intrinsics of the left camera.
+        right: Intrinsics of the right camera.
+        X_RL: Pose of the left optical frame in the right one, [m].
+    """
+
+    left: CameraIntrinsics
+    right: CameraIntrinsics
+    X_RL: RigidTransform
+
+    def __post_init__(self) -> None:
+        if (self.left.width, self.left.height) != (self.right.width, self.right.height):
+            raise InputError(
+                f"stereo calibration: the left image is {self.left.width}x{self.left.height} and "
+                f"the right one {self.right.width}x{self.right.height}; they must be equal."
+            )
+        p_RL = self.X_RL.translation()
+        if not p_RL[0] < 0 or abs(p_RL[0]) < 2.0 * float(np.hypot(p_RL[1], p_RL[2])):
+            raise InputError(
+                f"stereo calibration: the left camera is at {np.round(p_RL, 4).tolist()} m in the "
+                "right camera's frame; it must be to its left (x negative). Are left and right "
+                "exchanged, or is the unit not metres?"
+            )
+
+
+def load_stereo(path: str | Path, *, unit: float = 1.0) -> StereoCalibration:
+    """Reads what OpenCV's `stereo_calib` sample writes: M1, D1, M2, D2, R, T and the image size.
+
+    Args:
+        path: A FileStorage with `M1`, `D1`, `M2`, `D2`, `R`, `T` (p_R = R p_L + T) and
+            `image_width`, `image_height` or `image_size`.
+        unit: Length of the unit of T [m]: that of the chessboard's squares in the calibration.
+    """
+    path = Path(path)
+    entries, where = _read(path), str(path)
+    _refuse_other_lenses(entries, where)
+    size = _image_size(entries, where)
+
+    def numbers(name: str, *others: str, count: int) -> npt.NDArray[np.float64]:
+        found = _first(entries, (name, *others))
+        values = None if found is None else _numbers(found[1])
+        if values is None or (count and values.size != count):
+            wanted = f"{count} numbers" if count else "a list of numbers"
+            raise InputError(f"{where}: {name} must be there as {wanted}.")
+        return values
+
+    cameras = []
+    for k in (1, 2):
+        matrix = numbers(f"M{k}", f"cameraMatrix{k}", f"K{k}", count=9).reshape(3, 3)
+        distortion = numbers(f"D{k}", f"distCoeffs{k}", count=0)
+        cameras.append(make_intrinsics(matrix, distortion, size, where=f"{where}: camera {k}"))
+    R = numbers("R", count=9).reshape(3, 3)
+    if np.abs(R @ R.T - np.eye(3)).max() > 1e-4 or np.linalg.det(R) < 0:
+        raise InputError(f"{where}: R must be a rotation matrix.")
+    T = numbers("T", count=3)
+    X_RL = RigidTransform(RotationMatrix.ProjectToRotationMatrix(R), unit * T)
+    try:
+        return StereoCalibration(cameras[0], cameras[1], X_RL)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error

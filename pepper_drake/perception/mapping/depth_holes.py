@@ -1,0 +1,445 @@
+"""Why a depth image has holes, other than by things too near to be measured.
+
+A hole is explained by one of these:
+
+- The sensor never measures there: a blank band along the image's border, or pixels that stayed
+  blank while the camera moved so far that a thing before it would have left them.
+- The projector does not light what is behind: something nearer is in between (see
+  `cameras.structured_light`).
+- The surface throws nothing back: the hole is closed all around, and small, or stayed at the same
+  place of the surface while the camera moved so far that what a nearer thing hides would be
+  elsewhere.
+"""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+from scipy.spatial import cKDTree
+
+from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays
+from pepper_drake.perception.cameras.structured_light import projector_displacement
+
+Array = npt.NDArray[np.float32]
+Mask = npt.NDArray[np.bool_]
+Points = npt.NDArray[np.floating]
+
+_CELL = 6
+"""Edge of the squares of pixels of which blindness is learned [pixels]."""
+_LEAST_VIEWS = 3
+"""A square is blind if it was blank in so many images at least."""
+_THING_DEPTHS = (0.2, 0.3, 0.4)
+"""Depths at which a thing before the camera is supposed when views are compared [m]."""
+_BAND = 0.08
+"""Widest blank band along the image's border, as a share of the image's width or height."""
+_SMALL = 0.025
+"""Size of a thing at the camera's near limit that is too small to matter [m]."""
+_RING = 4
+"""Width of the ring around a hole in which a surface is looked for [pixels]."""
+_CLOSED = 0.85
+"""Share of its ring that has to be measured for a hole to be closed."""
+_FLAT = 0.03
+"""Relative error of depth up to which a ring lies in one plane."""
+_SAME_PLACE = 0.04
+"""Places on a surface that are nearer to one another are the same [m]."""
+_SHADOW_SLACK = 3.0
+"""Error of the pattern's displacement at which a shadow is still explained [pixels]."""
+_HOLE_WIDTH = 7
+"""Edge of the square of pixels that have to have measured nothing, all of them [pixels]."""
+_HOLE_EDGE = _HOLE_WIDTH - 1
+"""By so much a region of blank pixels is narrower than its hole [pixels]."""
+_PLACE_STEP = 4
+"""One of so many pixels along both axes of a closed hole is followed."""
+
+
+@dataclass(frozen=True, eq=False)
+class HoleMemory:
+    """What earlier images told of holes. Never changed once made.
+
+    Attributes:
+        measured: Pixels (height, width) that have measured something so far; (0, 0) at first.
+        views: In how many images each square of pixels (rows, columns) was blank although something
+            is known to be there.
+        poses: (rows, columns, 12) the camera's orientation (row-major) and position [m] in the
+            first of them.
+        blind: Squares (rows, columns) known to be blind.
+        places: (K, 3) on surfaces, in W [m], from which nothing came back.
+        seen_from: (K, 3) the camera's position when each was first looked at, in W [m].
+        settled: (K,) those of which it is known that they are a property of the surface.
+    """
+
+    measured: Mask
+    views: npt.NDArray[np.int16]
+    poses: npt.NDArray[np.float32]
+    blind: Mask
+    places: npt.NDArray[np.float64]
+    seen_from: npt.NDArray[np.float64]
+    settled: Mask
+
+    @classmethod
+    def empty(cls) -> "HoleMemory":
+        """Returns the memory before the first image."""
+        none = np.zeros((0, 0), dtype=bool)
+        return cls(
+            none,
+            np.zeros((0, 0), np.int16),
+            np.zeros((0, 0, 12), np.float32),
+            none,
+            np.zeros((0, 3)),
+            np.zeros((0, 3)),
+            np.zeros(0, dtype=bool),
+        )
+
+    def of_size(self, height: int, width: int) -> "HoleMemory":
+        """The same, or a new one where the images have another size."""
+        if self.measured.shape == (height, width):
+            return self
+        rows, columns = -(-height // _CELL), -(-width // _CELL)
+        return replace(
+            HoleMemory.empty(),
+            measured=np.zeros((height, width), dtype=bool),
+            views=np.zeros((rows, columns), np.int16),
+            poses=np.zeros((rows, columns, 12), np.float32),
+            blind=np.zeros((rows, columns), dtype=bool),
+        )
+
+    def blind_pixels(self) -> Mask:
+        """Pixels (height, width) that never measure anything, as far as is known."""
+        height, width = self.measured.shape
+        squares = np.repeat(np.repeat(self.blind, _CELL, 0), _CELL, 1)[:height, :width]
+        return ~self.measured & (squares | border_band(self.measured))
+
+
+def border_band(measured: Mask) -> Mask:
+    """Finds blank bands along an image's border.
+
+    A band runs along most of a side. Its width is that of nine tenths of the blank runs from the
+    border inwards, as far as those are short enough to belong to a band.
+
+    Args:
+        measured: Pixels (height, width) that measured something.
+
+    Returns:
+        (height, width).
+    """
+    band = np.zeros(measured.shape, dtype=bool)
+    for axis in (0, 1):
+        for reverse in (False, True):
+            side = measured if axis == 1 else measured.T
+            side = side[:, ::-1] if reverse else side
+            told = side.any(axis=1)
+            if np.count_nonzero(told) < 0.25 * len(side):
+                continue
+            runs = np.argmax(side[told], axis=1)
+            widest = round(_BAND * side.shape[1])
+            short = runs[runs <= widest]
+            if np.count_nonzero(short > 0) < 0.5 * np.count_nonzero(told):
+                continue
+            width = int(np.quantile(short, 0.9)) + 1
+            view = band if axis == 1 else band.T
+            view = view[:, ::-1] if reverse else view
+            view[:, :width] = True
+    return band
+
+
+def blank_pixels(depth: Array, blind: Mask | None = None) -> Mask:
+    """Finds pixels that measured nothing, nor has any in the square of seven around them.
+
+    Args:
+        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        blind: Pixels that never measure anything and so tell nothing; none when left out.
+
+    Returns:
+        (height, width).
+    """
+    told = depth > 0
+    if blind is not None:
+        told = told | blind
+    square = np.ones((_HOLE_WIDTH, _HOLE_WIDTH), np.uint8)
+    blank: Mask = cv2.dilate(told.astype(np.uint8), square) == 0
+    return blank
+
+
+def learn_blindness(
+    memory: HoleMemory,
+    depth: Array,
+    expected: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+) -> HoleMemory:
+    """Takes in where an image is blank although something is known to be there.
+
+    A thing that makes the same pixels blank in images from two poses would have to move with the
+    camera. So pixels are blind when, between the poses, a thing before the camera moves farther in
+    the image than the blank region is wide.
+
+    Args:
+        memory: What was known before.
+        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        expected: Columns and rows (N,) at which something is known to be there.
+        intrinsics: The camera.
+        X_WC: Its pose.
+    """
+    memory = memory.of_size(*depth.shape)
+    measured = memory.measured | (depth > 0)
+    shape = memory.views.shape
+    alive = _any_in_cells(measured, shape)
+    wanted = np.zeros(shape, dtype=bool)
+    wanted[expected[1] // _CELL, expected[0] // _CELL] = True
+    blank = wanted & ~alive
+    first = blank & (memory.views == 0)
+    views = np.where(alive, 0, memory.views + blank).astype(np.int16)
+    poses = memory.poses
+    if first.any():
+        poses = poses.copy()
+        now = np.concatenate((X_WC.rotation().matrix().ravel(), X_WC.translation()))
+        poses[first] = now.astype(np.float32)
+    blind = memory.blind & ~alive
+    candidates = blank & ~blind & (views >= _LEAST_VIEWS)
+    if candidates.any():
+        regions, _, extents = _components((views > 0).astype(np.uint8))
+        wide = _CELL * (extents[regions[candidates]] + 1)
+        moved = _image_motion(np.argwhere(candidates), poses[candidates], intrinsics, X_WC)
+        blind = blind.copy()
+        blind[candidates] = moved > wide
+    return replace(memory, measured=measured, views=views, poses=poses, blind=blind)
+
+
+def _any_in_cells(pixels: Mask, shape: tuple[int, ...]) -> Mask:
+    """Cells (rows, columns) in which any pixel is set."""
+    rows, columns = shape
+    padded = np.zeros((rows * _CELL, columns * _CELL), dtype=bool)
+    padded[: pixels.shape[0], : pixels.shape[1]] = pixels
+    return np.asarray(padded.reshape(rows, _CELL, columns, _CELL).any(axis=(1, 3)))
+
+
+def _components(
+    mask: npt.NDArray[np.uint8],
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """Connected regions: labels, boxes (n, 4: left, top, width, height), larger extents (n,)."""
+    _, labels, statistics, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    return labels, statistics[:, :4], statistics[:, 2:4].max(axis=1)
+
+
+def _image_motion(
+    cells: npt.NDArray[np.int64],
+    poses: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+) -> npt.NDArray[np.float64]:
+    """How far things at cells (N, 2) of earlier views are from there now (N,) [pixels].
+
+    It is the least over the depths at which the thing may be; without end when it left the image.
+    """
+    pixels = cells[:, ::-1] * _CELL + 0.5 * _CELL
+    focal = np.array([intrinsics.focal_x, intrinsics.focal_y])
+    xy = (pixels - [intrinsics.center_x, intrinsics.center_y]) / focal
+    rays = np.column_stack([xy, np.ones(len(xy))])
+    R = poses[:, :9].reshape(-1, 3, 3).astype(float)
+    least = np.full(len(cells), np.inf)
+    for depth in _THING_DEPTHS:
+        p_W = np.einsum("nij,nj->ni", R, depth * rays) + poses[:, 9:]
+        p_C = (p_W - X_WC.translation()) @ X_WC.rotation().matrix()
+        moved = np.linalg.norm(intrinsics.project(p_C) - pixels, axis=1)
+        least = np.fmin(least, np.where(np.isfinite(moved), moved, np.inf))
+    return least
+
+
+def in_measured_shadow(
+    p_C: Points,
+    depth: Array,
+    intrinsics: CameraIntrinsics,
+    baseline: float,
+) -> Mask:
+    """Tells which hidden places lie in the projector's shadow of something that was measured.
+
+    From a place to the projector leads a line that shows in the image as part of the place's row:
+    at d pixels from it, the inverse depth is larger by d / (f b). Where a surface was measured at
+    that depth, it keeps the pattern away. On which side the projector is does not matter: both are
+    tried. How far the hidden surface is may not be known: the depth at which the row's blank run
+    ends is tried, too.
+
+    Args:
+        p_C: Hidden places (N, 3) in the camera frame [m], all seen by the camera.
+        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        intrinsics: The camera.
+        baseline: Distance of projector and camera [m].
+
+    Returns:
+        (N,).
+    """
+    reach = abs(intrinsics.focal_x * baseline)
+    if len(p_C) == 0 or reach == 0.0:
+        return np.zeros(len(p_C), dtype=bool)
+    columns, rows = np.rint(intrinsics.project(p_C)).astype(np.int64).T
+    # Edges are lost more often than not.
+    filled = np.where(depth > 0, depth, np.float32(np.inf))
+    nearest = cv2.erode(filled, np.ones((3, 3), np.uint8))
+    with np.errstate(divide="ignore"):
+        inverse = 1.0 / nearest
+    ends = _run_ends(depth, columns, rows)
+    # No surface that was measured is displaced by more.
+    steps = np.arange(1, int(np.ceil(reach / intrinsics.near)) + 1)
+    explained = np.zeros(len(p_C), dtype=bool)
+    for z in (p_C[:, 2], ends):
+        start = projector_displacement(z, intrinsics.focal_x, baseline)
+        wanted = (np.abs(start)[:, None] + steps) / reach
+        for side in (1, -1):
+            at = columns[:, None] + side * steps
+            inside = (at >= 0) & (at < intrinsics.width)
+            found = inverse[rows[:, None], np.clip(at, 0, intrinsics.width - 1)]
+            off = np.abs(found - wanted) * reach
+            explained |= (inside & (found > 0.0) & (off <= _SHADOW_SLACK)).any(axis=1)
+    return explained
+
+
+def _run_ends(
+    depth: Array, columns: npt.NDArray[np.int64], rows: npt.NDArray[np.int64]
+) -> npt.NDArray[np.float64]:
+    """The farther depth (N,) at the two ends of the rows' blank runs at pixels [m]; inf if none."""
+    width = depth.shape[1]
+    lines, line_of = np.unique(rows, return_inverse=True)
+    some = depth[lines]
+    places = np.where(some > 0, np.arange(width), -1)
+    left = np.maximum.accumulate(places, axis=1)[line_of, columns]
+    places = np.where(some > 0, np.arange(width), width)
+    right = np.minimum.accumulate(places[:, ::-1], axis=1)[:, ::-1][line_of, columns]
+    far = np.zeros(len(columns))
+    for end, valid in ((left, left >= 0), (right, right < width)):
+        z = some[line_of, np.clip(end, 0, width - 1)]
+        far = np.where(valid, np.maximum(far, z), far)
+    return np.where(far > 0.0, far, np.inf)
+
+
+def learn_dropouts(
+    memory: HoleMemory,
+    depth: Array,
+    blank: Mask,
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+) -> tuple[HoleMemory, Mask]:
+    """Takes in the closed holes of an image, and tells which are of the surface around them.
+
+    Args:
+        memory: What was known before.
+        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        blank: From `blank_pixels`.
+        intrinsics: The camera.
+        X_WC: Its pose.
+
+    Returns:
+        What is known now, and the pixels (height, width) of holes that are explained.
+    """
+    explained = np.zeros(depth.shape, dtype=bool)
+    labels, boxes, extents = _components(blank.astype(np.uint8))
+    largest = _SMALL / intrinsics.near * max(intrinsics.focal_x, intrinsics.focal_y)
+    p_WC = X_WC.translation()
+    places, seen_from = [memory.places], [memory.seen_from]
+    settled = [memory.settled]
+    tree = cKDTree(memory.places) if len(memory.places) else None
+    for label in range(1, len(boxes)):
+        closed, p_C = _closed_hole(depth, labels == label, boxes[label], intrinsics)
+        if not closed:
+            continue
+        # The blank pixels are fewer than the hole's by the square's edge.
+        if extents[label] + _HOLE_EDGE <= largest:
+            explained[labels == label] = True
+            continue
+        if p_C is None:
+            continue
+        p_W = p_C @ X_WC.rotation().matrix().T + p_WC
+        known = np.zeros(len(p_W), dtype=bool)
+        if tree is not None:
+            distance, index = tree.query(p_W, distance_upper_bound=_SAME_PLACE)
+            known = np.isfinite(distance)
+            old = index[known]
+            z = p_C[known, 2]
+            # What a thing at the near limit hides moves on the surface by this.
+            moved = np.linalg.norm(p_WC - memory.seen_from[old], axis=1)
+            moved = moved * (z / intrinsics.near - 1.0)
+            wide = (extents[label] + _HOLE_EDGE) / intrinsics.focal_x * z + _SAME_PLACE
+            settled[0] = settled[0].copy()
+            settled[0][old[moved > wide]] = True
+            if np.count_nonzero(settled[0][old]) > 0.5 * len(p_W):
+                explained[labels == label] = True
+        new = p_W[~known]
+        places.append(new)
+        seen_from.append(np.broadcast_to(p_WC, new.shape))
+        settled.append(np.zeros(len(new), dtype=bool))
+    memory = replace(
+        memory,
+        places=np.concatenate(places),
+        seen_from=np.concatenate(seen_from),
+        settled=np.concatenate(settled),
+    )
+    return _measured_again(memory, depth, intrinsics, X_WC), explained
+
+
+def _closed_hole(
+    depth: Array, blank: Mask, box: npt.NDArray[np.int32], intrinsics: CameraIntrinsics
+) -> tuple[bool, npt.NDArray[np.float64] | None]:
+    """Looks at what is around a region of blank pixels.
+
+    Args:
+        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        blank: The region (height, width).
+        box: Left, top, width and height of its box.
+        intrinsics: The camera.
+
+    Returns:
+        Whether it is closed, and if all around it is in one plane, places (M, 3) in that plane
+        behind the hole in the camera frame [m], else None.
+    """
+    grown = _HOLE_EDGE // 2 + _RING
+    left, top, right, bottom = box[0], box[1], box[0] + box[2], box[1] + box[3]
+    height, width = depth.shape
+    if left < grown or top < grown or right > width - grown or bottom > height - grown:
+        return False, None
+    rows = slice(top - grown, bottom + grown)
+    columns = slice(left - grown, right + grown)
+    region = blank[rows, columns].astype(np.uint8)
+    hole = cv2.dilate(region, np.ones((_HOLE_EDGE + 1,) * 2, np.uint8))
+    ring = cv2.dilate(hole, np.ones((2 * _RING + 1,) * 2, np.uint8)) > hole
+    around = depth[rows, columns]
+    told = ring & (around > 0)
+    if np.count_nonzero(told) < _CLOSED * np.count_nonzero(ring):
+        return False, None
+    # Inverse depth is linear in the pixel's place on a plane.
+    v, u = np.nonzero(told)
+    terms = np.column_stack([u, v, np.ones(len(u))])
+    inverse = 1.0 / around[told].astype(float)
+    plane = np.linalg.lstsq(terms, inverse, rcond=None)[0]
+    flat = np.abs(terms @ plane - inverse) <= _FLAT * inverse
+    if np.mean(flat) < _CLOSED:
+        return True, None
+    v, u = np.nonzero(region)
+    chosen = (v % _PLACE_STEP == 0) & (u % _PLACE_STEP == 0)
+    if not chosen.any():
+        chosen = np.arange(len(v)) == len(v) // 2
+    v, u = v[chosen], u[chosen]
+    behind = np.column_stack([u, v, np.ones(len(u))]) @ plane
+    if (behind <= 1.0 / intrinsics.far).any():
+        return True, None
+    rays = pixel_rays(intrinsics)[rows, columns][v, u].astype(float)
+    return True, rays / behind[:, None]
+
+
+def _measured_again(
+    memory: HoleMemory, depth: Array, intrinsics: CameraIntrinsics, X_WC: RigidTransform
+) -> HoleMemory:
+    """Forgets the places at which an image measures a surface."""
+    p_C = (memory.places - X_WC.translation()) @ X_WC.rotation().matrix()
+    ahead = np.flatnonzero((p_C[:, 2] > intrinsics.near) & intrinsics.sees(p_C))
+    if not len(ahead):
+        return memory
+    columns, rows = np.rint(intrinsics.project(p_C[ahead])).astype(np.int64).T
+    kept = np.ones(len(p_C), dtype=bool)
+    kept[ahead] = np.abs(depth[rows, columns] - p_C[ahead, 2]) > _SAME_PLACE
+    return replace(
+        memory,
+        places=memory.places[kept],
+        seen_from=memory.seen_from[kept],
+        settled=memory.settled[kept],
+    )

@@ -1,0 +1,185 @@
+"""Which depth images count: one that shows nothing, or the wrong thing, is no image.
+
+A camera that gives nothing must not pass for free space, nor one that hangs for a scene at rest.
+"""
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays
+
+Array = npt.NDArray[np.float32]
+
+
+class DepthFault(enum.IntEnum):
+    """Why a depth image is no image."""
+
+    NONE = 0
+    MISSING = 1
+    """There is none, or it has no pixels."""
+    LATE = 2
+    """Its time stamp is not a number, in the future, or not after the last one's."""
+    FROZEN = 3
+    """Its pixels are those of the last one, bit for bit."""
+    WRONG_SIZE = 4
+    """It has another size than the camera."""
+    BLANK = 5
+    """No pixel measured anything within the camera's range."""
+    CONSTANT = 6
+    """All pixels measured the same."""
+    BELOW_FLOOR = 7
+    """Much of it lies below the floor."""
+    CONTRADICTS_MAP = 8
+    """Much of what is known of the scene is not where it shows it."""
+
+
+FAULT_SENTENCES = {
+    DepthFault.NONE: "the depth camera's images are used",
+    DepthFault.MISSING: "the depth camera gave no image",
+    DepthFault.LATE: "the depth camera's time stamp stands, or is not of the present",
+    DepthFault.FROZEN: "the depth camera gives the same image again and again",
+    DepthFault.WRONG_SIZE: "the depth camera gives images of another size than its own",
+    DepthFault.BLANK: "the depth camera's images show nothing at all",
+    DepthFault.CONSTANT: "all pixels of the depth camera's images have the same value",
+    DepthFault.BELOW_FLOOR: "the depth camera's images show things below the floor",
+    DepthFault.CONTRADICTS_MAP: "the depth camera's images contradict what was seen before",
+}
+
+_NOTHING = (0, 2047, 65535, np.inf)
+"""Values by which cameras and drivers say that they measured nothing."""
+_SAME_SHARE = 0.04
+"""Spread of the relative errors of depth below which they are those of one wrong scale."""
+
+
+@dataclass(frozen=True)
+class ValidityParameters:
+    """When a depth image contradicts what is known.
+
+    Attributes:
+        margin: Depths that differ by less agree [m], ...
+        growth: ... and by so much more for each metre of depth.
+        contradicted: Share of the points that are held against the image from which on it
+            contradicts.
+        least_points: With fewer points nothing can be told.
+        expects_noise: Whether equal pixels mean that the camera hangs: real sensors are noisy. If
+            not, they do only after the camera has moved.
+    """
+
+    margin: float = 0.05
+    growth: float = 0.04
+    contradicted: float = 0.6
+    least_points: int = 300
+    expects_noise: bool = True
+
+
+def image_fault(
+    image: npt.NDArray[np.generic],
+    last: npt.NDArray[np.generic] | None,
+    intrinsics: CameraIntrinsics,
+    *,
+    moved: bool,
+    parameters: ValidityParameters,
+) -> DepthFault:
+    """Checks a raw depth image by itself, and against the one before.
+
+    Args:
+        image: Depth image (height, width[, 1]) of any integer or floating type.
+        last: The image before it; None if there was none.
+        intrinsics: The camera; its near and far are those of `depth`.
+        moved: Whether the camera has moved in between.
+        parameters: See there.
+
+    Returns:
+        MISSING, WRONG_SIZE, FROZEN, CONSTANT or NONE.
+    """
+    if image.size == 0:
+        return DepthFault.MISSING
+    if image.ndim == 3 and image.shape[2] == 1:
+        image = image[..., 0]
+    if image.shape != (intrinsics.height, intrinsics.width):
+        return DepthFault.WRONG_SIZE
+    first = image[0, 0]
+    if bool((image == first).all()):
+        return DepthFault.BLANK if first in _NOTHING else DepthFault.CONSTANT
+    if last is not None and (moved or parameters.expects_noise):
+        if last.ndim == 3 and last.shape[2] == 1:
+            last = last[..., 0]
+        # NaN is no number, but the same bits.
+        if last.dtype == image.dtype and last.shape == image.shape:
+            floating = image.dtype.kind == "f"
+            if bool(np.array_equal(image, last, equal_nan=floating)):
+                return DepthFault.FROZEN
+    return DepthFault.NONE
+
+
+def depth_fault(
+    depth: Array,
+    X_WC: RigidTransform,
+    known: npt.NDArray[np.floating],
+    intrinsics: CameraIntrinsics,
+    parameters: ValidityParameters,
+) -> DepthFault:
+    """Checks a depth image against the floor and against what was seen before.
+
+    Args:
+        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        X_WC: The camera's pose; z = 0 in W is the floor.
+        known: Points (P, 3) on surfaces that were seen often, in W [m], without the robot.
+        intrinsics: The camera.
+        parameters: See there.
+
+    Returns:
+        BLANK, BELOW_FLOOR, CONTRADICTS_MAP or NONE.
+    """
+    if not depth.any():
+        return DepthFault.BLANK
+    if _share_below_floor(depth, X_WC, intrinsics, parameters) > parameters.contradicted:
+        return DepthFault.BELOW_FLOOR
+    p_C = (np.asarray(known, dtype=float) - X_WC.translation()) @ X_WC.rotation().matrix()
+    p_C = p_C[(p_C[:, 2] > intrinsics.near) & (p_C[:, 2] < intrinsics.far)]
+    p_C = p_C[intrinsics.sees(p_C, margin=2.0)]
+    columns, rows = np.rint(intrinsics.project(p_C)).astype(np.int64).T
+    if len(p_C) < parameters.least_points:
+        return DepthFault.NONE
+    # A surface that is where it was shows its depth at one of nine pixels at least.
+    off = np.full(len(p_C), np.inf)
+    for down in (-2, 0, 2):
+        for right in (-2, 0, 2):
+            z = depth[rows + down, columns + right]
+            other = np.where(z > 0.0, z - p_C[:, 2], np.inf)
+            off = np.where(np.abs(other) < np.abs(off), other, off)
+    told = np.isfinite(off)
+    if np.count_nonzero(told) < parameters.least_points:
+        return DepthFault.NONE
+    off, z = off[told], p_C[told, 2]
+    allowed = parameters.margin + parameters.growth * z
+    if np.mean(off > allowed) > parameters.contradicted:
+        return DepthFault.CONTRADICTS_MAP
+    # What is nearer may be a thing that came, unless all is nearer by the same share.
+    low, high = np.quantile(off / z, [0.2, 0.8])
+    if np.mean(-off > allowed) > parameters.contradicted and high - low < _SAME_SHARE:
+        return DepthFault.CONTRADICTS_MAP
+    return DepthFault.NONE
+
+
+def _share_below_floor(
+    depth: Array,
+    X_WC: RigidTransform,
+    intrinsics: CameraIntrinsics,
+    parameters: ValidityParameters,
+) -> float:
+    """Share of every sixth pixel's points, of those that look down, that are below the floor."""
+    stride = 6
+    z = depth[stride // 2 :: stride, stride // 2 :: stride]
+    down = X_WC.rotation().matrix()[2].astype(np.float32)
+    slope = pixel_rays(intrinsics, stride) @ down
+    told = (z > 0.0) & (slope < -0.1)
+    if np.count_nonzero(told) * stride**2 < parameters.least_points:
+        return 0.0
+    height = float(X_WC.translation()[2]) + slope[told] * z[told]
+    allowed = parameters.margin + parameters.growth * z[told]
+    return float(np.mean(height < -allowed))

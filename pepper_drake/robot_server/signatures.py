@@ -1,0 +1,132 @@
+"""Methods and signals of NAOqi's services as data, and how a service is made from them.
+
+`signatures.csv` holds names, types and uids. Those of ALMotion, ALMemory, ALRobotPosture and most
+others are as scanned from robots (NAOqi 2.1 and, where a service is newer, 2.8); the rest follow
+the documentation of NAOqi 2.5 and stand after the scanned ones. `moveTo` answers as documented
+for Pepper, with true or false.
+"""
+
+import csv
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from typing import Any, TypeVar
+
+from pepper_drake.robot_server.service import Service, ServiceError
+
+_TABLE = "signatures.csv"
+_SIGNAL = "signal"
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class MethodSignature:
+    """A method of a service.
+
+    Attributes:
+        uid: Its number.
+        name: Its name.
+        parameters: Signature of its arguments, a tuple.
+        returns: Signature of its value.
+    """
+
+    uid: int
+    name: str
+    parameters: str
+    returns: str
+
+
+@dataclass(frozen=True)
+class SignalSignature:
+    """A signal of a service: its number, name and the tuple that it carries."""
+
+    uid: int
+    name: str
+    parameters: str
+
+
+@dataclass(frozen=True)
+class ServiceSignature:
+    """A service: its name, methods and signals."""
+
+    name: str
+    methods: tuple[MethodSignature, ...]
+    signals: tuple[SignalSignature, ...]
+
+
+@lru_cache(maxsize=1)
+def service_signatures() -> dict[str, ServiceSignature]:
+    """Returns the signatures of all services by name."""
+    methods: dict[str, list[MethodSignature]] = {}
+    signals: dict[str, list[SignalSignature]] = {}
+    text = resources.files("pepper_drake.robot_server").joinpath(_TABLE).read_text("utf-8")
+    for row in csv.DictReader(text.splitlines()):
+        service, uid, name = row["service"], int(row["uid"]), row["name"]
+        methods.setdefault(service, [])
+        if row["returns"] == _SIGNAL:
+            signals.setdefault(service, []).append(SignalSignature(uid, name, row["parameters"]))
+        else:
+            methods[service].append(MethodSignature(uid, name, row["parameters"], row["returns"]))
+    return {
+        name: ServiceSignature(name, tuple(methods[name]), tuple(signals.get(name, ())))
+        for name in methods
+    }
+
+
+def with_caller(handler: F) -> F:
+    """Marks a method that wants the `Caller` as its first argument."""
+    handler.wants_caller = True  # type: ignore[attr-defined]
+    return handler
+
+
+def python_name(name: str) -> str:
+    """Returns the Python method behind one of NAOqi: `getHorizontalFOV`, `get_horizontal_fov`."""
+    parts = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name.lstrip("_"))
+    return parts.lower()
+
+
+def make_service(
+    name: str, implementation: object, *, on_unserved: Callable[[str], None] | None = None
+) -> Service:
+    """Makes a service whose table is the robot's.
+
+    A method is served by the implementation's method of that name in Python's style, which also
+    serves its overloads. One that it lacks answers with the error "NAME: not simulated".
+
+    Args:
+        name: A service of the table.
+        implementation: Has the methods.
+        on_unserved: Called with a method's full name when it is asked for but not simulated.
+
+    Returns:
+        The service.
+    """
+    signature = service_signatures()[name]
+    service = Service(name)
+    for method in signature.methods:
+        handler = getattr(implementation, python_name(method.name), None)
+        if handler is None:
+            handler = _refusal(f"{name}::{method.name}", on_unserved)
+        service.add_method(
+            method.name,
+            method.parameters,
+            method.returns,
+            handler,
+            uid=method.uid,
+            wants_caller=getattr(handler, "wants_caller", False),
+        )
+    for signal in signature.signals:
+        service.add_signal(signal.name, signal.parameters, uid=signal.uid)
+    return service
+
+
+def _refusal(name: str, on_unserved: Callable[[str], None] | None) -> Callable[..., None]:
+    def refuse(*_: Any) -> None:
+        if on_unserved is not None:
+            on_unserved(name)
+        raise ServiceError(f"{name}: not simulated")
+
+    return refuse
