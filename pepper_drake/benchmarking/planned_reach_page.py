@@ -6,6 +6,7 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
+from pepper_drake.systems.framework import build
 from pepper_drake.benchmarking.known_scene import GroundTruthScene
 from pepper_drake.diagrams.reach_simulation import frame_view
 from pepper_drake.models.objects import add_scene
@@ -33,7 +34,7 @@ def _record(meshcat: Meshcat, known: GroundTruthScene, motion: Array, base_pose:
     plant.Finalize()
     frame_view(meshcat, known.scene)
     visualizer = MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
-    diagram = builder.Build()
+    diagram = build(builder)
     context = diagram.CreateDefaultContext()
     plant_context = plant.GetMyMutableContextFromRoot(context)
     visualizer.StartRecording(False)

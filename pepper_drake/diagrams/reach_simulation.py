@@ -29,6 +29,7 @@ from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
+from pepper_drake.systems.framework import build
 
 Vector = npt.NDArray[np.float64]
 
@@ -92,7 +93,7 @@ class ReachSimulation:
                 reaching.GetOutputPort("ground_truth.query"),
                 self._visualizer.query_object_input_port(),
             )
-            system = builder.Build()
+            system = build(builder)
         self.simulator = Simulator(system)
         self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
         self._fault = ""

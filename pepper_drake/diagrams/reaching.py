@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     LogVectorOutput,
     MatrixGain,
@@ -41,6 +41,7 @@ from pepper_drake.planning.ik.differential_ik import (
 )
 from pepper_drake.planning.reach.reach_planner import ReachPlanner, ReachPlannerParams
 from pepper_drake.planning.reach.reach_state import ReachTiming
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
 from pepper_drake.systems.primitive.hand_goal_pose import HandGoalPose
@@ -116,7 +117,7 @@ class Reaching(Diagram):
         self._add_logs()
         builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
         del self._builder
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _connect(self, source: OutputPort, system: object, *names: str) -> None:
         for name in names:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PdControllerGains
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     LogVectorOutput,
     MatrixGain,
@@ -26,6 +26,7 @@ from pepper_drake.planning.ik.differential_ik import (
     hand_key,
     make_differential_ik,
 )
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
 from pepper_drake.systems.primitive.nominal_posture import NominalPosture
@@ -141,7 +142,7 @@ class Reproduction(Diagram):
         self._add_push()
         self._export()
         del self._builder
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _connect(self, source: OutputPort, system: object, *names: str) -> None:
         for name in names:

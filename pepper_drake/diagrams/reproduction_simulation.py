@@ -17,6 +17,7 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.correction import ReproducedMotion
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.pepper import posture_positions
+from pepper_drake.systems.framework import build
 from pepper_drake.systems.guiding.external_force import ForcePulse, ScriptedForce
 
 Vector = npt.NDArray[np.float64]
@@ -123,7 +124,7 @@ def reproduce(
         visualizer = builder.AddNamedSystem("visualizer", MeshcatVisualizer(options.meshcat))
         builder.Connect(diagram.GetOutputPort("query"), visualizer.query_object_input_port())
         options.meshcat.StartRecording(set_visualizations_while_recording=options.realtime)
-    system = builder.Build()
+    system = build(builder)
     simulator = Simulator(system)
     simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
     root = simulator.get_mutable_context()

@@ -1,6 +1,7 @@
 """PepperStation: the simulated robot in its scene, with the ports that the real robot has."""
 
 import functools
+import gc
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -8,7 +9,7 @@ import numpy as np
 from pydrake.geometry import GeometryId, MakeRenderEngineVtk, RenderEngineVtkParams, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     MatrixGain,
     Multiplexer,
@@ -30,6 +31,7 @@ from pepper_drake.perception.cameras.noise import ColorNoise, DepthNoise
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import STEREO_CLOUD
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.base_velocity_controller import BaseVelocityController
 from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
 from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
@@ -145,6 +147,8 @@ class PepperStation(Diagram):
 
     def __init__(self, scene: Scene, config: StationConfig, model: ControlModel) -> None:
         super().__init__()
+        # An earlier station takes 100 MB, but is so few objects that nobody looks for it so soon.
+        gc.collect()
         self.config = config
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
@@ -191,7 +195,7 @@ class PepperStation(Diagram):
             plant.get_body_spatial_velocities_output_port(), "ground_truth.body_velocities"
         )
         builder.ExportInput(plant.get_applied_spatial_force_input_port(), "applied_forces")
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def robot_geometries(self) -> set[GeometryId]:
         """Pepper's collision geometries."""

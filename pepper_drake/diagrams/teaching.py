@@ -6,11 +6,12 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PdControllerGains
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from pepper_drake.diagrams.lone_pepper import LIMP, add_lone_pepper
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.guiding.hand_guide import HandGuide, HandGuideParams
 from pepper_drake.systems.guiding.motion_recorder import MotionRecorder
 
@@ -100,7 +101,7 @@ class Teaching(Diagram):
         builder.ExportOutput(robot.kinematics.GetOutputPort("torso_pose"), "torso_pose")
         builder.ExportOutput(robot.joint_position, "joint_position")
         builder.ExportOutput(robot.scene_graph.get_query_output_port(), "query")
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _add_hand_guide(self, builder: DiagramBuilder, params: HandGuideParams | None) -> None:
         plant = self.plant

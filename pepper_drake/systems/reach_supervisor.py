@@ -16,7 +16,6 @@ from pydrake.systems.framework import (
     DependencyTicket,
     EventStatus,
     InputPort,
-    LeafSystem,
     State,
 )
 from scipy.spatial import cKDTree
@@ -29,6 +28,7 @@ from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_planner import PlanStatus, ReachPlanner
 from pepper_drake.planning.reach.reach_state import ReachState, ReachTiming
 from pepper_drake.planning.reach.replanner import Observation, ReachReplanner
+from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
 

@@ -2,11 +2,12 @@
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, InputPort
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.phase import relative_time_at
+from pepper_drake.systems.framework import LeafSystem
 
 
 class NominalPosture(LeafSystem):

@@ -1,9 +1,10 @@
 """Lets a movement wait for a hand that is held or pushed."""
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
+from pepper_drake.systems.framework import LeafSystem
 
 
 class PhaseStoppingCoupling(LeafSystem):

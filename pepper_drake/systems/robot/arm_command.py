@@ -4,10 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, InputPort
 
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.ik.command_limits import limit_joint_command
+from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
 

@@ -3,7 +3,9 @@
 from enum import IntEnum
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import BasicVector, Context, InputPort, OutputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class ArmMode(IntEnum):

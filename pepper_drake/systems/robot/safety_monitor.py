@@ -2,17 +2,11 @@
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiscreteValues,
-    InputPort,
-    LeafSystem,
-    ValueProducer,
-)
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
 
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.ik.command_check import StopReason, check_command
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 
 class SafetyMonitor(LeafSystem):

@@ -3,7 +3,6 @@
 import weakref
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +20,7 @@ from pepper_drake.models.pepper import add_pepper
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.cameras.camera import HeadCamera, make_render_cameras
 from pepper_drake.perception.cameras.image_future import ImageFuture, Pixels
+from pepper_drake.systems.framework import build, release
 
 _RENDERER = "vtk"
 
@@ -69,9 +69,14 @@ class _RenderingDiagram:
             )
             self._images[name] = (offset, image.get_output_port())
         builder.ExportInput(poses.get_input_port(), "positions")
-        self._diagram = builder.Build()
+        self._diagram = build(builder)
         self._simulator = Simulator(self._diagram)
         self._rounds = 0
+
+    def close(self) -> None:
+        """Frees the renderer, on this thread."""
+        self._images.clear()
+        release(self._diagram)
 
     def default_positions(self) -> npt.NDArray[np.float64]:
         """Positions of the plant that it was made with."""
@@ -150,6 +155,11 @@ def _start(
     on_thread.append(rendering)
 
 
-def _stop(executor: ThreadPoolExecutor, on_thread: list[Any]) -> None:
-    executor.submit(on_thread.clear)
+def _stop(executor: ThreadPoolExecutor, on_thread: list[_RenderingDiagram]) -> None:
+    executor.submit(_close, on_thread)
     executor.shutdown(wait=False)
+
+
+def _close(on_thread: list[_RenderingDiagram]) -> None:
+    while on_thread:
+        on_thread.pop().close()

@@ -12,7 +12,6 @@ from pydrake.systems.framework import (
     Context,
     EventStatus,
     InputPort,
-    LeafSystem,
     OutputPort,
     State,
 )
@@ -32,6 +31,7 @@ from pepper_drake.perception.cameras.noise import (
     degrade_color,
     degrade_depth,
 )
+from pepper_drake.systems.framework import LeafSystem
 
 
 @dataclass(frozen=True)
