@@ -96,17 +96,18 @@ def build(builder: framework.DiagramBuilder) -> framework.Diagram:
     return diagram
 
 
-def release(diagram: framework.Diagram) -> None:
+def release(diagram: framework.Diagram, *others: framework.System) -> None:
     """Lets a diagram of `build` go on this thread as soon as its last user does.
 
     What renders has to go on the thread that made it; the garbage collector runs on any.
 
     Args:
         diagram: Of systems of C++ alone; nothing may be asked of it any more.
+        others: Systems that belong to it without being in it.
     """
-    for peers in list(vars(diagram).pop("_kept").values()):
-        for part in peers:
-            vars(part).clear()
+    parts = [part for peers in vars(diagram).pop("_kept").values() for part in peers]
+    for part in (*parts, *others):
+        vars(part).clear()
 
 
 def _hand_over(builder: framework.DiagramBuilder, diagram: framework.Diagram) -> None:

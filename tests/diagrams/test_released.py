@@ -56,11 +56,12 @@ def renderers():
 def systems():
     """All of our own systems that are there."""
     gc.collect()
-    gc.collect()
     end = time.monotonic() + 20
     while renderers() and time.monotonic() < end:
         time.sleep(0.05)  # A list of all objects would keep from them what they are to free.
     assert not renderers()
+    gc.collect()
+    gc.collect()
     ours = (o for o in gc.get_objects() if isinstance(o, SystemBase))
     return {id(o): type(o).__name__ for o in ours if type(o).__module__.startswith("pepper_drake")}
 
