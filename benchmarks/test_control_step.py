@@ -65,7 +65,6 @@ def make_controller():
     ik = builder.AddSystem(make_differential_ik(model, arm, params))
     command = builder.AddSystem(
         ArmCommand(
-            arm=arm,
             limits=model.command_limits(arm_joints(arm)),
             start_position=start,
             time_step=TIME_STEP,

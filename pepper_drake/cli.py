@@ -50,7 +50,7 @@ def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
         description: The help text, usually the module's docstring.
     """
     parser = OneLineParser(
-        prog=f"{name}.py",
+        prog=program if (program := sys.argv[0]).startswith("pepper-drake ") else f"{name}.py",
         description=description,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -20,6 +20,7 @@ FLOORS = (
     ("optimization", "benchmarking", "live"),
     ("reporting",),
     ("playback",),
+    ("__main__",),
 )
 """Rooms from the ground up; those on one floor do not import one another."""
 

@@ -6,11 +6,11 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
-from pepper_drake.systems.framework import build
 from pepper_drake.benchmarking.known_scene import GroundTruthScene
 from pepper_drake.diagrams.reach_simulation import frame_view
 from pepper_drake.models.objects import add_scene
 from pepper_drake.models.pepper import add_pepper
+from pepper_drake.systems.framework import build
 from pepper_drake.web.drake_page import offline_meshcat
 
 Array = npt.NDArray[np.float64]

@@ -203,7 +203,6 @@ class LiveTeaching(Diagram):
         self.arm_command = builder.AddNamedSystem(
             "arm_command",
             ArmCommand(
-                arm=arm,
                 limits=self._model.command_limits(
                     arm_joints(arm), speed_fraction=params.speed_fraction
                 ),

@@ -10,6 +10,7 @@ from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import AffineSystem, MatrixGain
 
+from pepper_drake.diagrams.station import add_gravity_compensation
 from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS, add_pepper, arm_group
 from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
@@ -92,6 +93,7 @@ def add_lone_pepper(
             held_state[row] = positions[name]
     target = builder.AddNamedSystem("desired_state", AffineSystem(D=from_arm, y0=held_state))
     builder.Connect(target.get_output_port(), plant.get_desired_state_input_port(pepper))
+    add_gravity_compensation(builder, plant)
 
     kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(shared_control_model()))
     joints = _add_selector(builder, plant, "joint_position", BODY_JOINTS)

@@ -9,7 +9,7 @@ from pydrake.geometry import MakeRenderEngineVtk, RenderEngineVtkParams, SceneGr
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.systems.primitives import LogVectorOutput
 from pydrake.systems.sensors import RgbdSensor
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -17,6 +17,7 @@ from pepper_drake.diagrams.recording import (
     Recording,
     RecordOptions,
     Session,
+    drag_joints,
     make_teaching,
     measured_recording,
 )
@@ -103,11 +104,7 @@ def record_marker(
         times, joints.T, zero_end_point_derivatives=True
     )
     builder, teaching = make_teaching(script, "joints", options)
-    source = builder.AddNamedSystem(
-        "followed_joints",
-        TrajectorySource(angles, output_derivative_order=1, zero_derivatives_beyond_limits=True),
-    )
-    builder.Connect(source.get_output_port(), teaching.GetInputPort("joint_target"))
+    drag_joints(builder, teaching, angles)
     session = Session(build(builder), teaching, options)
     recorded, motion, stopped = session.run(float(times[-1]) + script.rest, script.name)
     led = np.column_stack(

@@ -228,6 +228,8 @@ class Reaching(Diagram):
             "goal_position": self.hand_goal.GetOutputPort("goal_position"),
             "cloud": self.cloud_source.GetOutputPort("cloud"),
             "cloud_time": self.cloud_source.GetOutputPort("time_stamp"),
+            "cloud_age": self.cloud_source.GetOutputPort("age"),
+            "cloud_fault": self.cloud_source.GetOutputPort("fault"),
             "approaching": self.cloud_source.GetOutputPort("approaching"),
             "joint_position": station.GetOutputPort("joint_position"),
             "base_pose": station.GetOutputPort("base_pose"),
@@ -344,7 +346,6 @@ class Reaching(Diagram):
         self.arm_command = builder.AddNamedSystem(
             "arm_command",
             ArmCommand(
-                arm=arm,
                 limits=model.command_limits(arm_joints(arm), speed_fraction=params.speed_fraction),
                 start_position=[self.scene.robot.positions()[name] for name in arm_joints(arm)],
                 time_step=params.time_step,

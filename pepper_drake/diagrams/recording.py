@@ -18,7 +18,7 @@ from pepper_drake.diagrams.teaching import Teaching
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.learning import Demonstration
 from pepper_drake.learning.demonstrations.recording import RecordingWriter, without_rest
-from pepper_drake.models.control_model import shared_control_model
+from pepper_drake.models.control_model import CONTROL_PERIOD, shared_control_model
 from pepper_drake.models.guide import GuideScript
 from pepper_drake.models.joint_script import JointScript
 from pepper_drake.models.pad_script import PadScript
@@ -175,11 +175,7 @@ def record_joints(script: JointScript, options: RecordOptions | None = None) -> 
     options = options or RecordOptions()
     builder, teaching = make_teaching(script, "joints", options)
     path = joint_path(script)
-    source = builder.AddNamedSystem(
-        "scripted_joints",
-        TrajectorySource(path, output_derivative_order=1, zero_derivatives_beyond_limits=True),
-    )
-    builder.Connect(source.get_output_port(), teaching.GetInputPort("joint_target"))
+    drag_joints(builder, teaching, path)
     session = Session(build(builder), teaching, options)
     recorded, motion, stopped = session.run(path.end_time() + script.rest, script.name)
     geometry = ArmGeometry(shared_control_model(), script.arm)
@@ -215,6 +211,14 @@ def record_pad(script: PadScript, options: RecordOptions | None = None) -> Recor
     recorded, motion, stopped = session.run(script.end_time + script.rest, script.name)
     log = steered.FindLog(session.simulator.get_context())
     return measured_recording(recorded, motion, stopped, log.data().T)
+
+
+def drag_joints(builder: DiagramBuilder, teaching: Teaching, path: PiecewisePolynomial) -> None:
+    """Adds what drags the taught arm's joints along angles (5,) [rad] over time."""
+    ahead = path.Clone()
+    ahead.shiftRight(-CONTROL_PERIOD)
+    source = builder.AddNamedSystem("joint_path", TrajectorySource(ahead))
+    builder.Connect(source.get_output_port(), teaching.GetInputPort("joint_target"))
 
 
 def joint_path(script: JointScript) -> PiecewisePolynomial:

@@ -218,7 +218,6 @@ class Reproduction(Diagram):
         command = builder.AddNamedSystem(
             "arm_command",
             ArmCommand(
-                arm=arm,
                 limits=model.command_limits(arm_joints(arm), speed_fraction=params.speed_fraction),
                 start_position=[self._positions[name] for name in arm_joints(arm)],
                 time_step=params.time_step,

@@ -1,14 +1,16 @@
 """PepperStation: the simulated robot in its scene, with the ports that the real robot has."""
 
+import dataclasses
 import functools
 import gc
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.geometry import GeometryId, MakeRenderEngineVtk, RenderEngineVtkParams, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
+from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     MatrixGain,
@@ -17,9 +19,14 @@ from pydrake.systems.primitives import (
 )
 
 from pepper_drake.diagrams.stereo_camera import StereoCamera
-from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
-from pepper_drake.models.objects import SceneModels, add_scene
-from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper
+from pepper_drake.models.control_model import (
+    BODY_JOINTS,
+    CONTROL_PERIOD,
+    ControlModel,
+    body_indices,
+)
+from pepper_drake.models.objects import NO_SCENE, SceneModels, add_scene
+from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper, posture_positions
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.cameras.camera import (
     CAMERA_BOTTOM,
@@ -41,14 +48,23 @@ from pepper_drake.systems.sensing.camera_model import CameraModel
 
 RENDERER = "vtk"
 _STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
-"""Proportional and derivative gain of what carries the rest, over a joint's. No firmer: of stiffer
-gains the rounding exceeds the contact solver's tolerance once all is at rest, and it gives up."""
+"""Proportional and derivative gain of what carries the rest, over a joint's."""
 _HAND_PORTS = tuple(
     f"{arm}_hand_{what}"
     for arm in ("left", "right")
     for what in ("pose", "position", "orientation")
 )
-NO_DEPTH_NOISE = DepthNoise(floor=0.0, growth=0.0, edge_loss=0.0, edge_mix=0.0, loss=0.0)
+NO_DEPTH_NOISE = DepthNoise(
+    floor=0.0,
+    growth=0.0,
+    edge_loss=0.0,
+    edge_mix=0.0,
+    loss=0.0,
+    baseline=0.0,
+    grazing=0.0,
+    dark_share=0.0,
+    border=0,
+)
 
 
 @dataclass
@@ -83,6 +99,35 @@ class StationConfig:
     """Of a joint at stiffness 1, N m/rad (N/m for the base's x and y); body and base have more."""
     derivative_gain: float = 10.0
     """Of a joint at any stiffness above zero, N m s/rad; body and base have more."""
+
+
+def select_joints(
+    builder: DiagramBuilder, joint_position: OutputPort, name: str, joints: Sequence[str]
+) -> OutputPort:
+    """Adds what picks some joints out of a port in the order of `BODY_JOINTS`."""
+    selector = builder.AddNamedSystem(
+        name, MatrixGain(D=np.eye(len(BODY_JOINTS))[body_indices(joints)])
+    )
+    builder.Connect(joint_position, selector.get_input_port())
+    return selector.get_output_port()
+
+
+def add_gravity_compensation(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
+    """Has every motor of a finalized plant carry its share of the weight.
+
+    Pepper's motor controllers do so, and what moves along a path hangs on motors, too. The arm
+    that is led by hand is compensated like all others. Gravity must not be switched off instead:
+    the contact solver (SAP) stops when its residual is small beside momenta and impulses. At rest
+    without gravity both are zero, and the rounding of stiff gains is never small enough.
+    """
+    weights = builder.AddNamedSystem(
+        "gravity_compensation",
+        InverseDynamics(plant, InverseDynamics.InverseDynamicsMode.kGravityCompensation),
+    )
+    efforts = builder.AddNamedSystem("efforts", MatrixGain(D=plant.MakeActuationMatrix().T))
+    builder.Connect(plant.get_state_output_port(), weights.get_input_port_estimated_state())
+    builder.Connect(weights.get_output_port(), efforts.get_input_port())
+    builder.Connect(efforts.get_output_port(), plant.get_actuation_input_port())
 
 
 class PepperStation(Diagram):
@@ -139,13 +184,27 @@ class PepperStation(Diagram):
         plant: The plant with Pepper and the scene.
         scene_graph: Its geometry.
         pepper: Pepper's model instance.
-        scene_models: The scene's bodies.
+        scene_models: The scene's bodies; none where Pepper is alone.
         renderer: Of the cameras' images, if there are cameras.
         depth_intrinsics: Of the images of the depth camera, or of the stereo pair in its place.
         obstacle_parameters: How obstacles are best seen in them.
     """
 
-    def __init__(self, scene: Scene, config: StationConfig, model: ControlModel) -> None:
+    def __init__(
+        self,
+        scene: Scene | None,
+        config: StationConfig,
+        model: ControlModel,
+        positions: Mapping[str, float] | None = None,
+    ) -> None:
+        """Makes the station.
+
+        Args:
+            scene: Where Pepper stands; None for Pepper alone, without cameras.
+            config: How it is simulated.
+            model: Pepper's kinematics.
+            positions: Where every joint starts [rad, m], by name; as in the scene if left out.
+        """
         super().__init__()
         # An earlier station takes 100 MB, but is so few objects that nobody looks for it so soon.
         gc.collect()
@@ -153,7 +212,7 @@ class PepperStation(Diagram):
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
-        self.obstacle_parameters = ObstacleParameters()
+        self.obstacle_parameters = self._expecting_noise(ObstacleParameters())
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlant(
             MultibodyPlantConfig(
@@ -166,26 +225,30 @@ class PepperStation(Diagram):
         )
         self.plant: MultibodyPlant = plant
         self.scene_graph: SceneGraph = scene_graph
-        if config.cameras and config.stereo:
+        if scene is not None and config.cameras and config.stereo:
             scene_graph.AddRenderer(RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
         self.pepper: ModelInstanceIndex = add_pepper(plant)
         for group in JOINT_GROUPS:
             self.set_stiffness(group, config.stiffness.get(group, 1.0))
-        self.scene_models: SceneModels = add_scene(plant, scene)
+        self.scene_models: SceneModels = NO_SCENE if scene is None else add_scene(plant, scene)
         plant.Finalize()
         plant.set_name("plant")
         scene_graph.set_name("scene_graph")
-        self._set_start(scene)
+        if positions is None:
+            positions = posture_positions("stand") if scene is None else scene.robot.positions()
+        for name, position in positions.items():
+            plant.GetJointByName(name, self.pepper).set_default_positions([position])
 
         measured = self._add_measurements(builder)
-        self._add_actuation(builder, measured, scene)
+        self._add_actuation(builder, measured, positions)
         self._add_motions(builder)
+        add_gravity_compensation(builder, plant)
         kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model))
         builder.Connect(measured["joint_position"], kinematics.joint_position_input)
         builder.Connect(measured["base_pose"], kinematics.base_pose_input)
         for name in ("robot_position", "torso_pose", *_HAND_PORTS):
             builder.ExportOutput(kinematics.GetOutputPort(name), name)
-        if config.cameras:
+        if scene is not None and config.cameras:
             self._add_cameras(builder, kinematics, scene)
 
         builder.ExportOutput(scene_graph.get_query_output_port(), "ground_truth.query")
@@ -235,12 +298,6 @@ class PepperStation(Diagram):
             actuator = self.plant.GetJointActuatorByName(name, self.pepper)
             self.plant.get_mutable_joint_actuator(actuator.index()).set_controller_gains(gains)
 
-    def _set_start(self, scene: Scene) -> None:
-        """Makes the scene's robot pose and posture the default of every context."""
-        for name, angle in scene.robot.positions().items():
-            joint = self.plant.GetJointByName(name, self.pepper)
-            joint.set_default_positions([angle])
-
     def _add_measurements(self, builder: DiagramBuilder) -> dict[str, OutputPort]:
         """Splits the plant's state into what joint encoders and odometry measure."""
         plant = self.plant
@@ -263,7 +320,10 @@ class PepperStation(Diagram):
         return ports
 
     def _add_actuation(
-        self, builder: DiagramBuilder, measured: dict[str, OutputPort], scene: Scene
+        self,
+        builder: DiagramBuilder,
+        measured: dict[str, OutputPort],
+        start: Mapping[str, float],
     ) -> None:
         """Turns joint and base commands into the desired state of the plant's servos."""
         plant, config = self.plant, self.config
@@ -271,7 +331,6 @@ class PepperStation(Diagram):
             "joint_servo", JointCommandInterpolator(len(BODY_JOINTS), config.command_period)
         )
         builder.ExportInput(joints.get_input_port(), "joint_position_command")
-        start = scene.robot.positions()
         base = builder.AddNamedSystem(
             "base_servo",
             BaseVelocityController(
@@ -389,7 +448,12 @@ class PepperStation(Diagram):
         builder.Connect(self.scene_graph.get_query_output_port(), stereo.GetInputPort("query"))
         self._export_camera(builder, kinematics, "camera_depth", stereo, "depth_image")
         self.depth_intrinsics = stereo.intrinsics
-        self.obstacle_parameters = STEREO_CLOUD
+        self.obstacle_parameters = self._expecting_noise(STEREO_CLOUD)
+
+    def _expecting_noise(self, parameters: ObstacleParameters) -> ObstacleParameters:
+        """The same, for images with or without noise."""
+        validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
+        return dataclasses.replace(parameters, validity=validity)
 
     def _export_camera(
         self,

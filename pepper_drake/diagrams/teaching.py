@@ -5,18 +5,19 @@ from collections.abc import Mapping
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import PdControllerGains
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.framework import DiagramBuilder, System
+from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
-from pepper_drake.diagrams.lone_pepper import LIMP, add_lone_pepper
+from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
+from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.guiding.hand_guide import HandGuide, HandGuideParams
 from pepper_drake.systems.guiding.motion_recorder import MotionRecorder
+from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
 
-_HELD = PdControllerGains(p=40.0, d=3.0)
-"""A person's hold on the joints that are dragged: they follow within the motors' rated efforts."""
+_DRAGGED = 0.1
+"""Stiffness of joints that a person drags: they follow within the motors' rated efforts."""
 
 
 class Teaching(Diagram):
@@ -40,10 +41,11 @@ class Teaching(Diagram):
         - guide_force (guided by the hand)
         - query
 
-    `guide_pose` is X_WG and `guide_velocity` V_WG; see HandGuide. `joint_target` (10) has the
-    angles [rad] to which the arm's joints are dragged, shoulder to wrist, then the angles' rates
-    [rad/s]. `hand_pose` is X_TH, `torso_pose` X_WT; `joint_position` (15) is in the order of
-    `BODY_JOINTS`; `guide_force` (6) torque and force on the hand in W; `query` the geometry.
+    `guide_pose` is X_WG and `guide_velocity` V_WG; see HandGuide. `joint_target` (5) has the angles
+    [rad] to which the arm's joints are dragged, shoulder to wrist: those of one control period
+    later, sampled once in each. `hand_pose` is X_TH, `torso_pose` X_WT; `joint_position` (15) is
+    in the order of `BODY_JOINTS`; `guide_force` (6) torque and force on the hand in W; `query` the
+    geometry.
 
     Attributes:
         plant: The plant with Pepper alone.
@@ -57,7 +59,6 @@ class Teaching(Diagram):
         *,
         guided_by: str = "hand",
         params: HandGuideParams | None = None,
-        time_step: float = 0.002,
         record_period: float = 0.01,
         meshcat: Meshcat | None = None,
     ) -> None:
@@ -68,7 +69,6 @@ class Teaching(Diagram):
             positions: Where every joint starts [rad, m], by name.
             guided_by: "hand" or "joints".
             params: How firmly the guide holds the hand.
-            time_step: The plant's step [s].
             record_period: The recorder's step [s].
             meshcat: Where to show the robot, if anywhere.
         """
@@ -77,42 +77,74 @@ class Teaching(Diagram):
         taught = JOINT_GROUPS[arm_group(arm)]
         by_hand = guided_by == "hand"
         builder = DiagramBuilder()
-        robot = add_lone_pepper(
-            builder, arm, positions, arm_gains=LIMP if by_hand else _HELD, time_step=time_step
+        config = StationConfig(cameras=False)
+        config.stiffness[arm_group(arm)] = 0.0 if by_hand else _DRAGGED
+        self.station: PepperStation = builder.AddNamedSystem(
+            "station", PepperStation(None, config, shared_control_model(), positions)
         )
-        self.plant: MultibodyPlant = robot.plant
-        hand_pose = robot.kinematics.GetOutputPort(f"{arm}_hand_pose")
+        self.plant: MultibodyPlant = self.station.plant
+        self._command_joints(builder, taught, positions, held=by_hand)
         if by_hand:
-            start = [positions[joint] for joint in taught]
-            hold = builder.AddNamedSystem("limp", ConstantVectorSource(np.r_[start, np.zeros(5)]))
-            builder.Connect(hold.get_output_port(), robot.arm_target)
             self._add_hand_guide(builder, params)
-        else:
-            builder.ExportInput(robot.arm_target, "joint_target")
-
+        hand_pose = self.station.GetOutputPort(f"{arm}_hand_pose")
+        joint_position = self.station.GetOutputPort("joint_position")
         self.recorder = builder.AddNamedSystem(
             "recorder", MotionRecorder(taught, time_step=record_period)
         )
         builder.Connect(hand_pose, self.recorder.GetInputPort("hand_pose"))
-        builder.Connect(robot.arm_position, self.recorder.GetInputPort("joint_position"))
+        builder.Connect(
+            select_joints(builder, joint_position, "arm_position", taught),
+            self.recorder.GetInputPort("joint_position"),
+        )
         if meshcat is not None:
-            MeshcatVisualizer.AddToBuilder(builder, robot.scene_graph, meshcat)
+            visualizer = builder.AddNamedSystem("visualizer", MeshcatVisualizer(meshcat))
+            builder.Connect(
+                self.station.GetOutputPort("ground_truth.query"),
+                visualizer.query_object_input_port(),
+            )
         builder.ExportOutput(hand_pose, "hand_pose")
-        builder.ExportOutput(robot.kinematics.GetOutputPort("torso_pose"), "torso_pose")
-        builder.ExportOutput(robot.joint_position, "joint_position")
-        builder.ExportOutput(robot.scene_graph.get_query_output_port(), "query")
+        builder.ExportOutput(self.station.GetOutputPort("torso_pose"), "torso_pose")
+        builder.ExportOutput(joint_position, "joint_position")
+        builder.ExportOutput(self.station.GetOutputPort("ground_truth.query"), "query")
         build_into(builder, self)
 
-    def _add_hand_guide(self, builder: DiagramBuilder, params: HandGuideParams | None) -> None:
-        plant = self.plant
-        guide = builder.AddNamedSystem(
-            "hand_guide", HandGuide(plant.GetFrameByName(hand_frame(self.arm)), params)
-        )
-        builder.Connect(plant.get_body_poses_output_port(), guide.body_poses_input)
+    def _command_joints(
+        self,
+        builder: DiagramBuilder,
+        taught: tuple[str, ...],
+        positions: Mapping[str, float],
+        *,
+        held: bool,
+    ) -> None:
+        """Commands the arm where it is dragged, and all else where it starts."""
+        commands: System
+        if held:
+            resting = [positions[name] for name in BODY_JOINTS]
+            commands = builder.AddNamedSystem("joint_commands", ConstantVectorSource(resting))
+        else:
+            commands = builder.AddNamedSystem(
+                "joint_commands", JointCommandMerge({"arm": taught}, positions)
+            )
+            # Held, so that nothing is computed at the plant's rate.
+            hold = builder.AddNamedSystem("target", ZeroOrderHold(CONTROL_PERIOD, len(taught)))
+            builder.Connect(hold.get_output_port(), commands.GetInputPort("arm_command"))
+            builder.ExportInput(hold.get_input_port(), "joint_target")
         builder.Connect(
-            plant.get_body_spatial_velocities_output_port(), guide.body_spatial_velocities_input
+            commands.get_output_port(), self.station.GetInputPort("joint_position_command")
         )
-        builder.Connect(guide.spatial_forces_output, plant.get_applied_spatial_force_input_port())
+        base = builder.AddNamedSystem("base_stands", ConstantVectorSource(np.zeros(3)))
+        builder.Connect(base.get_output_port(), self.station.GetInputPort("base_velocity_command"))
+
+    def _add_hand_guide(self, builder: DiagramBuilder, params: HandGuideParams | None) -> None:
+        guide = builder.AddNamedSystem(
+            "hand_guide", HandGuide(self.plant.GetFrameByName(hand_frame(self.arm)), params)
+        )
+        for source, target in (
+            ("ground_truth.body_poses", guide.body_poses_input),
+            ("ground_truth.body_velocities", guide.body_spatial_velocities_input),
+        ):
+            builder.Connect(self.station.GetOutputPort(source), target)
+        builder.Connect(guide.spatial_forces_output, self.station.GetInputPort("applied_forces"))
         builder.ExportInput(guide.guide_pose_input, "guide_pose")
         builder.ExportInput(guide.guide_velocity_input, "guide_velocity")
         builder.ExportOutput(guide.force_output, "guide_force")

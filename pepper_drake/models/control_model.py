@@ -16,7 +16,13 @@ from pydrake.planning import (
 )
 from pydrake.systems.framework import Context
 
-from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS, add_pepper
+from pepper_drake.models.pepper import (
+    BODY_JOINTS,
+    JOINT_GROUPS,
+    CoupledLimit,
+    add_pepper,
+    coupled_limits,
+)
 
 CONTROL_PERIOD = 0.02
 """Period at which joint commands are made [s]: that at which NAOqi's ALMotion passes them on."""
@@ -42,6 +48,8 @@ class CommandLimits:
     position_upper: Vector
     velocity: Vector
     acceleration: Vector
+    coupled: tuple[CoupledLimit, ...] = ()
+    """Limits of a joint that depend on where another is, by their indices among these joints."""
 
 
 class ControlModel:
@@ -124,6 +132,7 @@ class ControlModel:
             position_upper=np.array([joint.position_upper_limit() for joint in joints]),
             velocity=speed_fraction * np.array([joint.velocity_upper_limit() for joint in joints]),
             acceleration=np.full(len(names), acceleration),
+            coupled=coupled_limits(names),
         )
 
 

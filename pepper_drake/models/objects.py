@@ -65,9 +65,12 @@ class SceneModels:
     obstacle_models: tuple[ModelInstanceIndex, ...]
     """Model instances that hold obstacles only."""
     goal_object: str
-    goal_model: ModelInstanceIndex
+    goal_model: ModelInstanceIndex | None
     moving: tuple[MovingObject, ...]
     """Models that need a desired state, on `plant.get_desired_state_input_port(moving.model)`."""
+
+
+NO_SCENE = SceneModels((), (), "", None, ())
 
 
 def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
@@ -170,5 +173,4 @@ def _add_prismatic_joints(
         joint = plant.AddJoint(PrismaticJoint(f"{name}_{axis}", parent, child, direction))
         plant.AddJointActuator(f"{name}_{axis}", joint).set_controller_gains(_GAINS)
         parent = child
-    plant.set_gravity_enabled(model, False)
     return MovingObject(name=name, model=model, path=path_trajectory(path))

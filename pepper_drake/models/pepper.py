@@ -2,9 +2,12 @@
 
 from bisect import bisect
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
@@ -127,6 +130,61 @@ def elbow_roll_limits(elbow_yaw: float, arm: str) -> tuple[float, float]:
     return _ELBOW_ROLL_STRAIGHT, -lower
 
 
+@dataclass(frozen=True)
+class CoupledLimit:
+    """Limits of one joint, the follower, that depend on another's position, the leader's.
+
+    Attributes:
+        leader: Index of the leading joint (a yaw) among the joints that the limit was asked for.
+        follower: Index of the joint that is limited.
+        positions: Positions of the leader, ascending (K,) [rad]; between them the limits are
+            linear, beyond them constant.
+        lower: Lower limit of the follower at each (K,) [rad].
+        upper: Upper limit of the follower at each (K,) [rad].
+    """
+
+    leader: int
+    follower: int
+    positions: npt.NDArray[np.float64]
+    lower: npt.NDArray[np.float64]
+    upper: npt.NDArray[np.float64]
+
+    @cached_property
+    def strictest(self) -> tuple[float, float]:
+        """Lower and upper limit that hold wherever the leader is [rad]."""
+        return float(self.lower.max()), float(self.upper.min())
+
+
+def coupled_limits(names: Sequence[str]) -> tuple[CoupledLimit, ...]:
+    """Returns the coupled limits whose two joints are both among `names`, as tables.
+
+    They are those of `head_pitch_limits` and `elbow_roll_limits`.
+    """
+    yaw = np.array(_HEAD_YAW)
+    elbow_yaw = np.array(_LEFT_ELBOW_YAW)
+    roll = np.array(_LEFT_ELBOW_ROLL_LOWER)
+    straight = np.full(len(roll), -_ELBOW_ROLL_STRAIGHT)
+    head_lower, head_upper = np.array(_HEAD_PITCH_LOWER), np.array(_HEAD_PITCH_UPPER)
+
+    def mirrored(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        return np.concatenate((values[::-1], values))
+
+    tables = {
+        ("HeadYaw", "HeadPitch"): (
+            np.concatenate((-yaw[::-1], yaw)),
+            mirrored(head_lower),
+            mirrored(head_upper),
+        ),
+        ("LElbowYaw", "LElbowRoll"): (elbow_yaw, roll, straight),
+        ("RElbowYaw", "RElbowRoll"): (-elbow_yaw[::-1], -straight, -roll[::-1]),
+    }
+    return tuple(
+        CoupledLimit(names.index(leader), names.index(follower), *table)
+        for (leader, follower), table in tables.items()
+        if leader in names and follower in names
+    )
+
+
 def _interpolated(x: float, xs: Sequence[float], ys: Sequence[float]) -> float:
     """Linear between the rows of a table, constant beyond: for one number faster than NumPy's."""
     k = bisect(xs, x)
@@ -213,9 +271,8 @@ def set_joint_positions(
 def add_pepper(plant: MultibodyPlant, *, posture: str = "stand") -> ModelInstanceIndex:
     """Adds Pepper to a plant that is not finalized yet, standing at the world's origin.
 
-    Its floor link is welded to the world; the joints BaseX, BaseY and BaseYaw move it. Gravity is
-    turned off for the model, as a compensation of gravity is part of every motor's controller.
-    Gains are not set. The default context has the posture.
+    Its floor link is welded to the world; the joints BaseX, BaseY and BaseYaw move it. Gains are
+    not set. The default context has the posture.
 
     Args:
         plant: The plant; with a scene graph, if shapes are wanted.
@@ -229,7 +286,6 @@ def add_pepper(plant: MultibodyPlant, *, posture: str = "stand") -> ModelInstanc
     parser.package_map().AddPackageXml(MODELS_DIR / "package.xml")
     (model,) = parser.AddModels(PEPPER_URDF)
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("odom", model))
-    plant.set_gravity_enabled(model, False)
     for name, value in positions.items():
         plant.GetJointByName(name, model).set_default_positions([value])
     return model

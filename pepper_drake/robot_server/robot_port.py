@@ -37,7 +37,7 @@ SENSORS: tuple[str, ...] = (
 
 @dataclass(frozen=True)
 class RobotState:
-    """What the robot's sensors say at one time.
+    """The robot's measurements at one time.
 
     Attributes:
         time: When, by the robot's clock [s].
@@ -47,6 +47,8 @@ class RobotState:
         base_velocity: Base's velocity in its own frame: vx, vy [m/s], wz [rad/s].
         currents: Motor currents (17,) [A], or None where they are not simulated.
         touched: Those of `SENSORS` that are touched.
+        ranges: Distances by device name, such as "Platform/Front/Sonar" [m]; only those that are
+            simulated, always the same ones.
     """
 
     time: float
@@ -56,11 +58,12 @@ class RobotState:
     base_velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     currents: Vector | None = None
     touched: frozenset[str] = frozenset()
+    ranges: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class RobotCommand:
-    """What ALMotion tells the motors, each cycle anew.
+    """ALMotion's command to the motors, made anew each cycle.
 
     Attributes:
         positions: Commanded joint positions (17,) [rad; hands 0..1].
@@ -100,7 +103,10 @@ class RobotPort(Protocol):
         """Asks a camera for images of at least a size at a rate; 0 pixels at 0 fps: no more."""
 
     def image(self, camera: int) -> CameraImage | None:
-        """Returns a camera's newest image, of whatever size it has, or None before the first."""
+        """Returns a camera's newest image, of whatever size it has, or None.
+
+        None before the first that was taken since the camera was asked: no image is from before.
+        """
 
 
 @dataclass

@@ -7,6 +7,7 @@ for Pepper, with true or false.
 """
 
 import csv
+import inspect
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -94,7 +95,8 @@ def make_service(
     """Makes a service whose table is the robot's.
 
     A method is served by the implementation's method of that name in Python's style, which also
-    serves its overloads. One that it lacks answers with the error "NAME: not simulated".
+    serves its overloads. One that it lacks answers with the error "NAME: not simulated". What the
+    implementation raises as a ValueError is an error reply that begins with the method's name.
 
     Args:
         name: A service of the table.
@@ -108,19 +110,42 @@ def make_service(
     service = Service(name)
     for method in signature.methods:
         handler = getattr(implementation, python_name(method.name), None)
+        wants_caller = getattr(handler, "wants_caller", False)
         if handler is None:
             handler = _refusal(f"{name}::{method.name}", on_unserved)
         service.add_method(
             method.name,
             method.parameters,
             method.returns,
-            handler,
+            _with_errors(handler, f"{name}::{method.name}", method.returns == "v"),
             uid=method.uid,
-            wants_caller=getattr(handler, "wants_caller", False),
+            wants_caller=wants_caller,
         )
     for signal in signature.signals:
         service.add_signal(signal.name, signal.parameters, uid=signal.uid)
     return service
+
+
+def _with_errors(handler: Callable[..., Any], name: str, void: bool) -> Callable[..., Any]:
+    if inspect.iscoroutinefunction(handler):
+
+        async def answer_later(*arguments: Any) -> Any:
+            try:
+                value = await handler(*arguments)
+            except ValueError as error:
+                raise ServiceError(f"{name}: {error}") from error
+            return None if void else value
+
+        return answer_later
+
+    def answer(*arguments: Any) -> Any:
+        try:
+            value = handler(*arguments)
+        except ValueError as error:
+            raise ServiceError(f"{name}: {error}") from error
+        return None if void else value
+
+    return answer
 
 
 def _refusal(name: str, on_unserved: Callable[[str], None] | None) -> Callable[..., None]:

@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.models.control_model import BODY_JOINTS
 from pepper_drake.perception.mapping.cloud_points import cloud_points
+from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachMode
@@ -54,6 +55,8 @@ class ReachSupervisor(LeafSystem):
         - goal_position
         - cloud
         - cloud_time
+        - cloud_age (optional)
+        - cloud_fault (optional)
         - approaching (optional)
         - joint_position
         - base_pose
@@ -76,7 +79,9 @@ class ReachSupervisor(LeafSystem):
 
     Inputs: `object_pose` X_WO; `goal_valid`, `goal_age` (1; s); `goal_position` (3), the hand's
     goal in T; `cloud` (PointCloud in W) and `cloud_time` (1; time of its last frame, not finite
-    before the first); `approaching` (PointCloud in W), where what moves will be soon;
+    before the first); `cloud_age` (1) [s] and `cloud_fault` (1; a `DepthFault`), without which a
+    cloud that has grown old is not noticed; `approaching` (PointCloud in W), where what moves will
+    be soon;
     `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and `desired_position` (3), where the
     primitive wants the hand in T; `arm_position_command` and `arm_velocity_command` (5), rad and
     rad/s, without which a movement is not planned anew on the way; `arrived` (1); `tau` (1; s);
@@ -108,6 +113,8 @@ class ReachSupervisor(LeafSystem):
             ("goal_age", 1),
             ("goal_position", 3),
             ("cloud_time", 1),
+            ("cloud_age", 1),
+            ("cloud_fault", 1),
             ("joint_position", len(BODY_JOINTS)),
             ("base_pose", 3),
             ("desired_position", 3),
@@ -194,6 +201,8 @@ class ReachSupervisor(LeafSystem):
                 "goal_lost",
                 f"the goal's marker was not seen for {self._timing.goal_lost:g} s",
             )
+        if progress.mode != ReachMode.LOOKING and self._is_cloud_old(context):
+            return progress.fail(time, "cloud_missing", self._cloud_message(context))
         step = {
             ReachMode.LOOKING: self._look,
             ReachMode.DRIVING: self._drive,
@@ -202,6 +211,21 @@ class ReachSupervisor(LeafSystem):
             ReachMode.HOLDING: self._hold,
         }[progress.mode]
         return step(context, progress, time)
+
+    def _is_cloud_old(self, context: Context) -> bool:
+        """Whether no depth image, or none that counts, has come for too long."""
+        port = self._ports["cloud_age"]
+        if port.HasValue(context):
+            return not port.Eval(context)[0] <= self._timing.cloud_lost
+        return not np.isfinite(self._scalar(context, "cloud_time"))
+
+    def _cloud_message(self, context: Context) -> str:
+        """What is known of why there is no cloud, as a sentence."""
+        port = self._ports["cloud_fault"]
+        fault = DepthFault(int(port.Eval(context)[0])) if port.HasValue(context) else None
+        if not fault:
+            return "the depth camera gave no image of the scene"
+        return FAULT_SENTENCES[fault]
 
     def _look(self, context: Context, progress: ReachState, time: float) -> ReachState:
         timing = self._timing
@@ -217,11 +241,9 @@ class ReachSupervisor(LeafSystem):
             return replace(progress, goal_seen_since=time)
         if time - progress.goal_seen_since < timing.looking:
             return progress
-        if not np.isfinite(self._scalar(context, "cloud_time")):
+        if self._is_cloud_old(context):
             if time - progress.goal_seen_since > timing.goal_timeout:
-                return progress.fail(
-                    time, "cloud_missing", "the depth camera gave no image of the scene"
-                )
+                return progress.fail(time, "cloud_missing", self._cloud_message(context))
             return progress
         return self._choose_place(context, progress, time)
 

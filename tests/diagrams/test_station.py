@@ -3,10 +3,11 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
+from pepper_drake.diagrams.live_teaching import with_movable_objects
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.models.control_model import BODY_JOINTS, body_indices, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper
-from pepper_drake.models.scene import load_scene
+from pepper_drake.models.scene import SCENES_DIR, load_scene
 
 
 def make_scene():
@@ -225,3 +226,40 @@ def test_two_contexts_share_nothing(station):
     other.AdvanceTo(clone.get_time() + 0.3)
     held = station.GetOutputPort("joint_position").Eval(clone)
     assert np.all(np.abs(held - RESTING - 0.01) < TOLERANCE)
+
+
+@pytest.mark.parametrize("gravity", [True, False])
+def test_at_rest_the_solver_has_a_scale(gravity):
+    """With 30 times the gains, rounding is small beside weights, but not beside nothing."""
+    scene = with_movable_objects(load_scene(SCENES_DIR / "teach.yaml"))
+    station = make_station(
+        scene,
+        goal_motion_port=True,
+        obstacle_motion_ports=True,
+        proportional_gain=12000.0,
+        derivative_gain=300.0,
+    )
+    if not gravity:
+        station.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    rig = Rig(station)
+    target = np.array([scene.robot.positions()[name] for name in BODY_JOINTS])
+    target[body_indices(JOINT_GROUPS["right_arm"])] += [-0.15, -0.07, 0.08, 0.06, 0.09]
+    rig.command(target)
+    for moving in station.scene_models.moving:
+        port = station.GetInputPort(f"{moving.name}.desired_state")
+        port.FixValue(rig.context, [0.03, -0.07, 0.1, 0, 0, 0])
+    if gravity:
+        rig.advance(20.0)
+        np.testing.assert_allclose(rig.value("joint_position"), target, atol=1e-4)
+    else:
+        with pytest.raises(RuntimeError, match="SAP solver failed to converge"):
+            rig.advance(20.0)
+
+
+def test_thirty_minutes_at_rest(station):
+    rig = Rig(station)
+    target = RESTING.copy()
+    target[body_indices(JOINT_GROUPS["right_arm"])] += [-0.15, -0.07, 0.08, 0.06, 0.09]
+    rig.command(target)
+    rig.advance(1800.0)
+    np.testing.assert_allclose(rig.value("joint_position"), target, atol=1e-4)

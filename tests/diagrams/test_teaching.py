@@ -36,7 +36,7 @@ def test_dragged_joints_follow_and_all_else_holds():
     simulator = Simulator(teaching)
     context = simulator.get_mutable_context()
     target = [1.2, 0.5, -1.0, -0.9, 0.3]
-    teaching.GetInputPort("joint_target").FixValue(context, [*target, *np.zeros(5)])
+    teaching.GetInputPort("joint_target").FixValue(context, target)
     simulator.AdvanceTo(1.5)
     positions = teaching.GetOutputPort("joint_position").Eval(context)
     expected = start | dict(zip(JOINT_GROUPS["left_arm"], target, strict=True))
@@ -47,7 +47,7 @@ def test_a_limit_of_a_joint_stops_the_drag():
     teaching = Teaching("right", posture_positions("stand"), guided_by="joints")
     simulator = Simulator(teaching)
     context = simulator.get_mutable_context()
-    target = [1.2, -0.5, 1.2, -0.5, 0.0, *np.zeros(5)]
+    target = [1.2, -0.5, 1.2, -0.5, 0.0]
     teaching.GetInputPort("joint_target").FixValue(context, target)
     simulator.AdvanceTo(1.0)
     elbow = BODY_JOINTS.index("RElbowRoll")

@@ -303,11 +303,11 @@ def test_the_file_loads_and_moves_by_itself_whatever_is_welded(welded):
     assert np.isfinite(plant.GetPositions(simulator.get_context())).all()
 
 
-def test_added_pepper_starts_in_its_posture_without_gravity():
+def test_added_pepper_starts_in_its_posture_and_has_weight():
     plant = MultibodyPlant(0.002)
     model = pepper.add_pepper(plant, posture="crouch")
     plant.Finalize()
-    assert not plant.is_gravity_enabled(model)
+    assert plant.is_gravity_enabled(model)
     context = plant.CreateDefaultContext()
     assert plant.GetJointByName("KneePitch").get_angle(context) == 0.51
     X_WB = plant.GetFrameByName("base_footprint").CalcPoseInWorld(context)

@@ -1,6 +1,6 @@
 """Reads a camera's intrinsics from the files that calibration tools write.
 
-Read are ROS `camera_info` (the YAML of `camera_calibration` and a printed `sensor_msgs/CameraInfo`),
+Read are ROS `camera_info` (the YAML of `camera_calibration` and a printed `CameraInfo` message),
 OpenCV's FileStorage (YAML, JSON or XML, as its calibration samples write it) and NAOqi's names of
 camera and resolution with their fields of view.
 """
@@ -105,9 +105,9 @@ def _plain(value: Any) -> Any:
     if isinstance(value, dict) and "data" in value:
         data = _numbers(value["data"])
         rows, columns = value.get("rows"), value.get("cols")
-        if data is not None and isinstance(rows, int) and isinstance(columns, int):
-            if data.size == rows * columns:
-                return data.reshape(rows, columns)
+        whole = isinstance(rows, int) and isinstance(columns, int)
+        if data is not None and whole and data.size == rows * columns:
+            return data.reshape(rows, columns)
         return value["data"]
     return value
 
@@ -119,10 +119,7 @@ def _read_file_storage(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: OpenCV cannot read this file storage.") from error
     if not storage.isOpened():
         raise InputError(f"{path}: OpenCV cannot read this file storage.")
-    entries = {}
-    for name in storage.root().keys():
-        node = storage.getNode(name)
-        entries[name] = _node_value(node)
+    entries = _node_value(storage.root())
     storage.release()
     return entries
 
@@ -135,7 +132,8 @@ def _node_value(node: cv2.FileNode) -> Any:
             matrix = None
         if matrix is not None:
             return matrix
-        return {name: _node_value(node.getNode(name)) for name in node.keys()}
+        names: list[str] = node.keys()
+        return {name: _node_value(node.getNode(name)) for name in names}
     if node.isSeq():
         return [_node_value(node.at(k)) for k in range(node.size())]
     if node.isInt() or node.isReal():
@@ -219,7 +217,6 @@ def make_intrinsics(
 
 def _refuse_other_lenses(entries: Mapping[str, Any], where: str) -> None:
     """Raises for what is no pinhole image of the whole sensor."""
-    model = str(_first(entries, ("distortion_model", "camera_model", "model")) or ("", ""))
     named = _first(entries, ("distortion_model", "camera_model"))
     model = "" if named is None else str(named[1]).strip().lower()
     is_fisheye = model in _FISHEYE_MODELS or bool(entries.get("fisheye_model", 0))
@@ -299,14 +296,15 @@ def _naoqi(entries: Mapping[str, Any], where: str) -> CameraIntrinsics:
             "and 2 or CameraDepth."
         )
     resolution = entries["resolution"]
-    by_number = {number: size for number, size in NAOQI_RESOLUTIONS.values()}
+    by_number = dict(NAOQI_RESOLUTIONS.values())
     if isinstance(resolution, int):
         size = by_number.get(resolution)
     else:
         size = NAOQI_RESOLUTIONS.get(str(resolution), (0, None))[1]
     if size is None:
         raise InputError(
-            f"{where}: resolution {resolution!r} is unknown; NAOqi's are numbers or names like kVGA."
+            f"{where}: resolution {resolution!r} is unknown; NAOqi's are names like kVGA, or their "
+            "numbers."
         )
     width, height = size
     own = head.intrinsics

@@ -11,14 +11,22 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, distortion_maps
+from pepper_drake.perception.cameras.structured_light import (
+    dark_patches,
+    grazing_pixels,
+    projector_shadow,
+    quantisation_sigma,
+    quantise_depth,
+)
 
 _SHIFTS = 96
 """Number of places along each axis at which the field of deviates is read."""
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class ColorNoise:
     """Noise of a small colour camera.
 
@@ -29,7 +37,7 @@ class ColorNoise:
     sigma: float = 3.0
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class DepthNoise:
     """Noise of a structured-light depth camera.
 
@@ -44,6 +52,16 @@ class DepthNoise:
         edge_loss: Share of edge pixels that return nothing.
         edge_mix: Share of edge pixels that return a depth between the two surfaces.
         loss: Share of all pixels that return nothing.
+        baseline: Place of the infrared projector along the camera's x axis [m]: what a nearer
+            surface keeps in its shadow returns nothing. 0 for a camera without a projector, which
+            is not quantised either.
+        disparity_step: Least displacement of the pattern that is told apart [pixels]; an eighth of
+            a pixel of a sensor of twice as many.
+        grazing: Cosine of the angle of incidence below which surfaces begin to return nothing; at
+            half of it all do.
+        dark_share: Share of the surfaces that is too dark or too shiny to return anything, in
+            patches that stay where they are.
+        border: Width of the blank band at the image's right border [pixels].
     """
 
     floor: float = 0.0012
@@ -52,6 +70,11 @@ class DepthNoise:
     edge_loss: float = 0.5
     edge_mix: float = 0.15
     loss: float = 0.002
+    baseline: float = 0.075
+    disparity_step: float = 1.0 / 16.0
+    grazing: float = 0.2
+    dark_share: float = 0.01
+    border: int = 4
 
     def sigma(self, depth: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
         """Standard deviation of a depth reading [m].
@@ -150,7 +173,8 @@ def degrade_depth(
     """Makes a perfect depth image look as the real sensor's.
 
     Args:
-        depth: Rendered depths (height, width) [m]; zero, infinite or NaN where there is none.
+        depth: Rendered depths (height, width) [m]; zero, infinite or NaN where there is none. What
+            is too near to be measured keeps the projector's light away, if its depth is given.
         intrinsics: The camera; depths outside its near and far are lost.
         noise: The noise.
         seed: Seed of the camera's noise.
@@ -166,7 +190,12 @@ def degrade_depth(
 
     measured = (depth >= intrinsics.near) & (depth <= intrinsics.far)
     z = np.where(measured, depth, np.float32(0))
-    noisy = z + noise.sigma(z) * normal
+    noisy = quantise_depth(
+        z + _random_sigma(z, intrinsics, noise) * normal,
+        intrinsics,
+        baseline=noise.baseline,
+        step=noise.disparity_step,
+    )
 
     # What is not measured counts as far away, so that silhouettes against it are edges too.
     solid = np.where(measured, depth, np.float32(2 * intrinsics.far))
@@ -185,5 +214,45 @@ def degrade_depth(
     noisy[rows, columns] = low + share * (high - low)
 
     noisy[chance > 1 - noise.loss] = 0
+    noisy[projector_shadow(depth, intrinsics, noise.baseline)] = 0
+    if noise.grazing > 0.0:
+        # From all that is measured at this cosine to nothing at half of it.
+        noisy[grazing_pixels(z, intrinsics, noise.grazing * (0.5 + 0.5 * chance))] = 0
+    noisy[:, width - noise.border :] = 0
     millimetres = np.rint(noisy * 1000)
     return np.where(measured & (millimetres > 0), millimetres, 0).astype(np.uint16)
+
+
+def drop_dark_patches(
+    depth: npt.NDArray[np.float32],
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    noise: DepthNoise,
+    *,
+    seed: int,
+) -> npt.NDArray[np.float32]:
+    """Returns a depth image without surfaces too dark or too shiny to be measured.
+
+    Args:
+        depth: Rendered depths (height, width) [m].
+        intrinsics: The camera.
+        X_WC: Its pose: patches stay where they are in W.
+        noise: The noise.
+        seed: Decides where the patches are.
+
+    Returns:
+        (height, width) [m], 0 in the patches.
+    """
+    if noise.dark_share <= 0.0:
+        return depth
+    dark = dark_patches(depth, intrinsics, X_WC, share=noise.dark_share, seed=seed)
+    return np.where(dark, np.float32(0.0), depth)
+
+
+def _random_sigma(
+    z: npt.NDArray[np.float32], intrinsics: CameraIntrinsics, noise: DepthNoise
+) -> npt.NDArray[np.floating]:
+    """Standard deviation of what is random in a depth: of all noise but the quantisation [m]."""
+    sigma = noise.sigma(z)
+    rounding = quantisation_sigma(z, intrinsics, baseline=noise.baseline, step=noise.disparity_step)
+    return np.sqrt(np.maximum(np.square(sigma) - np.square(rounding), 0.0))

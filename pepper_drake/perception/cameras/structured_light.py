@@ -23,10 +23,14 @@ _SHADOW_STEP = 0.04
 """Least step in depth between a surface and what lies in its shadow [m]."""
 _NEAREST = 0.1
 """Depth below which the displacement of the pattern is not followed [m]."""
+_BEND = 0.3
+"""Bend of the inverse depth on a surface, as a share of its rise between pixels."""
 _PATCH_CELLS = 128
 """Edge of the cube of reflectances that fills space periodically [cells], a power of two."""
 _PATCH_CELL = 0.01
 """Edge of one of its cells [m]."""
+_PATCH_STRIDE = 2
+"""Of so many pixels along both axes one tells whether all are in a patch."""
 _PATCH_BLUR = 2.0
 """Standard deviation of the Gaussian that gives patches their size [cells]."""
 
@@ -60,45 +64,64 @@ def projector_shadow(depth: Array, intrinsics: CameraIntrinsics, baseline: float
     Returns:
         (height, width); False where there is no surface.
     """
-    height, width = depth.shape
+    shadow = np.zeros(depth.shape, dtype=bool)
+    if baseline == 0.0:
+        return shadow
     with np.errstate(invalid="ignore"):
         surface = (depth > 0.0) & (depth < np.inf)
-    if baseline == 0.0 or not surface.any():
-        return np.zeros(depth.shape, dtype=bool)
+    # Where neighbours differ little, nothing is in front of anything.
+    z = np.where(surface, depth, np.float32(0.0))
+    chosen = np.flatnonzero(np.any(np.abs(np.diff(z, axis=1)) > _SHADOW_STEP, axis=1))
+    if not len(chosen):
+        return shadow
+    z, surface = z[chosen], surface[chosen]
+    width = depth.shape[1]
     reach = int(np.ceil(abs(intrinsics.focal_x * baseline) / _NEAREST)) + 1
     wide = width + 2 * reach
-    z = np.where(surface, depth, np.float32(intrinsics.far))
-    shift = projector_displacement(z, intrinsics.focal_x, baseline)
-    columns = np.rint(np.arange(width, dtype=np.float32) - shift).astype(np.int64) + reach
-    index = columns + wide * np.arange(height)[:, None]
-    nearest = np.full(height * wide, np.inf, np.float32)
+    shift = projector_displacement(z, intrinsics.focal_x, baseline).astype(np.float32)
+    first = np.arange(reach, reach + width, dtype=np.float32)
+    index = np.rint(first - shift).astype(np.int32)
+    index += (wide * np.arange(len(chosen), dtype=np.int32))[:, None]
+    nearest = np.full(len(chosen) * wide, np.inf, np.float32)
     np.minimum.at(nearest, index[surface], z[surface])
     # A surface that faces the projector is seen wider by it than by the camera.
-    closed = cv2.erode(nearest.reshape(height, wide), np.ones((1, 3), np.uint8)).ravel()
-    return np.asarray(surface & (z > closed[index] + _SHADOW_STEP))
+    closed = cv2.erode(nearest.reshape(-1, wide), np.ones((1, 3), np.uint8)).ravel()
+    shadow[chosen] = surface & (z > closed[index] + _SHADOW_STEP)
+    return shadow
 
 
-def incidence_cosine(depth: Array, intrinsics: CameraIntrinsics) -> Array:
-    """Computes the cosine of the angle between each pixel's ray and its surface's normal.
+def grazing_pixels(depth: Array, intrinsics: CameraIntrinsics, cosine: Array) -> Mask:
+    """Finds the pixels whose ray meets its surface at a grazing angle.
 
     Args:
         depth: Depths (height, width) [m]; zero, infinite or NaN where there is no surface.
         intrinsics: The camera.
+        cosine: Cosine of the angle between ray and normal (height, width) below which it is.
 
     Returns:
-        (height, width), within [0, 1]; 1 where there is no surface. At a step between two surfaces
-        it is that of the steep plane through both.
+        (height, width); False where a pixel and its four neighbours are not in a plane.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        inverse = np.where(depth > 0.0, 1.0 / depth, np.float32(0.0)).astype(np.float32)
-    kernel = np.array([[-0.5, 0.0, 0.5]], np.float32)
-    a = cv2.filter2D(inverse, cv2.CV_32F, kernel * intrinsics.focal_x)
-    b = cv2.filter2D(inverse, cv2.CV_32F, kernel.T * intrinsics.focal_y)
-    rays = pixel_rays(intrinsics)
+        inverse = np.where(depth > 0.0, np.float32(1.0) / depth, np.float32(0.0))
+    half = np.array([[-0.5, 0.0, 0.5]], np.float32)
+    along_x, along_y = cv2.filter2D(inverse, -1, half), cv2.filter2D(inverse, -1, half.T)
+    rise = np.abs(along_x) + np.abs(along_y)
+    # Inverse depth is linear on a plane: at a step it bends as much as it rises.
+    bend = np.abs(cv2.Laplacian(inverse, -1))
+    steep = (rise * min(intrinsics.focal_x, intrinsics.focal_y) > inverse) & (inverse > 0.0)
+    grazing = np.zeros(depth.shape, dtype=bool)
+    chosen = np.nonzero(steep & (bend <= _BEND * rise))
+    if not len(chosen[0]):
+        return grazing
+    w = inverse[chosen]
+    a = along_x[chosen] * np.float32(intrinsics.focal_x)
+    b = along_y[chosen] * np.float32(intrinsics.focal_y)
+    rays = pixel_rays(intrinsics)[chosen]
     # A plane a x + b y + c = 1/z has the normal (a, b, c); along the ray it measures 1/z.
-    c = inverse - a * rays[..., 0] - b * rays[..., 1]
-    length = np.sqrt(a * a + b * b + c * c) * ray_lengths(intrinsics)
-    return np.divide(inverse, length, out=np.ones_like(inverse), where=inverse > 0.0)
+    c = w - a * rays[:, 0] - b * rays[:, 1]
+    length = np.sqrt(a * a + b * b + c * c) * ray_lengths(intrinsics)[chosen]
+    grazing[chosen] = w < cosine[chosen] * length
+    return grazing
 
 
 @functools.lru_cache(maxsize=4)
@@ -132,19 +155,20 @@ def dark_patches(
     """
     if share <= 0.0:
         return np.zeros(depth.shape, dtype=bool)
+    coarse = depth[::_PATCH_STRIDE, ::_PATCH_STRIDE]
     with np.errstate(invalid="ignore"):
-        surface = (depth > 0.0) & (depth < np.inf)
-    z = np.where(surface, depth, np.float32(0.0))
+        surface = (coarse > 0.0) & (coarse < np.inf)
+    z = np.where(surface, coarse, np.float32(0.0))
     scale = np.float32(1.0 / _PATCH_CELL)
     R = X_WC.rotation().matrix().astype(np.float32) * scale
     p = X_WC.translation().astype(np.float32) * scale
-    rays = pixel_rays(intrinsics)
-    index = np.zeros(depth.shape, np.int32)
-    for k in range(3):
-        along = rays[..., 0] * R[k, 0] + rays[..., 1] * R[k, 1] + R[k, 2]
-        cell = np.floor(along * z + p[k]).astype(np.int32) & (_PATCH_CELLS - 1)
-        index = index * _PATCH_CELLS + cell
-    return np.asarray(surface & _patches(seed, share).ravel()[index])
+    p_W = (pixel_rays(intrinsics)[::_PATCH_STRIDE, ::_PATCH_STRIDE] * z[..., None]) @ R.T + p
+    cells = np.floor(p_W).astype(np.int32) & (_PATCH_CELLS - 1)
+    index = (cells[..., 0] * _PATCH_CELLS + cells[..., 1]) * _PATCH_CELLS + cells[..., 2]
+    dark = surface & _patches(seed, share).ravel()[index]
+    height, width = depth.shape
+    fine = dark.repeat(_PATCH_STRIDE, 0).repeat(_PATCH_STRIDE, 1)
+    return np.asarray(fine[:height, :width])
 
 
 def quantise_depth(

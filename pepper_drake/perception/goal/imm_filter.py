@@ -22,7 +22,7 @@ Vector = npt.NDArray[np.float64]
 _REST, _MOVING = 0, 1
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class GoalFilterParameters:
     """Noise, gates and thresholds of the goal filter.
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 from pydrake.perception import BaseField, Fields, PointCloud
 
+from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays, ray_lengths
 from pepper_drake.perception.mapping.solids import Solid, near_solids
 
@@ -20,9 +21,11 @@ Mask = npt.NDArray[np.bool_]
 
 _SMOOTH_SPREAD = 0.15
 """Inverse depths of 5x5 pixels on one surface differ by at most this share."""
+_FARTHEST_ROOM = 100.0
+"""No depth camera sees farther, by half of its pixels [m]."""
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class CloudParameters:
     """What of a depth image is kept.
 
@@ -69,28 +72,71 @@ class SurfacePoints:
         return SurfacePoints(self.positions[mask], self.normals[mask])
 
 
-def depth_in_metres(depth: npt.NDArray[np.generic], intrinsics: CameraIntrinsics) -> Array:
+def depth_in_metres(
+    depth: npt.NDArray[np.generic], intrinsics: CameraIntrinsics, *, scale: float | None = None
+) -> Array:
     """Returns a depth image as float32 metres with 0 wherever nothing was measured.
 
     Args:
-        depth: (height, width[, 1]); uint16 in millimetres or floating in metres, with 0, infinity
-            or NaN where there is none.
+        depth: (height, width[, 1]) of any integer or floating type. Nothing was measured where it
+            is 0 or less, NaN, infinite, or in whole numbers 65535 or 2047, by which drivers say so.
         intrinsics: The camera; depths outside its near and far are dropped.
+        scale: Length of the image's unit [m]; a millimetre for whole numbers and a metre for
+            floating ones when left out.
 
     Returns:
-        (height, width); (0, 0) for an image of another size than the camera's.
+        (height, width); (0, 0) for an image without pixels.
+
+    Raises:
+        InputError: If it has another size than the camera or more than one channel, or its values
+            cannot be what they should without a scale.
     """
-    if depth.ndim == 3:
+    if depth.ndim == 3 and depth.shape[2] == 1:
         depth = depth[..., 0]
-    if depth.shape != (intrinsics.height, intrinsics.width):
+    if depth.size == 0:
         return np.zeros((0, 0), np.float32)
+    if depth.dtype.kind not in "iuf" or depth.ndim != 2:
+        raise InputError(
+            f"depth image: {depth.dtype} of shape {depth.shape} cannot be read; give one channel "
+            "of whole or floating numbers."
+        )
+    if depth.shape != (intrinsics.height, intrinsics.width):
+        raise InputError(
+            f"depth image: is {depth.shape[1]}x{depth.shape[0]}, but the camera's intrinsics are "
+            f"those of {intrinsics.width}x{intrinsics.height}; give the image's own, or scale them "
+            "with CameraIntrinsics.resized."
+        )
+    whole = depth.dtype.kind in "iu"
+    if scale is None:
+        _check_unit(depth, whole)
+        scale = 0.001 if whole else 1.0
     metres = depth.astype(np.float32)
-    if depth.dtype == np.uint16:
-        metres *= np.float32(0.001)
+    metres *= np.float32(scale)
     with np.errstate(invalid="ignore"):
         measured = (metres >= intrinsics.near) & (metres <= intrinsics.far)
+    if whole:
+        measured &= (depth != 65535) & (depth != 2047)
     metres[~measured] = 0
     return metres
+
+
+def _check_unit(depth: npt.NDArray[np.generic], whole: bool) -> None:
+    """Raises if an image cannot be in millimetres (whole numbers) or metres (floating ones)."""
+    if whole:
+        if depth.dtype.itemsize == 1:
+            raise InputError(
+                f"depth image: {depth.dtype} is too coarse for millimetres; give its scale, the "
+                "length of its unit in metres."
+            )
+        return
+    values = depth[::7, ::7]
+    with np.errstate(invalid="ignore"):
+        values = values[np.isfinite(values) & (values > 0)]
+    if values.size and float(np.median(values)) > _FARTHEST_ROOM:
+        raise InputError(
+            f"depth image: {depth.dtype} counts as metres, but half of it is farther than "
+            f"{_FARTHEST_ROOM:g} m; give its scale, such as 0.001 for millimetres."
+        )
 
 
 def surface_pixels(depth: Array, intrinsics: CameraIntrinsics, parameters: CloudParameters) -> Mask:

@@ -67,6 +67,8 @@ class ValidityParameters:
         least_points: With fewer points nothing can be told.
         expects_noise: Whether equal pixels mean that the camera hangs: real sensors are noisy. If
             not, they do only after the camera has moved.
+        shows_all: Whether the image has a depth wherever there is a surface. If not, as with a
+            stereo pair whose images are cut into things, it may be blank.
     """
 
     margin: float = 0.05
@@ -74,6 +76,7 @@ class ValidityParameters:
     contradicted: float = 0.6
     least_points: int = 300
     expects_noise: bool = True
+    shows_all: bool = True
 
 
 def image_fault(
@@ -103,6 +106,8 @@ def image_fault(
     if image.shape != (intrinsics.height, intrinsics.width):
         return DepthFault.WRONG_SIZE
     first = image[0, 0]
+    if first == 0 and not parameters.shows_all and not image.any():
+        return DepthFault.NONE
     if bool((image == first).all()):
         return DepthFault.BLANK if first in _NOTHING else DepthFault.CONSTANT
     if last is not None and (moved or parameters.expects_noise):
@@ -136,8 +141,8 @@ def depth_fault(
         BLANK, BELOW_FLOOR, CONTRADICTS_MAP or NONE.
     """
     if not depth.any():
-        return DepthFault.BLANK
-    if _share_below_floor(depth, X_WC, intrinsics, parameters) > parameters.contradicted:
+        return DepthFault.BLANK if parameters.shows_all else DepthFault.NONE
+    if lies_below_floor(depth, X_WC, intrinsics, parameters):
         return DepthFault.BELOW_FLOOR
     p_C = (np.asarray(known, dtype=float) - X_WC.translation()) @ X_WC.rotation().matrix()
     p_C = p_C[(p_C[:, 2] > intrinsics.near) & (p_C[:, 2] < intrinsics.far)]
@@ -166,20 +171,26 @@ def depth_fault(
     return DepthFault.NONE
 
 
-def _share_below_floor(
+def lies_below_floor(
     depth: Array,
     X_WC: RigidTransform,
     intrinsics: CameraIntrinsics,
     parameters: ValidityParameters,
-) -> float:
-    """Share of every sixth pixel's points, of those that look down, that are below the floor."""
+) -> bool:
+    """Tells whether much of a depth image lies below the floor, as with depths of another unit.
+
+    Args:
+        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        X_WC: The camera's pose; z = 0 in W is the floor.
+        intrinsics: The camera.
+        parameters: Margins and share.
+    """
     stride = 6
     z = depth[stride // 2 :: stride, stride // 2 :: stride]
-    down = X_WC.rotation().matrix()[2].astype(np.float32)
-    slope = pixel_rays(intrinsics, stride) @ down
-    told = (z > 0.0) & (slope < -0.1)
+    slope = pixel_rays(intrinsics, stride) @ X_WC.rotation().matrix()[2].astype(np.float32)
+    told = z > 0.0
     if np.count_nonzero(told) * stride**2 < parameters.least_points:
-        return 0.0
+        return False
     height = float(X_WC.translation()[2]) + slope[told] * z[told]
     allowed = parameters.margin + parameters.growth * z[told]
-    return float(np.mean(height < -allowed))
+    return bool(np.mean(height < -allowed) > parameters.contradicted)

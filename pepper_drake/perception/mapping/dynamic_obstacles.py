@@ -41,7 +41,7 @@ _SLUGGISHNESS = 0.02
 """Weight of resting against one point's moving: where its shape does not tell, it does not."""
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class ApproachParameters:
     """How what moves is followed.
 

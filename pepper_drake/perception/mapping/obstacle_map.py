@@ -7,12 +7,19 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
+from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.mapping.cloud import (
     CloudParameters,
     depth_in_metres,
     observe_surfaces,
     remove_solids,
+)
+from pepper_drake.perception.mapping.depth_validity import (
+    FAULT_SENTENCES,
+    DepthFault,
+    ValidityParameters,
+    lies_below_floor,
 )
 from pepper_drake.perception.mapping.dynamic_obstacles import ApproachParameters
 from pepper_drake.perception.mapping.solids import Solid, near_solids
@@ -43,7 +50,7 @@ class ExcludedSolids:
     keep_known_voxels: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class ObstacleParameters:
     """How obstacles are seen and remembered.
 
@@ -51,6 +58,7 @@ class ObstacleParameters:
         cloud: What of a depth image is kept.
         memory: How the map remembers.
         approach: How what moves is followed.
+        validity: Which images count.
         treat_holes_as_near: Whether a hole in the image is of something too near to be measured; if
             not, it means nothing.
         projector_baseline: Distance of the camera from the projector whose pattern it sees [m]; 0
@@ -60,6 +68,7 @@ class ObstacleParameters:
     cloud: CloudParameters = field(default_factory=CloudParameters)
     memory: VoxelMapParameters = field(default_factory=VoxelMapParameters)
     approach: ApproachParameters = field(default_factory=ApproachParameters)
+    validity: ValidityParameters = field(default_factory=ValidityParameters)
     treat_holes_as_near: bool = True
     projector_baseline: float = 0.075
 
@@ -86,8 +95,16 @@ def update_obstacles(
 
     Returns:
         What is remembered now.
+
+    Raises:
+        InputError: If the image cannot be read (see `depth_in_metres`) or lies below the floor.
     """
     depth = depth_in_metres(image, intrinsics)
+    if lies_below_floor(depth, X_WC, intrinsics, parameters.validity):
+        raise InputError(
+            f"depth image: {FAULT_SENTENCES[DepthFault.BELOW_FLOOR]}; check its unit and the "
+            "camera's pose."
+        )
     surface = observe_surfaces(depth, intrinsics, X_WC, parameters.cloud)
     for each in ignored:
         surface = remove_solids(surface, each.solids, each.poses, each.margin)

@@ -17,6 +17,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, HeadCamera
 from pepper_drake.perception.mapping.cloud import CloudParameters
+from pepper_drake.perception.mapping.depth_validity import ValidityParameters
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.voxel_map import VoxelMapParameters
 
@@ -79,7 +80,7 @@ class Rectification:
         return X_WLeft @ RigidTransform(self.R_CLeftRect, np.zeros(3))
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class StereoParameters:
     """Semi-global matching (Hirschmueller 2008, doi:10.1109/TPAMI.2007.1166) and what it sees.
 
@@ -116,6 +117,7 @@ class StereoParameters:
 STEREO_CLOUD = ObstacleParameters(
     cloud=CloudParameters(stride=4, flying_noise=0.004, object_margin=0.02, robot_margin=0.03),
     memory=VoxelMapParameters(depth_noise=0.005),
+    validity=ValidityParameters(shows_all=False),
     treat_holes_as_near=False,
 )
 """How obstacles are seen and remembered from matched images: more pixels, less sure of each."""

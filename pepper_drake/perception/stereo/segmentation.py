@@ -17,7 +17,7 @@ Mask = npt.NDArray[np.bool_]
 _ROUND = np.linspace(0, 2 * np.pi, 16, endpoint=False)
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class SegmentationParameters:
     """How a disparity image is cut into things.
 

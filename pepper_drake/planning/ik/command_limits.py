@@ -1,16 +1,27 @@
-"""From a wished joint velocity to the next joint command that the robot may be given."""
+"""The one limiter of joint commands: position, coupled position, speed and acceleration.
+
+A command is limited so that braking stays possible: after every step the joints can come to a
+stand within their acceleration limits before any position limit (viability, as in Del Prete 2018,
+doi 10.1109/LRA.2017.2738321, here exact in discrete time). Thus there is always a next step that
+keeps every limit, whatever is asked for, a stop included.
+"""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.models.pepper import elbow_roll_limits
+from pepper_drake.models.pepper import CoupledLimit
 
 Vector = npt.NDArray[np.float64]
 
-_ELBOW_YAW, _ELBOW_ROLL = 2, 3
+_SHARES = np.linspace(0.0, 1.0, 25)
+"""Shares of the way from what is asked for to full braking that are tried at a coupled limit,
+twice: coarse, then fine."""
+_ROUNDING = 1e-10
+"""Rounding allowed at a coupled limit [rad]."""
 
 
 def limit_joint_command(
@@ -18,32 +29,31 @@ def limit_joint_command(
     velocity: Vector,
     desired_velocity: Vector,
     *,
-    arm: str,
     limits: CommandLimits,
     time_step: float,
 ) -> tuple[Vector, Vector]:
-    """Moves an arm's joint command by one step, inside every limit.
+    """Moves joint commands by one step, inside every limit.
 
-    The desired velocity is kept within the velocity limits, within the acceleration limits about
-    the present velocity, and slow enough to brake before a position limit,
-    |v| <= sqrt(2 a d) at a distance d; then it is integrated, and the elbow's roll is kept inside
-    the range that its yaw allows.
+    The velocity is the one nearest to the desired that keeps the velocity limits, the acceleration
+    limits about the present velocity, and from which the joints can brake before their position
+    limits. Where a joint's range depends on another's position (ElbowRoll's on ElbowYaw,
+    HeadPitch's on HeadYaw), the dependent joint gives way first, then the leading joint slows down.
 
     Args:
-        position: Present command (5,), rad, shoulder to wrist.
-        velocity: Present velocity of the command (5,) [rad/s].
-        desired_velocity: What the inverse kinematics asks for (5,) [rad/s].
-        arm: "left" or "right".
-        limits: Of the five joints.
-        time_step: s.
+        position: Present command (n,) [rad].
+        velocity: Present velocity of the command (n,) [rad/s].
+        desired_velocity: Velocity asked for (n,) [rad/s]; what is not a number means zero.
+        limits: Of the n joints.
+        time_step: Time until the next command [s].
 
     Returns:
-        The next command (5,), and its velocity (5,): the difference of the commands over the step.
+        The next command (n,) [rad] and its velocity (n,) [rad/s]. From a command within the limits
+        all of them are kept; from outside it moves back in, at limited acceleration.
     """
-    # Five joints are treated faster one by one, in plain numbers, than as arrays.
-    following = []
-    for q, v, wish, top, most, low, high in zip(
-        position.tolist(),
+    # A few joints are treated faster one by one, in plain numbers, than as arrays.
+    q, wished, lowest, highest = position.tolist(), [], [], []
+    for place, speed, wish, top, acceleration, low, high in zip(
+        q,
         velocity.tolist(),
         desired_velocity.tolist(),
         limits.velocity.tolist(),
@@ -52,12 +62,175 @@ def limit_joint_command(
         limits.position_upper.tolist(),
         strict=True,
     ):
-        change = most * time_step
-        wish = min(max(min(max(wish, -top), top), v - change), v + change)
-        down = math.sqrt(2.0 * most * max(q - low, 0.0))
-        up = math.sqrt(2.0 * most * max(high - q, 0.0))
-        following.append(min(max(q + time_step * min(max(wish, -down), up), low), high))
-    lower, upper = elbow_roll_limits(following[_ELBOW_YAW], arm)
-    following[_ELBOW_ROLL] = min(max(following[_ELBOW_ROLL], lower), upper)
-    command = np.array(following)
-    return command, (command - position) / time_step
+        change = acceleration * time_step
+        slow, fast = speed - change, speed + change
+        # A command that is too fast brakes as hard as it may.
+        least = min(max(slow, -top), fast)
+        most = max(min(fast, top), slow)
+        up = _stoppable_velocity(high - place, change, time_step)
+        down = -_stoppable_velocity(place - low, change, time_step)
+        least, most = min(max(least, down), most), max(min(most, up), least)
+        lowest.append(least)
+        highest.append(most)
+        wished.append(min(max(0.0 if math.isnan(wish) else wish, least), most))
+    for coupled in limits.coupled:
+        if not _is_far_inside(coupled, q, wished, limits, time_step):
+            _keep_coupled(coupled, q, wished, lowest, highest, limits, time_step)
+    following = np.array(wished)
+    return position + time_step * following, following
+
+
+def track_joint_command(
+    position: Vector,
+    velocity: Vector,
+    wish: Vector,
+    previous_wish: Vector,
+    *,
+    limits: CommandLimits,
+    time_step: float,
+) -> tuple[Vector, Vector]:
+    """Moves joint commands by one step after position commands, inside every limit.
+
+    Wishes that keep the limits come out as they are. After any other the command catches up: its
+    velocity is the wishes' own and, on top of it, the largest from which it can still brake to
+    meet them. A jump of the wishes counts as a new place at rest.
+
+    Args:
+        position: Present command (n,) [rad].
+        velocity: Present velocity of the command (n,) [rad/s].
+        wish: Position wished for next (n,) [rad]; what is not finite means: brake.
+        previous_wish: The wish before it (n,) [rad].
+        limits: Of the n joints.
+        time_step: Time between commands [s].
+
+    Returns:
+        The next command (n,) [rad] and its velocity (n,) [rad/s].
+    """
+    reference = (wish - previous_wish) / time_step
+    reference[~(np.abs(reference) <= limits.velocity + _ROUNDING)] = 0.0
+    errors = wish - position - time_step * reference
+    change = limits.acceleration * time_step
+    catching_up = [
+        _stoppable_velocity(error, most, time_step) if math.isfinite(error) else math.nan
+        for error, most in zip(errors.tolist(), change.tolist(), strict=True)
+    ]
+    return limit_joint_command(
+        position, velocity, reference + catching_up, limits=limits, time_step=time_step
+    )
+
+
+def stopping_distance(speed: float, change: float, time_step: float) -> float:
+    """Distance that a joint goes on while it brakes, in steps of `time_step` [rad].
+
+    Args:
+        speed: Absolute velocity of the last step [rad/s].
+        change: By how much the velocity may change in a step [rad/s].
+        time_step: Time between commands [s].
+    """
+    steps = math.floor(speed / change)
+    return time_step * steps * (speed - 0.5 * change * (steps + 1))
+
+
+def _stoppable_velocity(distance: float, change: float, time_step: float) -> float:
+    """Largest next velocity that, braking after it, ends within a signed distance.
+
+    It solves T v + `stopping_distance`(v) = distance, which is piecewise linear in v.
+    """
+    share = abs(distance) / (change * time_step)
+    steps = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * share) - 1.0))
+    speed = change * (share + 0.5 * steps * (steps + 1)) / (steps + 1)
+    return math.copysign(speed, distance)
+
+
+def _is_far_inside(
+    coupled: CoupledLimit,
+    position: Sequence[float],
+    velocity: Sequence[float],
+    limits: CommandLimits,
+    time_step: float,
+) -> bool:
+    """Whether the follower can stop within the strictest of its limits."""
+    f = coupled.follower
+    speed = velocity[f]
+    change = float(limits.acceleration[f]) * time_step
+    after = position[f] + time_step * speed
+    stop = after + math.copysign(stopping_distance(abs(speed), change, time_step), speed)
+    return coupled.strictest[0] <= min(after, stop) and max(after, stop) <= coupled.strictest[1]
+
+
+def _keep_coupled(
+    coupled: CoupledLimit,
+    position: Sequence[float],
+    velocity: list[float],
+    lowest: Sequence[float],
+    highest: Sequence[float],
+    limits: CommandLimits,
+    time_step: float,
+) -> None:
+    """Changes a leader's and a follower's velocity so that both can brake inside their limit."""
+    pair = [coupled.leader, coupled.follower]
+    change = limits.acceleration[pair] * time_step
+    start = np.array([position[k] for k in pair])
+    wish = [velocity[k] for k in pair]
+
+    def margins(candidates: Vector) -> Vector:
+        return _coupled_margins(coupled, start, candidates, change, time_step)
+
+    below, above = margins(np.array([wish]))[0]
+    if min(below, above) >= -_ROUNDING:
+        return
+    brake = [min(max(0.0, lowest[k]), highest[k]) for k in pair]
+    away = lowest[pair[1]] if above < below else highest[pair[1]]
+    # First the follower turns away from its limit, then the leader brakes, then the follower.
+    corners = np.array([wish, [wish[0], away], [brake[0], away], brake])
+    legs = corners[:-1, None] + _SHARES[:, None] * np.diff(corners, axis=0)[:, None]
+    candidates = legs.reshape(-1, 2)
+    inside = margins(candidates).min(axis=1) >= -_ROUNDING
+    if inside.any():
+        first = int(np.argmax(inside))
+        last = candidates[max(first - 1, 0)]
+        candidates = last + _SHARES[:, None] * (candidates[first] - last)
+        inside = margins(candidates).min(axis=1) >= -_ROUNDING
+        best = candidates[int(np.argmax(inside))].tolist()
+    else:  # From outside the limit the follower moves back in.
+        lower = float(np.interp(start[0], coupled.positions, coupled.lower))
+        upper = float(np.interp(start[0], coupled.positions, coupled.upper))
+        way = min(max(float(start[1]), lower), upper) - float(start[1])
+        back = _stoppable_velocity(way, float(change[1]), time_step)
+        best = [brake[0], min(max(back, lowest[pair[1]]), highest[pair[1]])]
+    for k, speed in zip(pair, best, strict=True):
+        velocity[k] = speed
+
+
+def _coupled_margins(
+    coupled: CoupledLimit,
+    start: Vector,
+    velocities: Vector,
+    change: Vector,
+    time_step: float,
+) -> Vector:
+    """Least distance of the follower to both its limits, if both joints brake after one step.
+
+    Args:
+        coupled: The limit.
+        start: Leader and follower now (2,) [rad].
+        velocities: Their velocities in the next step (K, 2) [rad/s].
+        change: By how much they may change in a step (2,) [rad/s].
+        time_step: Time between commands [s].
+
+    Returns:
+        Distances to the lower and to the upper limit (K, 2) [rad], negative beyond.
+    """
+    speed = np.abs(velocities)[:, None]
+    braking_steps = np.floor(speed / change)
+    steps = np.minimum(np.arange(braking_steps.max() + 1.0)[None, :, None], braking_steps)
+    travelled = time_step * (steps + 1.0) * (speed - change * 0.5 * steps)
+    positions = start + np.sign(velocities)[:, None] * travelled  # (K, M, 2)
+    leader, follower = positions[..., 0], positions[..., 1]
+    return np.stack(
+        (
+            (follower - np.interp(leader, coupled.positions, coupled.lower)).min(axis=1),
+            (np.interp(leader, coupled.positions, coupled.upper) - follower).min(axis=1),
+        ),
+        axis=1,
+    )

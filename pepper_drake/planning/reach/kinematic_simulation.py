@@ -150,7 +150,6 @@ class KinematicSimulator:
                 joints,
                 velocity,
                 velocity_port.Eval(context),
-                arm=self._geometry.arm,
                 limits=self.limits,
                 time_step=self._params.time_step,
             )

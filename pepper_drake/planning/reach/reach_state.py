@@ -24,6 +24,8 @@ class ReachTiming:
     """How long the robot stands and looks again before it reaches."""
     goal_lost: float = 12.0
     """Age of the last sight of the goal at which it counts as lost."""
+    cloud_lost: float = 0.5
+    """Age of the last depth image from which on the robot does not begin to move, nor goes on."""
     places: int = 3
     """How many places to stand are driven to at most, when from near the reach looks different."""
     holding: float = 1.0
@@ -116,5 +118,7 @@ class ReachState:
         return replace(self, plan=plan, movements=self.movements + 1, since=time)
 
     def fail(self, time: float, reason: str, message: str) -> "ReachState":
-        """The end: what went wrong, as a word and as a sentence."""
-        return replace(self.to(ReachMode.FAILED, time), reason=reason, message=message)
+        """The end, with the base where it is: what went wrong, as a word and as a sentence."""
+        stay = (np.nan, np.nan, np.nan)
+        failed = self.to(ReachMode.FAILED, time)
+        return replace(failed, reason=reason, message=message, base_goal=stay)

@@ -36,19 +36,18 @@ class ArmCommand(LeafSystem):
     Inputs: `active` (1), 0 or 1; `desired_velocity` (5) [rad/s]; `measured_position` (5) [rad].
     Outputs: `position_command` (5) [rad]; `velocity_command` (5) [rad/s].
     State: command position (5) and velocity (5), at `time_step`; at rest it does not change.
-    The law is `planning.joint_command.limit_joint_command`.
+    The law is `planning.ik.command_limits.limit_joint_command`.
     """
 
     def __init__(
         self,
         *,
-        arm: str,
         limits: CommandLimits,
         start_position: Sequence[float],
         time_step: float = 0.01,
     ) -> None:
         super().__init__()
-        self._arm, self._limits, self._time_step = arm, limits, time_step
+        self._limits, self._time_step = limits, time_step
         self.active_input: InputPort = self.DeclareVectorInputPort("active", 1)
         self.desired_velocity_input: InputPort = self.DeclareVectorInputPort("desired_velocity", 5)
         self.measured_position_input: InputPort = self.DeclareVectorInputPort(
@@ -86,7 +85,6 @@ class ArmCommand(LeafSystem):
             position,
             velocity,
             desired_velocity,
-            arm=self._arm,
             limits=self._limits,
             time_step=self._time_step,
         )

@@ -30,6 +30,7 @@ from pepper_drake.perception.cameras.noise import (
     DepthNoise,
     degrade_color,
     degrade_depth,
+    drop_dark_patches,
 )
 from pepper_drake.systems.framework import LeafSystem
 
@@ -193,7 +194,8 @@ class CameraModel(LeafSystem):
         """Computes what all images have in common, the sensor's noise, before the first."""
         channels = 4 if isinstance(self._noise, ColorNoise) else 1
         shape = (self.intrinsics.height, self.intrinsics.width, channels)
-        self._degrade(np.zeros(shape, np.uint8 if channels == 4 else np.float32), number=0)
+        pixels = np.zeros(shape, np.uint8 if channels == 4 else np.float32)
+        self._degrade(pixels, RigidTransform(), number=0)
 
     def get_image_output_port(self) -> OutputPort:
         """The captured image."""
@@ -216,11 +218,14 @@ class CameraModel(LeafSystem):
             if rendered.size() == 0:
                 return EventStatus.DidNothing()
             rendered = completed_image(rendered.data)
+        X_WC = (
+            RigidTransform(self._X_WC.Eval(context)) if self._X_WC.HasValue(context) else last.X_WC
+        )
         frame = Frame(
-            rendered.then(functools.partial(self._degrade, number=last.number)),
+            rendered.then(functools.partial(self._degrade, X_WC=X_WC, number=last.number)),
             context.get_time(),
             last.number + 1,
-            RigidTransform(self._X_WC.Eval(context)) if self._X_WC.HasValue(context) else last.X_WC,
+            X_WC,
             self._position.Eval(context) if self._position.HasValue(context) else last.position,
         )
         state.get_mutable_abstract_state(int(self._frames)).set_value(
@@ -228,16 +233,19 @@ class CameraModel(LeafSystem):
         )
         return EventStatus.Succeeded()
 
-    def _degrade(self, pixels: Pixels, number: int) -> Pixels:
-        """What the sensor makes of a rendered image; the number decides its noise."""
+    def _degrade(self, pixels: Pixels, X_WC: RigidTransform, number: int) -> Pixels:
+        """What the sensor makes of an image rendered from a pose; the number decides its noise."""
         image: Pixels
         if isinstance(self._noise, ColorNoise):
             image = degrade_color(
                 pixels, self.intrinsics, self._noise, seed=self._seed, frame=number
             )
         else:
+            depth = drop_dark_patches(
+                pixels[..., 0], self.intrinsics, X_WC, self._noise, seed=self._seed
+            )
             image = degrade_depth(
-                pixels[..., 0], self.intrinsics, self._noise, seed=self._seed, frame=number
+                depth, self.intrinsics, self._noise, seed=self._seed, frame=number
             )[..., None]
         image.setflags(write=False)
         return image

@@ -14,6 +14,11 @@ from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CameraIntrinsic
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.mapping.cloud import SurfacePoints, depth_in_metres, to_point_cloud
 from pepper_drake.perception.mapping.cloud_points import make_cloud
+from pepper_drake.perception.mapping.depth_validity import (
+    DepthFault,
+    depth_fault,
+    image_fault,
+)
 from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
     DynamicObstacleTracker,
     reset_while_driving,
@@ -38,8 +43,8 @@ _LARGEST_LAG_MARGIN = 0.06
 _MOVED, _TURNED = 0.002, 0.004
 """A frame has moved when it moved or turned by this, m and rad."""
 
-_THUMBNAIL_STEP = 5
-"""Images are told apart by every fifth pixel of every fifth row."""
+_SETTLED_SCORE = 3
+"""Voxels of this score were seen often enough for an image to be held against them."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +54,10 @@ class _Memory:
     Attributes:
         voxels: What was seen.
         time: Of the last image used [s].
-        thumbnail: A few pixels of it.
+        stamp: Of the last image that came [s].
+        image: That image.
         X_WC: The camera's pose for it.
+        fault: Why it was not used.
         X_WO: The goal object's last known pose.
         surface: The map's points.
         cloud: The same in W.
@@ -60,8 +67,10 @@ class _Memory:
 
     voxels: VoxelMap
     time: float
-    thumbnail: npt.NDArray[np.uint16]
+    stamp: float
+    image: npt.NDArray[np.uint16]
     X_WC: RigidTransform
+    fault: DepthFault
     X_WO: RigidTransform | None
     surface: SurfacePoints
     cloud: PointCloud
@@ -94,14 +103,16 @@ class DepthPointCloudSource(LeafSystem):
         - approaching
         - time_stamp
         - age
+        - fault
 
     `depth_image` (ImageDepth16U, whole millimetres), `time_stamp` [s], `X_WC` and `position` (the
     robot's joints, for cutting its own body out) come from a CameraModel and belong to the moment
     of the image. The system looks for a new time stamp every `period` and works only when there is
-    one. Images that are empty, of another size, older than the last or dated in the future are
-    passed over, and so is one whose pixels are those of the last though the camera has moved: the
-    camera hangs. Of the goal object the last pose that was valid is used; its `object_velocity`
-    widens the margin around it while it moves.
+    one. An image that is no image is passed over: empty, of another size, blank, all of one value,
+    with the pixels of the last, older than the last or dated in the future, or in contradiction to
+    the floor or to what was seen before (see `perception.mapping.depth_validity`). Of the goal
+    object the last pose that was valid is used; its `object_velocity` widens the margin around it
+    while it moves.
 
     `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on
     the state alone, so whatever a consumer computes from them stays cached until the next image, or
@@ -110,7 +121,8 @@ class DepthPointCloudSource(LeafSystem):
     soon, and where something may be that is too near to be measured, see `perception.watch`; none
     while the torso moves.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
-    the time since then.
+    the time since then, infinite before the first. `fault` is the `DepthFault` of the last image
+    that came, 0 if it was used.
 
     State: voxel map, clouds and things that move (abstract).
     Event: one periodic unrestricted update.
@@ -161,8 +173,10 @@ class DepthPointCloudSource(LeafSystem):
                 _Memory(
                     voxels=voxels,
                     time=-np.inf,
-                    thumbnail=np.zeros(0, np.uint16),
+                    stamp=-np.inf,
+                    image=np.zeros((0, 0), np.uint16),
                     X_WC=RigidTransform(),
+                    fault=DepthFault.MISSING,
                     X_WO=None,
                     surface=voxels.surface(),
                     cloud=to_point_cloud(voxels.surface()),
@@ -186,6 +200,7 @@ class DepthPointCloudSource(LeafSystem):
         self.DeclareVectorOutputPort(
             "age", 1, self._calc_age, prerequisites_of_calc=state | {self.time_ticket()}
         )
+        self.DeclareVectorOutputPort("fault", 1, self._calc_fault, prerequisites_of_calc=state)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._look)
 
     def voxels(self, context: Context) -> VoxelMap:
@@ -216,14 +231,45 @@ class DepthPointCloudSource(LeafSystem):
     def _use_image(self, context: Context, memory: _Memory, drives: bool) -> _Memory:
         if not (self._image.HasValue(context) and self._time_stamp.HasValue(context)):
             return memory
-        time = float(self._time_stamp.Eval(context)[0])
-        if not memory.time < time <= context.get_time():
+        stamp = float(self._time_stamp.Eval(context)[0])
+        if stamp == memory.stamp or stamp == -np.inf:
             return memory
+        if not memory.stamp < stamp <= context.get_time():
+            is_told = memory.fault == DepthFault.LATE
+            return memory if is_told else replace(memory, fault=DepthFault.LATE)
         image = self._image.Eval(context).data
         X_WC = RigidTransform(self._X_WC.Eval(context))
-        thumbnail = image[::_THUMBNAIL_STEP, ::_THUMBNAIL_STEP].copy()
-        if np.array_equal(thumbnail, memory.thumbnail) and _has_moved(memory.X_WC, X_WC):
-            return memory
+        fault = image_fault(
+            image,
+            memory.image,
+            self._intrinsics,
+            moved=_has_moved(memory.X_WC, X_WC),
+            parameters=self._parameters.validity,
+        )
+        received = replace(memory, stamp=stamp, image=image.copy(), X_WC=X_WC, fault=fault)
+        if fault != DepthFault.NONE:
+            return received
+        view = DepthFrame(depth_in_metres(image, self._intrinsics), X_WC, stamp, self._intrinsics)
+        fault = depth_fault(
+            view.depth,
+            X_WC,
+            _settled(memory.voxels, memory.watch),
+            self._intrinsics,
+            self._parameters.validity,
+        )
+        if fault != DepthFault.NONE:
+            return replace(received, fault=fault)
+        return self._use_view(context, received, image, view, drives)
+
+    def _use_view(
+        self,
+        context: Context,
+        memory: _Memory,
+        image: npt.NDArray[np.uint16],
+        view: DepthFrame,
+        drives: bool,
+    ) -> _Memory:
+        """Takes a good image into the memory."""
         X_WO = memory.X_WO
         is_known = self._object_pose.HasValue(context) and (
             not self._object_valid.HasValue(context) or self._object_valid.Eval(context)[0] > 0
@@ -232,9 +278,14 @@ class DepthPointCloudSource(LeafSystem):
             X_WO = RigidTransform(self._object_pose.Eval(context))
         ignored = self._no_obstacles(context, X_WO)
         voxels = update_obstacles(
-            memory.voxels, image, time, X_WC, self._intrinsics, ignored, self._parameters
+            memory.voxels,
+            image,
+            view.time,
+            view.X_WC,
+            self._intrinsics,
+            ignored,
+            self._parameters,
         )
-        view = DepthFrame(depth_in_metres(image, self._intrinsics), X_WC, time, self._intrinsics)
         if drives:
             watch = reset_while_driving(memory.watch, view, self._parameters)
         else:
@@ -247,9 +298,7 @@ class DepthPointCloudSource(LeafSystem):
         return replace(
             memory,
             voxels=voxels,
-            time=time,
-            thumbnail=thumbnail,
-            X_WC=X_WC,
+            time=view.time,
             X_WO=X_WO,
             surface=surface,
             cloud=to_point_cloud(surface),
@@ -293,6 +342,17 @@ class DepthPointCloudSource(LeafSystem):
 
     def _calc_age(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, context.get_time() - self._get_memory(context).time)
+
+    def _calc_fault(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, float(self._get_memory(context).fault))
+
+
+def _settled(voxels: VoxelMap, watch: DynamicObstacleTracker) -> npt.NDArray[np.float32]:
+    """Places (P, 3) of what has stood there since it was seen first, in W [m]."""
+    settled = voxels.scores >= _SETTLED_SCORE
+    if len(watch.transient_keys):
+        settled &= ~np.isin(voxels.keys, watch.transient_keys)
+    return voxels.positions[settled]
 
 
 def _has_moved(X_WF: RigidTransform, X_WG: RigidTransform) -> bool:

@@ -3,6 +3,7 @@ import pytest
 from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, pixel_rays
 from pepper_drake.perception.mapping.cloud import (
     CloudParameters,
@@ -44,9 +45,48 @@ def test_depth_of_every_kind_becomes_metres():
     assert (metres[1:] == 1.5).all()
 
 
-def test_images_of_another_size_hold_nothing():
+def test_images_without_pixels_hold_nothing():
     assert depth_in_metres(np.zeros((0, 0, 1), np.uint16), CAMERA).size == 0
-    assert depth_in_metres(np.ones((120, 160), np.float32), CAMERA).size == 0
+
+
+@pytest.mark.parametrize("kind", [np.int16, np.int32, np.uint32, np.int64, np.float16, np.float64])
+def test_every_type_of_number_is_read(kind):
+    whole = np.issubdtype(kind, np.integer)
+    image = np.full((240, 320), 1500 if whole else 1.5, kind)
+    image[0, :2] = 0, 0 if np.issubdtype(kind, np.unsignedinteger) else -1
+    metres = depth_in_metres(image, CAMERA)
+    np.testing.assert_allclose(metres[1:], 1.5)
+    assert not metres[0, :2].any()
+
+
+def test_other_units_are_read_by_their_scale():
+    fifths = np.full((240, 320), 7500, np.uint16)
+    np.testing.assert_allclose(depth_in_metres(fifths, CAMERA, scale=0.0002), 1.5, rtol=1e-6)
+    coarse = np.full((240, 320), 30, np.uint8)
+    np.testing.assert_allclose(depth_in_metres(coarse, CAMERA, scale=0.05), 1.5, rtol=1e-6)
+    floating = np.full((240, 320), 1500.0)
+    np.testing.assert_allclose(depth_in_metres(floating, CAMERA, scale=0.001), 1.5, rtol=1e-6)
+
+
+def test_values_by_which_drivers_say_nothing_are_nothing():
+    image = np.full((240, 320), 1500, np.uint16)
+    image[0, :2] = 65535, 2047
+    assert not depth_in_metres(image, CAMERA)[0, :2].any()
+
+
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (np.ones((120, 160), np.float32), "160x120"),
+        (np.ones((240, 320, 3), np.uint16), "one channel"),
+        (np.ones((240, 320), bool), "bool"),
+        (np.full((240, 320), 1500.0, np.float32), "0.001"),
+        (np.full((240, 320), 200, np.uint8), "scale"),
+    ],
+)
+def test_images_that_cannot_be_read_are_refused_with_the_mend(image, words):
+    with pytest.raises(InputError, match=words):
+        depth_in_metres(image, CAMERA)
 
 
 @pytest.mark.parametrize("stride", [1, 2, 4])

@@ -9,7 +9,7 @@ START = np.array([1.0, -0.5, 0.5, 0.8, 0.1])
 
 def make_rig(active):
     limits = shared_control_model().command_limits(arm_joints("right"))
-    system = ArmCommand(arm="right", limits=limits, start_position=START - 0.2)
+    system = ArmCommand(limits=limits, start_position=START - 0.2)
     simulator = Simulator(system)
     context = simulator.get_mutable_context()
     system.measured_position_input.FixValue(context, START)

@@ -17,6 +17,7 @@ from pepper_drake.perception.cameras.noise import (
     DepthNoise,
     degrade_color,
     degrade_depth,
+    drop_dark_patches,
 )
 from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
 from pepper_drake.systems.sensing.camera_model import CameraModel
@@ -155,9 +156,12 @@ def test_noise_is_that_of_seed_and_frame_number(kind, make, noise):
     one, again, other = images(4), images(4, prepare=True), images(5)
     np.testing.assert_array_equal(one, again)
     assert not np.array_equal(one[1], other[1])
-    degrade = degrade_color if kind == "color" else degrade_depth
-    clean = make(0.2).data if kind == "color" else make(0.2).data[..., 0]
-    expected = degrade(clean, INTRINSICS, noise, seed=4, frame=1)
+    if kind == "color":
+        expected = degrade_color(make(0.2).data, INTRINSICS, noise, seed=4, frame=1)
+    else:
+        clean = make(0.2).data[..., 0]
+        lit = drop_dark_patches(clean, INTRINSICS, RigidTransform(), noise, seed=4)
+        expected = degrade_depth(lit, INTRINSICS, noise, seed=4, frame=1)
     np.testing.assert_array_equal(np.squeeze(one[1]), np.squeeze(expected))
 
 

@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 from pydrake.geometry import Sphere
@@ -8,6 +10,7 @@ from pydrake.systems.sensors import ImageDepth16U
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.goal.detection import MarkedObject
+from pepper_drake.perception.mapping.depth_validity import DepthFault, ValidityParameters
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids, Solid
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
@@ -19,9 +22,14 @@ X_WT = RigidTransform(RollPitchYaw(0, 0, 0.5), [0.1, 0.2, 0.8])
 BALL = MarkedObject(7, 0.06, RigidTransform(), (Solid(Sphere(0.1), RigidTransform()),))
 
 
+NUMBERS = itertools.count()
+
+
 def wall(millimetres=1000):
+    """A wall; two images of it differ in one pixel that measured nothing, as a real camera's do."""
     image = ImageDepth16U(CAMERA.width, CAMERA.height)
     image.mutable_data[:] = millimetres
+    image.mutable_data[0, next(NUMBERS) % CAMERA.width] = 0
     return image
 
 
@@ -164,24 +172,96 @@ def test_faulty_images_change_nothing(fault):
 
 
 def test_camera_that_hangs_while_the_head_turns_adds_nothing():
-    bench = Bench().show(wall(), 0.0)
+    first = wall()
+    bench = Bench().show(first, 0.0)
     before = bench.points().copy()
     turned = X_WC @ RigidTransform(RollPitchYaw(0, 0.3, 0), [0, 0, 0])
     bench.fix("X_WC", turned)
-    bench.show(wall(), 0.2)
+    bench.show(first, 0.2)
     np.testing.assert_array_equal(bench.points(), before)
     assert bench.output("time_stamp") == [0.0]
     bench.show(wall(1001), 0.4)
     assert len(bench.points()) > len(before)
 
 
-def test_wall_that_moved_leaves_no_ghost():
+def board(millimetres):
+    """A wall with a board before its left third."""
+    image = wall(1200)
+    image.mutable_data[1:, : CAMERA.width // 3] = millimetres
+    return image
+
+
+def test_board_that_moved_leaves_no_ghost():
     bench = Bench()
     for k in range(5):
-        bench.show(wall(900), 0.2 * k)
+        bench.show(board(900), 0.2 * k)
     for k in range(5, 7):
-        bench.show(wall(1100), 0.2 * k)
-    np.testing.assert_allclose(bench.points()[:, 0], 1.1, atol=1e-4)
+        bench.show(board(1100), 0.2 * k)
+    distances = bench.points()[:, 0]
+    assert distances.min() > 1.05
+    assert np.any(np.abs(distances - 1.1) < 1e-3)
+
+
+def spoilt(fault):
+    """A faulty image after a wall 1 m away, and its time stamp."""
+    image, stamp = wall(), 0.6
+    if fault == DepthFault.MISSING:
+        image = ImageDepth16U()
+    elif fault == DepthFault.WRONG_SIZE:
+        image = ImageDepth16U(16, 12)
+    elif fault == DepthFault.BLANK:
+        image.mutable_data[:] = 65535
+    elif fault == DepthFault.CONSTANT:
+        image.mutable_data[:] = 1000
+    elif fault == DepthFault.LATE:
+        stamp = 0.1
+    elif fault == DepthFault.BELOW_FLOOR:
+        image.mutable_data[:] *= 5
+    elif fault == DepthFault.CONTRADICTS_MAP:
+        image.mutable_data[1:] = 1300
+    return image, stamp
+
+
+@pytest.mark.parametrize("fault", [f for f in DepthFault if f not in (0, DepthFault.FROZEN)])
+def test_what_is_no_image_lets_the_age_grow_and_is_named(fault):
+    # Looks down by 45 degrees, so that there is a floor.
+    down = X_WC @ RigidTransform(RollPitchYaw(-np.pi / 4, 0, 0), [0, 0, 0])
+    bench = Bench()
+    bench.fix("X_WC", down)
+    for k in range(3):
+        bench.show(wall(), 0.2 * k)
+    assert bench.output("fault") == [DepthFault.NONE]
+    before = bench.points().copy()
+    image, stamp = spoilt(fault)
+    bench.simulator.AdvanceTo(0.6)
+    bench.fix("depth_image", image)
+    bench.fix("time_stamp", [stamp])
+    bench.simulator.AdvanceTo(0.9)
+    assert bench.output("fault") == [fault]
+    assert bench.output("time_stamp") == [0.4]
+    assert bench.output("age")[0] == pytest.approx(0.5)
+    np.testing.assert_array_equal(bench.points(), before)
+    bench.show(wall(), 1.0)
+    assert bench.output("fault") == [DepthFault.NONE]
+    assert bench.output("age")[0] == pytest.approx(0.05)
+
+
+def test_equal_images_are_of_a_camera_that_hangs():
+    image = wall()
+    bench = Bench().show(image, 0.0)
+    bench.show(image, 0.2)
+    assert bench.output("fault") == [DepthFault.FROZEN]
+    assert bench.output("time_stamp") == [0.0]
+    bench.show(wall(), 0.4)
+    assert bench.output("time_stamp") == [0.4]
+
+
+def test_equal_images_without_noise_count_while_the_camera_stands():
+    quiet = ObstacleParameters(validity=ValidityParameters(expects_noise=False))
+    image = wall()
+    bench = Bench(parameters=quiet).show(image, 0.0)
+    bench.show(image, 0.2)
+    assert bench.output("time_stamp") == [0.2]
 
 
 def ball_before_the_wall(column, millimetres):

@@ -1,0 +1,97 @@
+"""A plan's poses as `setAngles` commands that are sent ahead of their time.
+
+ALMotion brings each target to rest. So a target is the pose that the plan has a lookahead from
+now, and the fraction of the largest speed that with which the joint gets there in just that time:
+it never arrives while commands keep coming, and stops by itself when they do not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Vector = npt.NDArray[np.float64]
+
+MARGIN = 0.04
+"""Lookahead beyond the round trip [s]."""
+
+LONGEST_LOOKAHEAD = 0.25
+"""Lookahead above which an arm would go on too long after its commands have ended [s]."""
+
+LEAST_FRACTION = 0.02
+"""Fraction below which a real joint may stick."""
+
+LARGEST_FRACTION = 0.6
+"""Fraction above which no plan needs to move."""
+
+
+@dataclass(frozen=True)
+class StreamedCommand:
+    """One `setAngles`.
+
+    Attributes:
+        names: Joints.
+        targets: Where each shall be a lookahead from now [rad].
+        fractions: Fraction of its largest speed for each.
+    """
+
+    names: tuple[str, ...]
+    targets: tuple[float, ...]
+    fractions: tuple[float, ...]
+
+    @property
+    def fraction(self) -> float:
+        """The one fraction with which no joint is late."""
+        return max(self.fractions)
+
+
+def lookahead(round_trip: float) -> float | None:
+    """Returns how far ahead commands must be sent, None if the link is too slow [s].
+
+    Args:
+        round_trip: Time from a call to its answer [s].
+    """
+    ahead = max(round_trip, 0.0) + MARGIN
+    return ahead if ahead <= LONGEST_LOOKAHEAD else None
+
+
+def streamed_command(
+    names: Sequence[str],
+    now: npt.ArrayLike,
+    ahead: npt.ArrayLike,
+    seconds: float,
+    max_velocity: npt.ArrayLike,
+) -> StreamedCommand:
+    """Makes the command that takes joints to a pose in a time.
+
+    Args:
+        names: Joints (n).
+        now: Where they are commanded to be now (n,) [rad].
+        ahead: Where they shall be then (n,) [rad].
+        seconds: The lookahead [s].
+        max_velocity: Their largest speeds (n,) [rad/s].
+
+    Returns:
+        The command.
+
+    Raises:
+        ValueError: A number is not finite, the lookahead is not above 0, or sizes differ.
+    """
+    start, goal, fastest = (np.asarray(v, dtype=float) for v in (now, ahead, max_velocity))
+    if not start.shape == goal.shape == fastest.shape == (len(names),):
+        raise ValueError(f"{len(names)} joints, but poses of {start.shape} and {goal.shape}")
+    if not (np.isfinite(start).all() and np.isfinite(goal).all() and seconds > 0.0):
+        raise ValueError("a pose that is streamed must be finite, and ahead of now")
+    needed = np.abs(goal - start) / seconds / fastest
+    fractions = np.clip(needed, LEAST_FRACTION, LARGEST_FRACTION)
+    return StreamedCommand(tuple(names), tuple(goal.tolist()), tuple(fractions.tolist()))
+
+
+def too_fast(command: StreamedCommand) -> tuple[str, ...]:
+    """Returns the joints that cannot keep up: they would need more than the largest fraction."""
+    return tuple(
+        name
+        for name, fraction in zip(command.names, command.fractions, strict=True)
+        if fraction >= LARGEST_FRACTION
+    )

@@ -1,0 +1,456 @@
+"""Services with little behind them: life, system, battery, abilities, sonar, lights."""
+
+from collections.abc import Callable
+from typing import Any
+
+from pepper_drake.robot_server.robot_port import SENSORS
+from pepper_drake.robot_server.waiting import VERSION, Module, RobotTimer
+
+_LIFE = ("solitary", "interactive", "safeguard", "disabled")
+
+ABILITIES = (
+    "AutonomousBlinking",
+    "BackgroundMovement",
+    "BasicAwareness",
+    "ListeningMovement",
+    "SpeakingMovement",
+)
+
+
+class AutonomousLife(Module):
+    """ALAutonomousLife: the state, without a life.
+
+    Attributes:
+        abilities: Whether each autonomous ability is switched on.
+    """
+
+    def __init__(self, raise_event: Callable[[str, Any], None]) -> None:
+        super().__init__("ALAutonomousLife")
+        self._raise_event = raise_event
+        self._state = "solitary"
+        self._safeguards: dict[str, bool] = {}
+        self._offset = 0.0
+        self.abilities = dict.fromkeys(ABILITIES, True)
+
+    def set_state(self, state: str) -> None:
+        """Sets the state: solitary, interactive, safeguard or disabled."""
+        if state not in _LIFE:
+            raise ValueError(f"there is no state {state!r}; it must be one of {', '.join(_LIFE)}")
+        if state != self._state:
+            self._state = state
+            self._raise_event("AutonomousLife/State", state)
+
+    def get_state(self) -> str:
+        """Returns the state."""
+        return self._state
+
+    def focused_activity(self) -> str:
+        """Returns the activity that has the focus: none."""
+        return ""
+
+    def stop_focus(self) -> None:
+        """Takes the focus from the activity; there is none."""
+
+    def stop_all(self) -> None:
+        """Stops the activities; there are none."""
+
+    def set_autonomous_ability_enabled(self, ability: str, enabled: bool) -> None:
+        """Switches an ability; the simulated robot does not use it."""
+        self.abilities[_ability(ability)] = enabled
+
+    def get_autonomous_ability_enabled(self, ability: str) -> bool:
+        """Returns whether an ability is switched on."""
+        return self.abilities[_ability(ability)]
+
+    def get_autonomous_abilities_status(self) -> list[dict[str, Any]]:
+        """Returns each ability, whether it is switched on, and that it does not run."""
+        return [
+            {"name": name, "enabled": enabled, "running": False}
+            for name, enabled in self.abilities.items()
+        ]
+
+    def set_safeguard_enabled(self, name: str, enabled: bool) -> None:
+        """Switches a safeguard."""
+        self._safeguards[name] = enabled
+
+    def is_safeguard_enabled(self, name: str) -> bool:
+        """Returns whether a safeguard is on."""
+        return self._safeguards.get(name, True)
+
+    def set_robot_offset_from_floor(self, offset: float) -> None:
+        """Sets how high the robot stands [m]."""
+        self._offset = offset
+
+    def get_robot_offset_from_floor(self) -> float:
+        """Returns how high the robot stands [m]."""
+        return self._offset
+
+
+class Ability(Module):
+    """One of the services that switch an autonomous ability."""
+
+    def __init__(self, name: str, life: AutonomousLife) -> None:
+        super().__init__(f"AL{name}")
+        self._ability = name
+        self._life = life
+        self._mode = ""
+
+    def set_enabled(self, enabled: bool) -> None:
+        """Switches the ability."""
+        self._life.set_autonomous_ability_enabled(self._ability, enabled)
+
+    def is_enabled(self) -> bool:
+        """Returns whether the ability is switched on."""
+        return self._life.get_autonomous_ability_enabled(self._ability)
+
+    def is_running(self, *_call: int) -> bool:
+        """Returns whether the ability shows: it never does."""
+        return False
+
+    def set_mode(self, mode: str) -> None:
+        """Sets how it would show."""
+        self._mode = mode
+
+    def get_mode(self) -> str:
+        """Returns how it would show."""
+        return self._mode
+
+
+class BasicAwareness(Ability):
+    """ALBasicAwareness: its switches; the simulated robot notices nobody."""
+
+    def __init__(self, life: AutonomousLife) -> None:
+        super().__init__("BasicAwareness", life)
+        self._paused = False
+        self._engagement = "Unengaged"
+        self._tracking = "Head"
+        self._stimuli = dict.fromkeys(("Sound", "Movement", "People", "Touch"), True)
+        self._parameters: dict[str, Any] = {}
+
+    def start_awareness(self) -> None:
+        """Switches it on, as programs of old do."""
+        self.set_enabled(True)
+
+    def stop_awareness(self) -> None:
+        """Switches it off, as programs of old do."""
+        self.set_enabled(False)
+
+    def is_awareness_running(self) -> bool:
+        """Returns whether it is switched on and not paused."""
+        return self.is_enabled() and not self._paused
+
+    def pause_awareness(self) -> None:
+        """Pauses it."""
+        self._paused = True
+
+    def resume_awareness(self) -> None:
+        """Goes on after a pause."""
+        self._paused = False
+
+    def is_awareness_paused(self) -> bool:
+        """Returns whether it is paused."""
+        return self._paused
+
+    def set_engagement_mode(self, mode: str) -> None:
+        """Sets how it would stay with a person."""
+        if mode not in ("Unengaged", "FullyEngaged", "SemiEngaged"):
+            raise ValueError(f"there is no mode {mode!r}")
+        self._engagement = mode
+
+    def get_engagement_mode(self) -> str:
+        """Returns how it would stay with a person."""
+        return self._engagement
+
+    def set_tracking_mode(self, mode: str) -> None:
+        """Sets what would follow a person."""
+        if mode not in ("Head", "BodyRotation", "WholeBody", "MoveContextually"):
+            raise ValueError(f"there is no mode {mode!r}")
+        self._tracking = mode
+
+    def get_tracking_mode(self) -> str:
+        """Returns what would follow a person."""
+        return self._tracking
+
+    def set_stimulus_detection_enabled(self, stimulus: str, enabled: bool) -> None:
+        """Switches a stimulus."""
+        self._stimuli[stimulus] = enabled
+
+    def is_stimulus_detection_enabled(self, stimulus: str) -> bool:
+        """Returns whether a stimulus is switched on."""
+        if stimulus not in self._stimuli:
+            raise ValueError(f"there is no stimulus {stimulus!r}")
+        return self._stimuli[stimulus]
+
+    def set_parameter(self, name: str, value: Any) -> None:
+        """Keeps a parameter."""
+        self._parameters[name] = value
+
+    def get_parameter(self, name: str) -> Any:
+        """Returns a parameter that was kept."""
+        if name not in self._parameters:
+            raise ValueError(f"there is no parameter {name!r}")
+        return self._parameters[name]
+
+    def reset_all_parameters(self) -> None:
+        """Forgets the parameters."""
+        self._parameters.clear()
+
+
+class System(Module):
+    """ALSystem."""
+
+    def __init__(self) -> None:
+        super().__init__("ALSystem")
+        self._robot_name = "Pepper"
+        self._timezone = "Europe/Paris"
+
+    def system_version(self) -> str:
+        """Returns the version of NAOqi."""
+        return VERSION
+
+    def previous_system_version(self) -> str:
+        """Returns the version before: there was none."""
+        return ""
+
+    def robot_name(self) -> str:
+        """Returns the robot's name."""
+        return self._robot_name
+
+    def set_robot_name(self, name: str) -> bool:
+        """Sets the robot's name."""
+        self._robot_name = name
+        return True
+
+    def timezone(self) -> str:
+        """Returns the time zone."""
+        return self._timezone
+
+    def set_timezone(self, timezone: str) -> bool:
+        """Sets the time zone."""
+        self._timezone = timezone
+        return True
+
+
+class Battery(Module):
+    """ALBattery: always full."""
+
+    def __init__(self) -> None:
+        super().__init__("ALBattery")
+
+    def get_battery_charge(self) -> int:
+        """Returns the charge [percent]."""
+        return 100
+
+    def enable_power_monitoring(self, _enabled: bool) -> None:
+        """Switches monitoring."""
+
+
+class BodyTemperature(Module):
+    """ALBodyTemperature: no motor warms up."""
+
+    def __init__(self) -> None:
+        super().__init__("ALBodyTemperature")
+        self._notify = True
+
+    def get_temperature_diagnosis(self) -> list[Any]:
+        """Returns which parts are hot: none."""
+        return []
+
+    def set_enable_notifications(self, enabled: bool) -> None:
+        """Switches notifications."""
+        self._notify = enabled
+
+    def are_notifications_enabled(self) -> bool:
+        """Returns whether notifications are on."""
+        return self._notify
+
+
+class RobotModel(Module):
+    """ALRobotModel."""
+
+    def __init__(self) -> None:
+        super().__init__("ALRobotModel")
+
+    def get_robot_type(self) -> str:
+        """Returns the maker's name for Pepper."""
+        return "Juliette"
+
+    def get_config(self) -> str:
+        """Returns the robot's make as XML."""
+        return (
+            '<ModulePreference name="RobotConfig">'
+            '<Preference name="RobotType" value="Juliette"/>'
+            "</ModulePreference>"
+        )
+
+    def has_arms(self) -> bool:
+        """Returns whether the robot has arms."""
+        return True
+
+    def has_hands(self) -> bool:
+        """Returns whether the robot has hands."""
+        return True
+
+    def has_legs(self) -> bool:
+        """Returns whether the robot walks: it has one leg and rolls."""
+        return False
+
+
+class Sonar(Module):
+    """ALSonar: who wants its values; the values are ALMemory's, where they are simulated."""
+
+    def __init__(self) -> None:
+        super().__init__("ALSonar")
+        self._subscribers: dict[str, tuple[int, float]] = {}
+
+    def subscribe(self, name: str, period: int = 100, precision: float = 0.0) -> None:
+        """Asks for values."""
+        self._subscribers[name] = (period, precision)
+
+    def unsubscribe(self, name: str) -> None:
+        """Asks for values no more."""
+        if self._subscribers.pop(name, None) is None:
+            raise ValueError(f"{name!r} has not subscribed")
+
+    def get_subscribers_info(self) -> list[list[Any]]:
+        """Returns who wants values, how often [ms] and how exactly."""
+        return [[name, *wanted] for name, wanted in self._subscribers.items()]
+
+    def get_current_period(self) -> int:
+        """Returns how often values come [ms]."""
+        return min((period for period, _ in self._subscribers.values()), default=100)
+
+    def get_current_precision(self) -> float:
+        """Returns how exact values are."""
+        return max((precision for _, precision in self._subscribers.values()), default=0.0)
+
+    def get_my_period(self, name: str) -> int:
+        """Returns how often one wants values [ms]."""
+        return self._wanted(name)[0]
+
+    def get_my_precision(self, name: str) -> float:
+        """Returns how exactly one wants values."""
+        return self._wanted(name)[1]
+
+    def update_period(self, name: str, period: int) -> None:
+        """Changes how often one wants values [ms]."""
+        self._subscribers[name] = (period, self._wanted(name)[1])
+
+    def update_precision(self, name: str, precision: float) -> None:
+        """Changes how exactly one wants values."""
+        self._subscribers[name] = (self._wanted(name)[0], precision)
+
+    def get_event_list(self) -> list[str]:
+        """Returns the events that sonar raises: none is simulated."""
+        return []
+
+    def get_output_names(self) -> list[str]:
+        """Returns where the values are."""
+        return self.get_memory_key_list()
+
+    def get_memory_key_list(self) -> list[str]:
+        """Returns where the values are."""
+        device = "Device/SubDeviceList/Platform/{}/Sonar/Sensor/Value"
+        return [device.format(side) for side in ("Front", "Back")]
+
+    def _wanted(self, name: str) -> tuple[int, float]:
+        if name not in self._subscribers:
+            raise ValueError(f"{name!r} has not subscribed")
+        return self._subscribers[name]
+
+
+class Touch(Module):
+    """ALTouch."""
+
+    def __init__(self, touched: Callable[[], frozenset[str]]) -> None:
+        super().__init__("ALTouch")
+        self._touched = touched
+
+    def get_sensor_list(self) -> list[str]:
+        """Returns the sensors."""
+        return list(SENSORS)
+
+    def get_status(self) -> list[list[Any]]:
+        """Returns each sensor, whether it is touched, and its parts: none."""
+        return [[sensor, sensor in self._touched(), []] for sensor in SENSORS]
+
+
+class Leds(Module):
+    """ALLeds: colours in the log; a change takes the time that it takes."""
+
+    def __init__(self, timer: RobotTimer, log: Callable[[str], None]) -> None:
+        super().__init__("ALLeds")
+        self._timer = timer
+        self._log = log
+        self._intensities: dict[str, float] = {}
+        self._groups: dict[str, list[str]] = {
+            name: [] for name in ("AllLeds", "FaceLeds", "EarLeds", "ChestLeds", "ShoulderLeds")
+        }
+
+    async def fade(self, name: str, intensity: float, duration: float) -> None:
+        """Changes an intensity, from 0 to 1, within a time [s]."""
+        await self._change(name, f"{intensity:g}", intensity, duration)
+
+    async def fade_rgb(self, name: str, *color_and_duration: Any) -> None:
+        """Changes a colour, given as a name, a number or three shares, within a time [s]."""
+        *color, duration = color_and_duration
+        text = f"#{color[0]:06x}" if isinstance(color[0], int) else " ".join(map(str, color))
+        await self._change(name, text, 1.0, duration)
+
+    def on(self, name: str) -> None:
+        """Switches lights on."""
+        self.set_intensity(name, 1.0)
+
+    def off(self, name: str) -> None:
+        """Switches lights off."""
+        self.set_intensity(name, 0.0)
+
+    def reset(self, name: str) -> None:
+        """Sets lights to what they are at first."""
+        self.set_intensity(name, 1.0)
+
+    def set_intensity(self, name: str, intensity: float) -> None:
+        """Sets an intensity, from 0 to 1."""
+        self._intensities[name] = intensity
+        self._log(f"lights of {name}: {intensity:g}")
+
+    def get_intensity(self, name: str) -> float:
+        """Returns an intensity."""
+        return self._intensities.get(name, 1.0)
+
+    async def rasta(self, duration: float) -> None:
+        """Shows colours for a time [s]."""
+        await self._change("FaceLeds", "rasta", 1.0, duration)
+
+    async def random_eyes(self, duration: float) -> None:
+        """Shows colours in the eyes for a time [s]."""
+        await self._change("FaceLeds", "random", 1.0, duration)
+
+    async def rotate_eyes(self, rgb: int, _rotation: float, duration: float) -> None:
+        """Lets a colour turn in the eyes for a time [s]."""
+        await self._change("FaceLeds", f"#{rgb:06x} turning", 1.0, duration)
+
+    def create_group(self, name: str, lights: list[str]) -> None:
+        """Gives lights a common name."""
+        self._groups[name] = lights
+
+    def list_groups(self) -> list[str]:
+        """Returns the names of groups."""
+        return list(self._groups)
+
+    def list_group(self, name: str) -> list[str]:
+        """Returns the lights of a group."""
+        if name not in self._groups:
+            raise ValueError(f"there is no group {name!r}")
+        return self._groups[name]
+
+    async def _change(self, name: str, text: str, intensity: float, duration: float) -> None:
+        self._log(f"lights of {name}: {text}")
+        await self._timer.sleep(duration)
+        self._intensities[name] = intensity
+
+
+def _ability(name: str) -> str:
+    if name not in ABILITIES:
+        raise ValueError(f"there is no ability {name!r}; it must be one of {', '.join(ABILITIES)}")
+    return name

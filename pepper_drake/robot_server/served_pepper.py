@@ -1,0 +1,122 @@
+"""All services of a served Pepper over one robot port."""
+
+from collections.abc import Callable
+
+from pepper_drake.robot_server.memory import Memory
+from pepper_drake.robot_server.motion import Motion
+from pepper_drake.robot_server.plain_services import (
+    ABILITIES,
+    Ability,
+    AutonomousLife,
+    BasicAwareness,
+    Battery,
+    BodyTemperature,
+    Leds,
+    RobotModel,
+    Sonar,
+    System,
+    Touch,
+)
+from pepper_drake.robot_server.posture import Posture
+from pepper_drake.robot_server.robot_port import RobotPort
+from pepper_drake.robot_server.sensor_keys import TouchEvents, install_keys
+from pepper_drake.robot_server.service import Service, ServiceFinder
+from pepper_drake.robot_server.signatures import make_service, service_signatures
+from pepper_drake.robot_server.speech import AnimatedSpeech, TextToSpeech
+from pepper_drake.robot_server.tracker import Tracker
+from pepper_drake.robot_server.video import Video
+from pepper_drake.robot_server.waiting import Module, RobotTimer
+
+_POSTURE_CYCLES = 25
+"""Cycles between two looks at which posture the robot is in."""
+
+
+class ServedPepper:
+    """A Pepper's services, and the cycle that keeps them going.
+
+    Whoever serves it calls `step` every 20 ms of the robot's clock, on the loop on which the
+    services' methods are called.
+
+    Attributes:
+        services: To be registered.
+        finder: The directory; set by the server, so that events can call clients' modules.
+        motion: ALMotion.
+        memory: ALMemory.
+        video: ALVideoDevice.
+    """
+
+    def __init__(
+        self,
+        port: RobotPort,
+        *,
+        log: Callable[[str], None] = lambda _: None,
+        awake: bool = True,
+    ) -> None:
+        """Makes the services.
+
+        Args:
+            port: The robot.
+            log: Takes a line of what the robot says, shows, and what was asked in vain.
+            awake: Whether the joints are stiff from the start, as after a robot's boot.
+        """
+        self.finder: ServiceFinder | None = None
+        self._port = port
+        self._log = log
+        self._unserved: set[str] = set()
+        self._cycle = 0
+        self._timer = RobotTimer(port.state().time)
+        self.memory = Memory(lambda: self._timer.now, lambda: self.finder)
+        tell = self.memory.raise_event
+        self.motion = Motion(port, tell, awake=awake)
+        self.video = Video(port, self._timer)
+        self._posture = Posture(self.motion, tell)
+        self._touch = TouchEvents(self.memory)
+        speech = TextToSpeech(self._timer, tell, log)
+        life = AutonomousLife(tell)
+        modules: list[Module] = [
+            self.motion,
+            self.memory,
+            self.video,
+            self._posture,
+            Tracker(self.motion),
+            speech,
+            AnimatedSpeech(speech),
+            life,
+            BasicAwareness(life),
+            *(Ability(name, life) for name in ABILITIES if name != "BasicAwareness"),
+            System(),
+            Battery(),
+            BodyTemperature(),
+            RobotModel(),
+            Sonar(),
+            Touch(lambda: self.motion.state.touched),
+            Leds(self._timer, log),
+        ]
+        install_keys(self.memory, self.motion)
+        self.memory.put("robotIsWakeUp", awake)
+        served = {module.name: module for module in modules}
+        self.services: list[Service] = []
+        for name in service_signatures():
+            module = served.get(name) or Module(name)
+            module.service = make_service(name, module, on_unserved=self._ask_in_vain)
+            self.services.append(module.service)
+        self._service("ALMotion").on_client_left = self.motion.client_left
+        self._service("ALVideoDevice").on_client_left = self.video.client_left
+
+    def step(self) -> None:
+        """Does one cycle of 20 ms."""
+        self.motion.step()
+        state = self.motion.state
+        self._timer.step(state.time)
+        self._touch.step(state.touched, state.time)
+        if self._cycle % _POSTURE_CYCLES == 0:
+            self._posture.step()
+        self._cycle += 1
+
+    def _service(self, name: str) -> Service:
+        return next(service for service in self.services if service.name == name)
+
+    def _ask_in_vain(self, name: str) -> None:
+        if name not in self._unserved:
+            self._unserved.add(name)
+            self._log(f"{name} was asked for and is not simulated")
