@@ -8,6 +8,7 @@ PACKAGE = Path(__file__).parents[1] / "pepper_drake"
 FLOORS = (
     ("errors", "_former_names"),
     ("files", "web"),
+    ("yaml_files", "array_files"),
     ("learning",),
     ("models",),
     ("perception",),
