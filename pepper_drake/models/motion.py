@@ -17,7 +17,7 @@ FARTHEST = 100.0
 """Nothing is moved or put farther away than this [m]."""
 
 _SHORTEST = 1e-3
-_MOST_ROWS = 10_000
+_MOST_ROWS = 5_000
 _FILE_LIMIT = 2**20
 
 MOTION_DIRECTIONS: dict[str, tuple[float, float, float]] = {

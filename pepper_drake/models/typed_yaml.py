@@ -18,7 +18,7 @@ from pepper_drake.yaml_files import compose, construct, number_of
 
 T = TypeVar("T")
 
-YAML_LIMIT = 2**20
+YAML_LIMIT = 2**18
 """Largest YAML file of settings or scenes that is read [bytes]."""
 
 _SCALARS: dict[type, tuple[str, ...]] = {

@@ -39,7 +39,9 @@ def read_arrays(path: Path, names: Iterable[str]) -> dict[str, Array]:
     for name in wanted:
         if name not in arrays:
             raise InputError(f"{path}: the log lacks {name}; record the run again")
-    return arrays
+        if arrays[name].dtype.kind == "b":
+            raise InputError(f"{path}: {name} holds no numbers; record the run again")
+    return {name: array.astype(float) for name, array in arrays.items()}
 
 
 def check_rows(path: Path, arrays: Mapping[str, Array], shapes: Mapping[str, int | None]) -> None:

@@ -94,4 +94,7 @@ class ReachLog:
         offsets = arrays["object_offset_m"]
         things = offsets.shape[1] // 3 if offsets.ndim == 2 else 1
         check_rows(path, arrays, {**_COLUMNS, "object_offset_m": 3 * things})
-        return cls(**arrays)
+        mode = arrays["mode"]
+        if not np.all((mode >= 0) & (mode < 100) & (mode == np.round(mode))):
+            raise InputError(f"{path}: mode must hold whole numbers; record the run again")
+        return cls(**arrays | {"mode": mode.astype(np.int64)})
