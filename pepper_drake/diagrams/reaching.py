@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from pepper_drake.diagrams.arm_controller import ArmController
@@ -33,6 +33,7 @@ from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.base_position_controller import BasePositionController
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
@@ -97,7 +98,7 @@ class Reaching(Diagram):
         self._add_logs()
         builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
         del self._builder
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _connect(self, source: OutputPort, system: object, *names: str) -> None:
         for name in names:

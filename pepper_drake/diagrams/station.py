@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import gc
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +12,7 @@ from pydrake.geometry import GeometryId, MakeRenderEngineVtk, RenderEngineVtkPar
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     MatrixGain,
     TrajectorySource,
@@ -48,6 +49,7 @@ from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import STEREO_CLOUD
 from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
 from pepper_drake.systems.sensing.async_renderer import AsyncRenderer
 from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
@@ -226,6 +228,8 @@ class PepperStation(Diagram):
             positions: Where every joint starts [rad, m], by name; as in the scene if left out.
         """
         super().__init__()
+        # An earlier station takes 100 MB, but is so few objects that nobody looks for it so soon.
+        gc.collect()
         self.config = config
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
@@ -295,7 +299,7 @@ class PepperStation(Diagram):
         )
         builder.ExportInput(plant.get_applied_spatial_force_input_port(), "applied_forces")
         export_triggers(builder, config.faults)
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     @staticmethod
     def _arm(scene: Scene | None) -> str:

@@ -14,7 +14,6 @@ from pydrake.systems.framework import (
     DiagramBuilder,
     EventStatus,
     InputPort,
-    LeafSystem,
     OutputPort,
     PortDataType,
     State,
@@ -22,6 +21,7 @@ from pydrake.systems.framework import (
 
 from pepper_drake.systems.faults.corruption import corrupt
 from pepper_drake.systems.faults.fault import SIGNALS, Fault
+from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
 Values = tuple[Any, ...]
