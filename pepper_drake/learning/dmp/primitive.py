@@ -150,10 +150,14 @@ class MovementPrimitive:
             return cls._fit(demos, approximator, num_basis, scaling, orientation, alpha_z, seed)
         fewest = min(len(demo.times) for demo in demos)
         number = min(DEFAULT_NUM_BASIS, max(_FEWEST_NUM_BASIS, fewest - 1))
+        # Seconds at the usual rates are known to be given back by the usual number.
+        usual = 2 * DEFAULT_NUM_BASIS <= fewest < 8 * DEFAULT_NUM_BASIS
         while True:
             learned = cls._fit(demos, approximator, number, scaling, orientation, alpha_z, seed)
-            enough = 2 * number > min(MOST_NUM_BASIS, fewest // 4)
-            if enough or len(demos) > 1 or learned.distance(demos[0]) <= FIT_TOLERANCE:
+            if usual or len(demos) > 1 or 2 * number > MOST_NUM_BASIS:
+                return learned
+            shown = demos[0].filled(demos[0].duration / (2 * DEFAULT_NUM_BASIS))
+            if learned.distance(shown) <= FIT_TOLERANCE:
                 return learned
             number *= 2
 
