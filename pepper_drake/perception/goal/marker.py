@@ -29,7 +29,8 @@ _SECOND_CORNER_SIGMA = 0.4
 """Standard deviations of a corner's coordinate, by the detector that found it [pixels], ..."""
 
 _SMALL_SIDE = 20.0
-"""... of markers of this side or longer [pixels]; those of the second grow as the side shrinks."""
+"""... and, for both, of markers whose shortest side is shorter than this [pixels]: the second one,
+which grows as the side shrinks."""
 
 _LARGEST_REPROJECTION_ERROR = 1.5
 """A quadrilateral that no square projects to within this rms [pixels] is not a marker."""
@@ -170,8 +171,7 @@ def detect_markers(
     found = _detections(_detector(dictionary), gray, corner - 0.5, _CORNER_SIGMA)
     if found and (wanted is None or any(detection.id == wanted for detection in found)):
         return found
-    second = _detections(_second_detector(dictionary), gray, corner, _SECOND_CORNER_SIGMA)
-    return found + [_second_sigma(detection) for detection in second]
+    return found + _detections(_second_detector(dictionary), gray, corner, _SECOND_CORNER_SIGMA)
 
 
 def _detections(
@@ -184,16 +184,21 @@ def _detections(
     if ids is None:
         return []
     found = [
-        Detection(int(number), quad.reshape(4, 2).astype(float) + shift, corner_sigma)
+        Detection(int(number), quad.reshape(4, 2).astype(float) + shift)
         for number, quad in zip(np.ravel(ids), corners, strict=True)
     ]
-    return [detection for detection in found if detection.side >= _SMALLEST_SIDE]
+    return [
+        _with_sigma(detection, corner_sigma)
+        for detection in found
+        if detection.side >= _SMALLEST_SIDE
+    ]
 
 
-def _second_sigma(detection: Detection) -> Detection:
-    """The same, with what the second detector errs at its size."""
-    sigma = _SECOND_CORNER_SIGMA * max(1.0, _SMALL_SIDE / detection.side)
-    return replace(detection, corner_sigma=sigma)
+def _with_sigma(detection: Detection, corner_sigma: float) -> Detection:
+    """The same, with what its corners err: of small markers all detectors err alike."""
+    if detection.side < _SMALL_SIDE:
+        corner_sigma = _SECOND_CORNER_SIGMA * _SMALL_SIDE / detection.side
+    return replace(detection, corner_sigma=corner_sigma)
 
 
 def marker_corners(size: float) -> npt.NDArray[np.float64]:

@@ -27,7 +27,7 @@ _OFFSETS = np.linspace(-1, 1, 11)
 _LONGEST_SEARCH = 3.0
 """Largest search range to either side of an edge [pixels]."""
 
-_SHORTEST_SEARCH = 0.9
+_SHORTEST_SEARCH = 1.15
 """Search range below which neighbouring edges blur into each other [pixels]."""
 
 _SEARCH_SHARE = 0.45
