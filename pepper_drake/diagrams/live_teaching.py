@@ -247,6 +247,7 @@ class LiveTeaching(Diagram):
             "safety_monitor",
             SafetyMonitor(
                 limits=self._model.command_limits(BODY_JOINTS),
+                start_position=[self.scene.robot.positions()[name] for name in BODY_JOINTS],
                 minimum_clearance=self._minimum_clearance,
                 time_step=self._ik_params.time_step,
             ),
