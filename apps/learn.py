@@ -46,6 +46,7 @@ from pepper_drake.learning.dmp.primitive import (
 from pepper_drake.learning.dmp.scaling import SCALINGS
 from pepper_drake.reporting.demonstration_figure import draw_demonstration
 from pepper_drake.reporting.learning_figure import draw_learning
+from pepper_drake.results.folder import whole_results
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -263,10 +264,12 @@ def main() -> int:
         "demonstrations": rows,
         "checks": [check.to_data() for check in checks],
     }
-    primitive.save(arguments.output / "primitive.yaml")
-    write_atomically(arguments.output / "report.json", json.dumps(report, indent=2) + "\n")
     figure = draw_learning(primitive, demonstrations, primitive.rollout())
-    figure.savefig(arguments.output / "learn.png", dpi=110)
+    names = ("primitive.yaml", "learn.png", "report.json")
+    with whole_results(arguments.output, names) as folder:
+        primitive.save(folder / "primitive.yaml")
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+        figure.savefig(folder / "learn.png", dpi=110)
 
     if not arguments.quiet:
         for check in checks:

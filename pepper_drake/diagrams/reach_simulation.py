@@ -17,7 +17,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
 from tqdm import tqdm
 
 from pepper_drake.diagrams.reaching import Reaching
@@ -30,6 +30,7 @@ from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
+from pepper_drake.systems.framework import Diagram, build
 
 Vector = npt.NDArray[np.float64]
 
@@ -93,7 +94,7 @@ class ReachSimulation:
                 reaching.GetOutputPort("ground_truth.query"),
                 self._visualizer.query_object_input_port(),
             )
-            system = builder.Build()
+            system = build(builder)
         self.simulator = Simulator(system)
         self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
         self._fault = ""

@@ -1,9 +1,9 @@
 """Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from pepper_drake.diagrams.arm_controller import ArmController
@@ -28,10 +28,12 @@ from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.base_position_controller import BasePositionController
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
@@ -55,6 +57,8 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
+    contact: ContactParams = field(default_factory=ContactParams)
+    """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
     """How the reaching arm gives way when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
@@ -94,7 +98,7 @@ class Reaching(Diagram):
         self._add_logs()
         builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
         del self._builder
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _connect(self, source: OutputPort, system: object, *names: str) -> None:
         for name in names:
@@ -301,7 +305,9 @@ class Reaching(Diagram):
             "safety_monitor",
             SafetyMonitor(
                 limits=model.command_limits(BODY_JOINTS),
+                start_position=[self.scene.robot.positions()[name] for name in BODY_JOINTS],
                 minimum_clearance=self.config.planner.clearance.stop,
+                contact=self._contact_params(),
                 time_step=self.config.ik.time_step,
             ),
         )
@@ -314,6 +320,19 @@ class Reaching(Diagram):
         builder.Connect(
             self.safety.GetOutputPort("safe_joint_position_command"),
             station.GetInputPort("joint_position_command"),
+        )
+
+    def _contact_params(self) -> ContactParams | None:
+        """When a joint counts as held, on a robot of this latency and slack."""
+        if self.config.compliance is not None:
+            return None
+        wear = self.config.station.wear
+        if wear is None:
+            return self.config.contact
+        return replace(
+            self.config.contact,
+            latency=self.config.contact.latency + wear.command_latency,
+            angle=self.config.contact.angle + 0.5 * float(wear.backlash.max()),
         )
 
     def _add_motions(self) -> None:

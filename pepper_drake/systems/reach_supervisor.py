@@ -14,7 +14,6 @@ from pydrake.systems.framework import (
     DependencyTicket,
     EventStatus,
     InputPort,
-    LeafSystem,
     State,
 )
 
@@ -28,6 +27,7 @@ from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.reach_state_machine import step
+from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
 

@@ -7,13 +7,7 @@ import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    EventStatus,
-    LeafSystem,
-    State,
-)
+from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 from pydrake.systems.sensors import ImageDepth16U
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CameraIntrinsics
@@ -39,6 +33,7 @@ from pepper_drake.perception.mapping.obstacle_map import (
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
+from pepper_drake.systems.framework import LeafSystem
 
 _LAG = 0.3
 """Age [s] that the pose of a moving object may have: half between images, half in filters."""
