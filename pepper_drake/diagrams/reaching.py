@@ -27,7 +27,8 @@ from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
@@ -85,7 +86,7 @@ class Reaching(Diagram):
         self.scene, self.primitive, self.config = scene, primitive, config
         self._builder = builder = DiagramBuilder()
         model = shared_control_model()
-        self.geometry = ArmGeometry(model, scene.arm)
+        self.shapes = ExactDistance(model, arm_kinematics(model, scene.arm))
         station = builder.AddNamedSystem("station", PepperStation(scene, config.station, model))
         self.station: PepperStation = station
         self.logs: dict[str, VectorLogSink] = {}
@@ -290,7 +291,7 @@ class Reaching(Diagram):
         self._connect(head, self.look_at, "head_position")
 
         self.seen_clearance = builder.AddNamedSystem(
-            "seen_clearance", CloudClearance(self.geometry, time_step=0.05)
+            "seen_clearance", CloudClearance(self.shapes, time_step=0.05)
         )
         self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud")
         self._connect(self.active, self.seen_clearance, "active")
