@@ -334,15 +334,19 @@ class PepperStation(Diagram):
 
         It is the plant's, not a context's: all simulations of this station have it from now on.
         """
-        config = self.config
+        for name in JOINT_GROUPS[group]:
+            self.set_joint_stiffness(name, stiffness)
+
+    def set_joint_stiffness(self, name: str, stiffness: float) -> None:
+        """Sets the stiffness of one joint, as `set_stiffness` does of a group."""
+        group = next(group for group, names in JOINT_GROUPS.items() if name in names)
         firmness, damping = _STRENGTH.get(group, (1.0, 1.0))
         gains = PdControllerGains(
-            p=max(firmness * stiffness * config.proportional_gain, 1e-6),
-            d=max(damping * config.derivative_gain * math.sqrt(stiffness), _GEAR_FRICTION),
+            p=max(firmness * stiffness * self.config.proportional_gain, 1e-6),
+            d=max(damping * self.config.derivative_gain * math.sqrt(stiffness), _GEAR_FRICTION),
         )
-        for name in JOINT_GROUPS[group]:
-            actuator = self.plant.GetJointActuatorByName(name, self.pepper)
-            self.plant.get_mutable_joint_actuator(actuator.index()).set_controller_gains(gains)
+        actuator = self.plant.GetJointActuatorByName(name, self.pepper)
+        self.plant.get_mutable_joint_actuator(actuator.index()).set_controller_gains(gains)
 
     def _add_true_state(self, builder: DiagramBuilder) -> dict[str, OutputPort]:
         """Splits the plant's state into joints and base, and exports the joints' velocities."""
