@@ -3,7 +3,9 @@
 import dataclasses
 import math
 import re
+import types
 import typing
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,8 +13,12 @@ import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
 
 T = TypeVar("T")
+
+YAML_LIMIT = 2**20
+"""Largest YAML file of settings or scenes that is read [bytes]."""
 
 _SCALARS: dict[type, tuple[str, ...]] = {
     float: ("tag:yaml.org,2002:float", "tag:yaml.org,2002:int"),
@@ -20,10 +26,11 @@ _SCALARS: dict[type, tuple[str, ...]] = {
     bool: ("tag:yaml.org,2002:bool",),
     str: ("tag:yaml.org,2002:str",),
 }
+_STRINGS = ("tag:yaml.org,2002:str",)
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
 
 
-def load_yaml(schema: type[T], path: Path) -> T:
+def load_yaml(schema: type[T], path: Path, defaults: T | None = None) -> T:
     """Loads a dataclass from a YAML file.
 
     Fields that the file leaves out keep their defaults; every field of the dataclass needs one.
@@ -31,28 +38,80 @@ def load_yaml(schema: type[T], path: Path) -> T:
     Args:
         schema: A dataclass of numbers, texts, lists, dictionaries and other such dataclasses.
         path: The file.
+        defaults: Values of the fields that the file leaves out; the schema's own if None.
 
     Raises:
         InputError: If the file is missing, is no YAML, has a field that the schema lacks, or a
             value of the wrong type; the sentence names the file, the line and the field.
     """
+    return parse_yaml(schema, read_text(path, YAML_LIMIT), str(path), defaults)
+
+
+def parse_yaml(schema: type[T], text: str, name: str, defaults: T | None = None) -> T:
+    """Reads a dataclass from YAML text; see `load_yaml`.
+
+    Args:
+        schema: A dataclass.
+        text: The YAML.
+        name: Where it comes from, for the sentence that says what is wrong.
+        defaults: Values of the fields that the text leaves out; the schema's own if None.
+
+    Raises:
+        InputError: As `load_yaml`.
+    """
+    root = _compose(text, name)
+    if root is None:
+        raise InputError(f"{name} is empty; it must hold the fields of a {schema.__name__}")
+    _check_node(root, schema, "", name)
+    return yaml_load_typed(schema=schema, data=text, defaults=defaults)
+
+
+def with_settings(config: T, settings: Sequence[str]) -> T:
+    """Returns a copy of a dataclass with some fields set, as `--set FIELD=VALUE` asks for.
+
+    Args:
+        config: The dataclass.
+        settings: Such as `planner.clearance.want=0.02`; later ones win.
+
+    Raises:
+        InputError: There is no such field, or the value does not fit it.
+
+    Example:
+        >>> from dataclasses import dataclass, field
+        >>> @dataclass
+        ... class Inner:
+        ...     size: float = 1.0
+        >>> @dataclass
+        ... class Outer:
+        ...     inner: Inner = field(default_factory=Inner)
+        >>> with_settings(Outer(), ["inner.size=2"])
+        Outer(inner=Inner(size=2.0))
+    """
+    for setting in settings:
+        name, equals, value = setting.partition("=")
+        if not equals or not re.fullmatch(r"\w+(\.\w+)*", name) or not value.strip():
+            raise InputError(f'--set "{setting}": give it as FIELD=VALUE, such as station.seed=3')
+        text = "".join(f"{'  ' * k}{key}:\n" for k, key in enumerate(name.split(".")))
+        config = parse_yaml(
+            type(config), f"{text.rstrip()} {value.strip()}", f"--set {name}", config
+        )
+    return config
+
+
+def _compose(text: str, name: str) -> yaml.Node | None:
     try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read as a text file ({error})") from None
-    try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+            if isinstance(event, yaml.AliasEvent):
+                line = event.start_mark.line + 1 if event.start_mark else 1
+                raise InputError(f"{name} line {line}: aliases (*) are not read; write it out")
+        return yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise InputError(f"{path} line {line}: not valid YAML ({error.problem})") from None
+        raise InputError(f"{name} line {line}: not valid YAML ({error.problem})") from None
     except yaml.YAMLError as error:
-        raise InputError(f"{path}: not valid YAML ({error})") from None
-    if root is None:
-        raise InputError(f"{path} is empty; it must hold the fields of a {schema.__name__}")
-    _check_node(root, schema, "", path)
-    return yaml_load_typed(schema=schema, data=text)
+        raise InputError(f"{name}: not valid YAML ({error})") from None
+    except RecursionError:
+        raise InputError(f"{name}: nested too deeply to be a file of settings") from None
 
 
 def save_yaml(data: Any, path: Path) -> None:
@@ -82,16 +141,21 @@ def line_of_field(path: Path, field: str) -> int:
     return line
 
 
-def _check_node(node: yaml.Node, schema: Any, field: str, path: Path) -> None:
+def _check_node(node: yaml.Node, schema: Any, field: str, path: str) -> None:
     """Raises InputError at the first node that does not fit the schema."""
     where = f"{path} line {node.start_mark.line + 1}: "
     name = field or "the file"
     origin, arguments = typing.get_origin(schema), typing.get_args(schema)
+    if origin in (typing.Union, types.UnionType):
+        if node.tag == "tag:yaml.org,2002:null":
+            return
+        schema = next(argument for argument in arguments if argument is not type(None))
+        origin, arguments = typing.get_origin(schema), typing.get_args(schema)
     if dataclasses.is_dataclass(schema):
         hints = typing.get_type_hints(schema)
         if not isinstance(node, yaml.MappingNode):
             raise InputError(f"{where}{name} must hold the fields {', '.join(hints)}")
-        for key, value in node.value:
+        for key, value in _items(node, path):
             if key.value not in hints:
                 raise InputError(
                     f'{path} line {key.start_mark.line + 1}: {name} has no field "{key.value}"; '
@@ -106,7 +170,7 @@ def _check_node(node: yaml.Node, schema: Any, field: str, path: Path) -> None:
     elif origin is dict:
         if not isinstance(node, yaml.MappingNode):
             raise InputError(f"{where}{name} must be lines of the form `name: value`")
-        for key, value in node.value:
+        for key, value in _items(node, path):
             _check_node(value, arguments[1], f"{field}.{key.value}", path)
     else:
         if not isinstance(node, yaml.ScalarNode):
@@ -117,17 +181,34 @@ def _check_node(node: yaml.Node, schema: Any, field: str, path: Path) -> None:
             raise InputError(f"{where}{name} is {node.value}; it must be a finite number")
 
 
+def _items(node: yaml.MappingNode, path: str) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+    """Returns the entries of a mapping, whose keys must be single words, each of them once."""
+    seen: set[str] = set()
+    for key, _ in node.value:
+        where = f"{path} line {key.start_mark.line + 1}: "
+        if not isinstance(key, yaml.ScalarNode):
+            raise InputError(f"{where}a list or mapping stands where a field's name should")
+        if key.tag not in _STRINGS:
+            raise InputError(f"{where}{key.value} is no text to YAML; quote it")
+        if key.value in seen:
+            raise InputError(f'{where}"{key.value}" is there twice; leave one out')
+        seen.add(key.value)
+    return list(node.value)
+
+
 def _fits(node: yaml.ScalarNode, schema: type) -> bool:
-    if node.tag in _SCALARS[schema]:
-        return True
-    if schema is float and node.tag == "tag:yaml.org,2002:str":
-        # YAML 1.1 reads 1e-3 (without a dot) as a text; Drake's loader takes it as a number.
+    if schema in (int, float) and node.tag not in _STRINGS + _SCALARS[float]:
+        return False
+    if schema is int:
+        return re.fullmatch(r"[-+]?\d+", node.value) is not None and node.style is None
+    if schema is float:
+        # YAML 1.1 has numbers to the base of 60 and 16, and takes 1e-3, without a dot, for a text.
         try:
-            float(node.value)
+            _number(node.value)
         except ValueError:
             return False
-        return True
-    return False
+        return node.style is None
+    return node.tag in _SCALARS[schema]
 
 
 def _number(text: str) -> float:

@@ -42,7 +42,7 @@ class ClockSample:
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """How far the robot's clock is ahead of ours.
+    """The offset of the robot's clock from ours.
 
     Attributes:
         offset: Robot's time less ours [s].

@@ -33,7 +33,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Legs": CHAINS["Leg"],
     "Wheels": WHEELS,
 }
-"""What a name stands for where ALMotion takes joints."""
+"""Joints that a name stands for in ALMotion."""
 
 STIFFNESS_CHAINS: tuple[str, ...] = CHAINS["Head"] + CHAINS["LArm"] + CHAINS["RArm"]
 """Joints whose stiffness a program may set; the lower body follows `wakeUp` and `rest` only."""

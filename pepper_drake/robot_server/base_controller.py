@@ -13,10 +13,10 @@ Pose = tuple[float, float, float]
 _STILL: Pose = (0.0, 0.0, 0.0)
 
 _PULL = 2.0
-"""Share of the error of a move that is made good in a second."""
+"""Gain on a move's error of position [1/s]."""
 
 _NEAR = (0.005, 0.01)
-"""Where a move has arrived [m, rad]."""
+"""Distance and angle from its goal within which a move has arrived [m, rad]."""
 
 _GIVES_UP = 2.0
 """Time after a move's end at which it has failed [s]."""
@@ -71,13 +71,19 @@ class BaseController:
 
     @property
     def resting(self) -> bool:
-        """Whether the base neither moves nor should."""
+        """Returns whether the base neither moves nor should."""
         return self.velocity == _STILL == self._wanted
 
     def step(self) -> None:
-        """Changes the velocity within a cycle's acceleration."""
+        """Changes the velocity within a cycle's acceleration.
+
+        The acceleration is that over the floor: while the base turns, its velocity turns the
+        other way in its frame without being changed.
+        """
         wanted = self._wanted if self.enabled else _STILL
         vx, vy, wz = self.velocity
+        c, s = math.cos(wz * CYCLE), math.sin(wz * CYCLE)
+        vx, vy = c * vx + s * vy, -s * vx + c * vy
         dx, dy = wanted[0] - vx, wanted[1] - vy
         gap = math.hypot(dx, dy)
         reach = self._speeds.acceleration * CYCLE
@@ -86,6 +92,17 @@ class BaseController:
         wz = wanted[2] if abs(wanted[2] - wz) <= turn else wz + math.copysign(turn, wanted[2] - wz)
         straight = wanted[:2] if share == 1.0 else (vx + share * dx, vy + share * dy)
         self.velocity = (*straight, wz)
+
+
+class Odometry:
+    """The base's pose in the world, as its wheels tell it.
+
+    Attributes:
+        pose: x, y [m], theta [rad].
+    """
+
+    def __init__(self, state: RobotState) -> None:
+        self.pose: Pose = state.base_pose
 
 
 class VelocityMove:
@@ -125,17 +142,26 @@ class PoseMove:
         base: BaseController,
         points: list[Pose],
         speeds: BaseSpeeds,
-        pose: "Odometry",
+        odometry: Odometry,
         duration: float = 0.0,
     ) -> None:
-        """Args: base, poses relative to the base's at the start, limits, odometry, least [s]."""
+        """Prepares a move.
+
+        Args:
+            base: What is told the velocities.
+            points: Poses to pass through, relative to the base's at the start [m, rad].
+            speeds: Limits.
+            odometry: Where the base is.
+            duration: Time that the move takes at least [s].
+        """
         self._base = base
         self._points = points
         self._speeds = speeds
-        self._odometry = pose
+        self._odometry = odometry
         self._least = duration
         self._origin: Pose = _STILL
         self._stops: list[Pose] = []
+        self._start: Pose = _STILL
         self._leg = -1
         self._time = 0.0
         self._duration = 0.0
@@ -155,11 +181,14 @@ class PoseMove:
 
     def step(self) -> bool:
         """Asks for the velocity of this cycle."""
-        self._time += CYCLE
         start, end = self._start, self._stops[self._leg]
         delta = tuple(b - a for a, b in zip(start, end, strict=True))
-        share, rate = self._progress(math.hypot(*delta[:2]), False)
-        turned, turning = self._progress(abs(delta[2]), True)
+        way, turn = math.hypot(*delta[:2]), abs(delta[2])
+        share, _ = self._progress(self._time, way, False)
+        turned, _ = self._progress(self._time, turn, True)
+        # The command holds over the cycle to come: its speed is that of the cycle's middle.
+        _, rate = self._progress(self._time + CYCLE / 2, way, False)
+        _, turning = self._progress(self._time + CYCLE / 2, turn, True)
         reference = (
             start[0] + share * delta[0],
             start[1] + share * delta[1],
@@ -179,11 +208,11 @@ class PoseMove:
             self._base.stop()
             return True
         wx, wy = rate * delta[0] + _PULL * error[0], rate * delta[1] + _PULL * error[1]
-        c, s = math.cos(theta), math.sin(theta)
-        self._base.want(
-            (c * wx + s * wy, -s * wx + c * wy, turning * delta[2] + _PULL * error[2]),
-            self._speeds,
-        )
+        wz = turning * delta[2] + _PULL * error[2]
+        middle = theta + wz * CYCLE / 2
+        c, s = math.cos(middle), math.sin(middle)
+        self._base.want((c * wx + s * wy, -s * wx + c * wy, wz), self._speeds)
+        self._time += CYCLE
         return False
 
     def stop(self) -> None:
@@ -207,27 +236,16 @@ class PoseMove:
             CYCLE,
         )
 
-    def _progress(self, distance: float, turning: bool) -> tuple[float, float]:
-        """Returns the share of the way and its rate at this leg's time."""
+    def _progress(self, time: float, distance: float, turning: bool) -> tuple[float, float]:
+        """Returns the share of the way and its rate at a time of this leg."""
         if distance < 1e-9:
             return 1.0, 0.0
         speed = self._speeds.turning if turning else self._speeds.speed
         gain = self._speeds.turning_acceleration if turning else self._speeds.acceleration
         own = trapezoid_duration(distance, speed, gain)
         scale = own / self._duration
-        share, rate = trapezoid(min(self._time, self._duration) * scale, distance, speed, gain)
+        share, rate = trapezoid(min(time, self._duration) * scale, distance, speed, gain)
         return share / distance, rate * scale / distance
-
-
-class Odometry:
-    """The base's pose in the world, as its wheels tell it.
-
-    Attributes:
-        pose: x, y [m], theta [rad].
-    """
-
-    def __init__(self, state: RobotState) -> None:
-        self.pose: Pose = state.base_pose
 
 
 def trapezoid_duration(distance: float, speed: float, acceleration: float) -> float:

@@ -22,7 +22,7 @@ ARRIVED = 1e-9
 """Distance below which a command has arrived [rad]."""
 
 STIFFNESS = "/Stiffness"
-"""What a joint's name is followed by where its stiffness is the resource."""
+"""Suffix of a joint's name that makes it the resource of its stiffness."""
 
 
 class JointController:
@@ -45,6 +45,7 @@ class JointController:
         self._target = self.command.copy()
         self._speed = np.zeros(len(JOINTS))
         self._driven: dict[int, float] = {}
+        self._behind: set[int] = set()
 
     def set_targets(self, targets: Mapping[str, float], fraction: float) -> None:
         """Sends joints to targets [rad] at a fraction of their largest speed, from now on.
@@ -74,7 +75,7 @@ class JointController:
         self.stiffness[INDEX[name]] = min(max(value, 0.0), 1.0)
 
     def arrived(self, name: str, value: float) -> bool:
-        """Whether a joint's command is at a value within its limits, or the joint is limp."""
+        """Returns whether a joint is limp or its command is at a value, limits aside."""
         k = INDEX[name]
         wanted = self.command.copy()
         wanted[k] = value
@@ -87,10 +88,14 @@ class JointController:
         position, _ = step_towards(
             self.command, self.velocity, self._target, self._speed, ACCELERATION
         )
-        for k, value in self._driven.items():
-            position[k] = value
-        position = clip_to_limits(position)
         reach = MAX_VELOCITY * CYCLE
+        self._behind &= self._driven.keys()
+        for k, value in self._driven.items():
+            if k in self._behind or abs(value - self.command[k]) > reach[k]:
+                position[k] = self._chase(k, value)
+            else:
+                position[k] = value
+        position = clip_to_limits(position)
         position = np.clip(position, self.command - reach, self.command + reach)
         limp = self.stiffness == 0.0
         position = np.where(limp, state.positions, position)
@@ -100,6 +105,22 @@ class JointController:
         self._target[driven] = position[driven]
         self._target = np.where(limp, position, self._target)
         self._driven.clear()
+
+    def _chase(self, k: int, value: float) -> float:
+        """Returns where a joint comes that a path has left behind, at its largest speed."""
+        at = slice(k, k + 1)
+        position, _ = step_towards(
+            self.command[at],
+            self.velocity[at],
+            np.array([value]),
+            MAX_VELOCITY[at],
+            ACCELERATION[at],
+        )
+        if abs(position[0] - value) < ARRIVED:
+            self._behind.discard(k)
+        else:
+            self._behind.add(k)
+        return float(position[0])
 
 
 class PathMotion:

@@ -106,6 +106,8 @@ class Memory(Module):
 
     def insert_list_data(self, pairs: Any) -> None:
         """Puts values, given as [[key, value], ...]."""
+        if not isinstance(pairs, list | tuple):
+            raise ValueError("the list must hold [key, value]")
         for pair in pairs:
             if not isinstance(pair, list | tuple) or len(pair) != 2:
                 raise ValueError("the list must hold [key, value]")

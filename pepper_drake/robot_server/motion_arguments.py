@@ -20,6 +20,8 @@ def joint_names(names: Any) -> list[str]:
     """
     found: list[str] = []
     for name in [names] if isinstance(names, str) else _as_list(names, "names"):
+        if not isinstance(name, str):
+            raise ValueError(f"names must be text, not {_brief(name)}")
         if name in GROUPS:
             found.extend(GROUPS[name])
         elif name in BODY:
@@ -153,20 +155,20 @@ def numbers(values: Any, count: int, what: str) -> list[float]:
     return result
 
 
-def move_settings(config: Any) -> dict[str, float]:
-    """Returns a move's configuration `[[key, value], ...]` as numbers by key.
+def settings(config: Any) -> dict[str, float]:
+    """Returns a configuration `[[key, value], ...]` as numbers by key.
 
     Keys that only other robots know are kept; whoever reads the settings passes over them.
 
     Raises:
         ValueError: It is no list of pairs.
     """
-    settings = {}
-    for pair in _as_list(config, "the move's configuration"):
+    found = {}
+    for pair in _as_list(config, "the configuration"):
         if not isinstance(pair, Sequence) or len(pair) != 2 or not isinstance(pair[0], str):
-            raise ValueError(f"the move's configuration has {_brief(pair)}, not [key, value]")
-        settings[pair[0]] = number(pair[1], pair[0])
-    return settings
+            raise ValueError(f"the configuration has {_brief(pair)}, not [key, value]")
+        found[pair[0]] = number(pair[1], pair[0])
+    return found
 
 
 def check_times(joint: str, times: Sequence[float]) -> None:

@@ -12,7 +12,8 @@ from pepper_drake.robot_server.base_controller import (
     PoseMove,
     VelocityMove,
 )
-from pepper_drake.robot_server.motion_arguments import move_settings, number, numbers
+from pepper_drake.robot_server.motion_arguments import number, numbers, settings
+from pepper_drake.robot_server.movers import Movers
 from pepper_drake.robot_server.robot_port import RobotState
 from pepper_drake.robot_server.service import Caller
 from pepper_drake.robot_server.signatures import with_caller
@@ -31,16 +32,17 @@ class BaseMoves:
         state: The robot's newest state.
     """
 
-    def __init__(self, state: RobotState) -> None:
+    def __init__(self, state: RobotState, movers: Movers) -> None:
         self.base = BaseController()
         self.tasks = TaskManager()
         self.state = state
         self.odometry = Odometry(state)
+        self._movers = movers
 
     @with_caller
     def move(self, caller: Caller, x: float, y: float, theta: float, config: Any = ()) -> None:
         """Moves at a velocity [m/s, rad/s] until `stopMove`."""
-        speeds = BaseSpeeds.configured(move_settings(config))
+        speeds = BaseSpeeds.configured(settings(config))
         self._start(VelocityMove(self.base, _pose(x, y, theta), speeds), "move", caller)
 
     @with_caller
@@ -48,7 +50,7 @@ class BaseMoves:
         self, caller: Caller, x: float, y: float, theta: float, config: Any = ()
     ) -> None:
         """Moves at shares, from -1 to 1, of the largest velocities until `stopMove`."""
-        speeds = BaseSpeeds.configured(move_settings(config))
+        speeds = BaseSpeeds.configured(settings(config))
         x, y, theta = (min(max(v, -1.0), 1.0) for v in _pose(x, y, theta))
         velocity = (x * speeds.speed, y * speeds.speed, theta * speeds.turning)
         self._start(VelocityMove(self.base, velocity, speeds), "moveToward", caller)
@@ -67,7 +69,7 @@ class BaseMoves:
         The arguments are x, y, theta, or a list of them, or a list of such lists: poses to pass
         through. A time [s] or a configuration or both may follow.
         """
-        if isinstance(arguments[0], list | tuple):
+        if len(arguments) < 3:
             points, rest = _points(arguments[0]), arguments[1:]
         else:
             points, rest = [_pose(*arguments[:3])], arguments[3:]
@@ -78,7 +80,7 @@ class BaseMoves:
                 config = argument
             else:
                 duration = number(argument, "time")
-        speeds = BaseSpeeds.configured(move_settings(config))
+        speeds = BaseSpeeds.configured(settings(config))
         motion = PoseMove(self.base, points, speeds, self.odometry, duration)
         await until_ended(self.tasks, self._start(motion, "moveTo", caller))
         return motion.succeeded
@@ -105,7 +107,7 @@ class BaseMoves:
         await self.wait_until_move_is_finished()
 
     def move_is_active(self) -> bool:
-        """Whether a move is under way."""
+        """Returns whether a move is under way."""
         return bool(self._moves()) or not self.base.resting
 
     def walk_is_active(self) -> bool:
@@ -154,6 +156,7 @@ class BaseMoves:
         return list(self.state.base_velocity)
 
     def _start(self, motion: VelocityMove | PoseMove, name: str, caller: Caller) -> Task:
+        self._movers.claim(caller, ("the base",))
         self.tasks.kill_where(lambda task: bool(task.resources & _WHEELS))
         return self.tasks.add(name, WHEELS, motion, caller.client)
 
@@ -172,6 +175,6 @@ def _pose(x: Any, y: Any, theta: Any) -> Pose:
 
 
 def _points(value: Any) -> list[Pose]:
-    if value and isinstance(value[0], list | tuple):
+    if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple):
         return [_pose(*numbers(point, 3, "a control point")) for point in value]
     return [_pose(*numbers(value, 3, "a control point"))]

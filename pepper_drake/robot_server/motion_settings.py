@@ -3,6 +3,7 @@
 from typing import Any
 
 from pepper_drake.naoqi.constants import CHAINS
+from pepper_drake.robot_server.motion_arguments import settings
 
 _PROTECTED = ("All", "Move", "Arms", "LArm", "RArm")
 _SELF_PROTECTED = ("Arms", "LArm", "RArm")
@@ -39,7 +40,7 @@ class MotionSettings:
         return True
 
     def get_collision_protection_enabled(self, chain: str) -> bool:
-        """Whether an arm's protection from the body is on."""
+        """Returns whether an arm's protection from the body is on."""
         return self._self_protected[_known((chain,), self._self_protected)[0]]
 
     def set_external_collision_protection_enabled(self, name: str, enabled: bool) -> None:
@@ -48,7 +49,7 @@ class MotionSettings:
         self.protected |= dict.fromkeys(_known(names, self.protected), enabled)
 
     def get_external_collision_protection_enabled(self, name: str) -> bool:
-        """Whether the protection from what the robot sees is on."""
+        """Returns whether the protection from what the robot sees is on."""
         return self.protected[_known((name,), self.protected)[0]]
 
     def is_collision(self, chain: str) -> str:
@@ -77,7 +78,7 @@ class MotionSettings:
         self._switches["fall manager"] = enabled
 
     def get_fall_manager_enabled(self) -> bool:
-        """Whether the fall manager is on."""
+        """Returns whether the fall manager is on."""
         return self._switches["fall manager"]
 
     def set_push_recovery_enabled(self, enabled: bool) -> None:
@@ -85,7 +86,7 @@ class MotionSettings:
         self._switches["push recovery"] = enabled
 
     def get_push_recovery_enabled(self) -> bool:
-        """Whether push recovery is on."""
+        """Returns whether push recovery is on."""
         return self._switches["push recovery"]
 
     def set_smart_stiffness_enabled(self, enabled: bool) -> None:
@@ -93,7 +94,7 @@ class MotionSettings:
         self._switches["smart stiffness"] = enabled
 
     def get_smart_stiffness_enabled(self) -> bool:
-        """Whether the motors save current."""
+        """Returns whether the motors save current."""
         return self._switches["smart stiffness"]
 
     def set_diagnosis_effect_enabled(self, enabled: bool) -> None:
@@ -101,7 +102,7 @@ class MotionSettings:
         self._switches["diagnosis"] = enabled
 
     def get_diagnosis_effect_enabled(self) -> bool:
-        """Whether diagnosis does something."""
+        """Returns whether diagnosis does something."""
         return self._switches["diagnosis"]
 
     def set_enable_notifications(self, enabled: bool) -> None:
@@ -109,7 +110,7 @@ class MotionSettings:
         self._switches["notifications"] = enabled
 
     def are_notifications_enabled(self) -> bool:
-        """Whether notifications are on."""
+        """Returns whether notifications are on."""
         return self._switches["notifications"]
 
     def set_breath_enabled(self, chain: str, enabled: bool) -> None:
@@ -117,12 +118,12 @@ class MotionSettings:
         self._breathing |= dict.fromkeys(_known((chain,), self._breathing), enabled)
 
     def get_breath_enabled(self, chain: str) -> bool:
-        """Whether a chain's breathing is on."""
+        """Returns whether a chain's breathing is on."""
         return self._breathing[_known((chain,), self._breathing)[0]]
 
     def set_breath_config(self, config: Any) -> None:
         """Sets how the robot breathes, [[key, value], ...]."""
-        self._breath_config |= {str(key): float(value) for key, value in config}
+        self._breath_config |= settings(config)
 
     def get_breath_config(self) -> list[list[Any]]:
         """Returns how the robot breathes."""
@@ -133,7 +134,7 @@ class MotionSettings:
         self._idle |= dict.fromkeys(_known((chain,), self._idle), enabled)
 
     def get_idle_posture_enabled(self, chain: str) -> bool:
-        """Whether a chain's idle posture is on."""
+        """Returns whether a chain's idle posture is on."""
         return self._idle[_known((chain,), self._idle)[0]]
 
     def set_move_arms_enabled(self, left: bool, right: bool) -> None:
@@ -141,7 +142,7 @@ class MotionSettings:
         self._arms_move = {"LArm": left, "RArm": right}
 
     def get_move_arms_enabled(self, chain: str) -> bool:
-        """Whether an arm may swing as the base moves."""
+        """Returns whether an arm may swing as the base moves."""
         if chain == "Arms":
             return all(self._arms_move.values())
         return self._arms_move[_known((chain,), self._arms_move)[0]]

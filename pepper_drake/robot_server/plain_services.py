@@ -59,7 +59,7 @@ class AutonomousLife(Module):
         self.abilities[_ability(ability)] = enabled
 
     def get_autonomous_ability_enabled(self, ability: str) -> bool:
-        """Whether an ability is switched on."""
+        """Returns whether an ability is switched on."""
         return self.abilities[_ability(ability)]
 
     def get_autonomous_abilities_status(self) -> list[dict[str, Any]]:
@@ -74,7 +74,7 @@ class AutonomousLife(Module):
         self._safeguards[name] = enabled
 
     def is_safeguard_enabled(self, name: str) -> bool:
-        """Whether a safeguard is on."""
+        """Returns whether a safeguard is on."""
         return self._safeguards.get(name, True)
 
     def set_robot_offset_from_floor(self, offset: float) -> None:
@@ -100,11 +100,11 @@ class Ability(Module):
         self._life.set_autonomous_ability_enabled(self._ability, enabled)
 
     def is_enabled(self) -> bool:
-        """Whether the ability is switched on."""
+        """Returns whether the ability is switched on."""
         return self._life.get_autonomous_ability_enabled(self._ability)
 
     def is_running(self, *_call: int) -> bool:
-        """Whether the ability shows: it never does."""
+        """Returns whether the ability shows: it never does."""
         return False
 
     def set_mode(self, mode: str) -> None:
@@ -136,7 +136,7 @@ class BasicAwareness(Ability):
         self.set_enabled(False)
 
     def is_awareness_running(self) -> bool:
-        """Whether it is switched on and not paused."""
+        """Returns whether it is switched on and not paused."""
         return self.is_enabled() and not self._paused
 
     def pause_awareness(self) -> None:
@@ -148,7 +148,7 @@ class BasicAwareness(Ability):
         self._paused = False
 
     def is_awareness_paused(self) -> bool:
-        """Whether it is paused."""
+        """Returns whether it is paused."""
         return self._paused
 
     def set_engagement_mode(self, mode: str) -> None:
@@ -176,7 +176,7 @@ class BasicAwareness(Ability):
         self._stimuli[stimulus] = enabled
 
     def is_stimulus_detection_enabled(self, stimulus: str) -> bool:
-        """Whether a stimulus is switched on."""
+        """Returns whether a stimulus is switched on."""
         if stimulus not in self._stimuli:
             raise ValueError(f"there is no stimulus {stimulus!r}")
         return self._stimuli[stimulus]
@@ -261,7 +261,7 @@ class BodyTemperature(Module):
         self._notify = enabled
 
     def are_notifications_enabled(self) -> bool:
-        """Whether notifications are on."""
+        """Returns whether notifications are on."""
         return self._notify
 
 
@@ -284,15 +284,15 @@ class RobotModel(Module):
         )
 
     def has_arms(self) -> bool:
-        """Whether the robot has arms."""
+        """Returns whether the robot has arms."""
         return True
 
     def has_hands(self) -> bool:
-        """Whether the robot has hands."""
+        """Returns whether the robot has hands."""
         return True
 
     def has_legs(self) -> bool:
-        """Whether the robot walks: it has one leg and rolls."""
+        """Returns whether the robot walks: it has one leg and rolls."""
         return False
 
 

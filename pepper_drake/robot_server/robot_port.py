@@ -37,7 +37,7 @@ SENSORS: tuple[str, ...] = (
 
 @dataclass(frozen=True)
 class RobotState:
-    """What the robot's sensors say at one time.
+    """The robot's measurements at one time.
 
     Attributes:
         time: When, by the robot's clock [s].
@@ -63,7 +63,7 @@ class RobotState:
 
 @dataclass(frozen=True)
 class RobotCommand:
-    """What ALMotion tells the motors, each cycle anew.
+    """ALMotion's command to the motors, made anew each cycle.
 
     Attributes:
         positions: Commanded joint positions (17,) [rad; hands 0..1].

@@ -41,7 +41,7 @@ _CLICK_GAP = 0.5
 """Time without another press after which clicks are counted [s]."""
 
 _TEMPERATURE = 35.0
-"""What every motor's sensor says [degrees Celsius]: motors do not warm up here."""
+"""Temperature of every motor [degrees Celsius]: motors do not warm up here."""
 
 _GRAVITY = 9.81
 

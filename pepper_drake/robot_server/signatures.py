@@ -117,7 +117,7 @@ def make_service(
             method.name,
             method.parameters,
             method.returns,
-            _with_errors(handler, f"{name}::{method.name}"),
+            _with_errors(handler, f"{name}::{method.name}", method.returns == "v"),
             uid=method.uid,
             wants_caller=wants_caller,
         )
@@ -126,22 +126,24 @@ def make_service(
     return service
 
 
-def _with_errors(handler: Callable[..., Any], name: str) -> Callable[..., Any]:
+def _with_errors(handler: Callable[..., Any], name: str, void: bool) -> Callable[..., Any]:
     if inspect.iscoroutinefunction(handler):
 
         async def answer_later(*arguments: Any) -> Any:
             try:
-                return await handler(*arguments)
+                value = await handler(*arguments)
             except ValueError as error:
                 raise ServiceError(f"{name}: {error}") from error
+            return None if void else value
 
         return answer_later
 
     def answer(*arguments: Any) -> Any:
         try:
-            return handler(*arguments)
+            value = handler(*arguments)
         except ValueError as error:
             raise ServiceError(f"{name}: {error}") from error
+        return None if void else value
 
     return answer
 

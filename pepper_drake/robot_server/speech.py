@@ -8,7 +8,7 @@ from typing import Any
 from pepper_drake.robot_server.waiting import Module, RobotTimer
 
 _CHARACTERS_PER_SECOND = 14.0
-"""How fast Pepper speaks, by the ear."""
+"""Speed of speech, an estimate [1/s]."""
 
 _LEAST = 0.3
 """Duration of the shortest word [s]."""
@@ -189,7 +189,7 @@ class AnimatedSpeech(Module):
         self._enabled = enabled
 
     def is_body_language_enabled(self) -> bool:
-        """Whether gestures are switched on."""
+        """Returns whether gestures are switched on."""
         return self._enabled
 
     def set_body_talk_enabled(self, enabled: bool) -> None:

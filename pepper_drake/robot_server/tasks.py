@@ -11,7 +11,7 @@ from typing import Protocol
 
 
 class TaskState(Enum):
-    """Where a task stands."""
+    """State of a task."""
 
     POSTPONED = "postponed"
     RUNNING = "running"
@@ -20,7 +20,7 @@ class TaskState(Enum):
 
 
 class Motion(Protocol):
-    """What a task does."""
+    """A task's motion, cycle by cycle."""
 
     def start(self) -> None:
         """Begins, in the cycle in which its resources became free."""
@@ -55,7 +55,7 @@ class Task:
 
     @property
     def ended(self) -> bool:
-        """Whether it is done or killed."""
+        """Returns whether it is done or killed."""
         return self.state in (TaskState.DONE, TaskState.KILLED)
 
     def when_ended(self, watcher: Callable[[], None]) -> None:

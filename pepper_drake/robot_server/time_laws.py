@@ -27,8 +27,9 @@ def step_towards(
 ) -> tuple[Vector, Vector]:
     """Goes one cycle towards targets as fast as speed and braking allow, to rest there.
 
-    The speed is the largest from which the joint can still stop at its target in whole cycles:
-    v^2 / (2 a) + v dt / 2 = |distance|; in the last cycle it lands on the target.
+    The speed is the largest from which the joint can still stop at its target in whole cycles,
+    going at v, v - a dt, v - 2 a dt, ...: with n such steps after this one,
+    v = |distance| / ((n + 1) dt) + n a dt / 2. The last one lands on the target.
 
     Args:
         position: Positions (n,) [rad].
@@ -43,8 +44,9 @@ def step_towards(
     distance = target - position
     gap = np.abs(distance)
     braking = acceleration * CYCLE
-    stoppable = braking * (np.sqrt(0.25 + 2 * gap / (braking * CYCLE)) - 0.5)
-    wanted = np.sign(distance) * np.minimum(np.minimum(speed, stoppable), gap / CYCLE)
+    steps = np.floor(np.sqrt(0.25 + 2 * gap / (braking * CYCLE)) - 0.5)
+    stoppable = gap / ((steps + 1) * CYCLE) + steps * braking / 2
+    wanted = np.sign(distance) * np.minimum(speed, stoppable)
     new_velocity = np.clip(wanted, velocity - braking, velocity + braking)
     return position + new_velocity * CYCLE, new_velocity
 
@@ -52,8 +54,10 @@ def step_towards(
 def stopping_point(position: Vector, velocity: Vector, acceleration: Vector) -> Vector:
     """Returns where joints come to rest if they brake from now on (n,) [rad]."""
     braking = acceleration * CYCLE
-    left = np.maximum(np.abs(velocity) - braking, 0.0)
-    return position + np.sign(velocity) * (left**2 / (2 * acceleration) + left * CYCLE / 2)
+    speed = np.abs(velocity)
+    steps = np.floor(speed / braking)
+    way = (steps * speed - braking * steps * (steps + 1) / 2) * CYCLE
+    return position + np.sign(velocity) * way
 
 
 def duration_with_speed(distance: float, max_speed: float) -> float:

@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.naoqi.constants import CHAINS, FRAME_ROBOT, FRAME_TORSO, FRAME_WORLD, JOINTS
+from pepper_drake.perception.cameras.camera import CAMERA_TOP
+from pepper_drake.perception.gaze.head_aiming import aim_head, clamp_head
 from pepper_drake.robot_server.motion import Motion
 from pepper_drake.robot_server.motion_arguments import fraction, numbers
 from pepper_drake.robot_server.robot_model import clip_to_limits, kinematics
@@ -15,7 +17,7 @@ from pepper_drake.robot_server.waiting import Module
 Vector = npt.NDArray[np.float64]
 
 _ROUNDS = 6
-"""Corrections until the camera's axis goes through the place; each takes off most of the error."""
+"""Corrections until the hand is on the line to the place; each takes off most of the error."""
 
 _ORIGIN = (0.0, 0.0, 0.0)
 
@@ -46,7 +48,7 @@ class Tracker(Module):
         """
         frame, share = (FRAME_TORSO, arguments[0]) if len(arguments) == 2 else arguments[:2]
         p_T = self._in_torso(numbers(position, 3, "the position"), frame)
-        yaw, pitch = _aim(p_T)
+        yaw, pitch = clamp_head(aim_head(CAMERA_TOP, p_T)).tolist()
         targets = {"HeadYaw": yaw, "HeadPitch": pitch}
         await self._motion.go_to(targets, fraction(share), "lookAt")
 
@@ -72,15 +74,15 @@ class Tracker(Module):
         return list(self._motion.state.base_pose)
 
     def is_active(self) -> bool:
-        """Whether a target is followed: none is."""
+        """Returns whether a target is followed: none is."""
         return False
 
     def is_new_target_detected(self) -> bool:
-        """Whether a target was seen: none is."""
+        """Returns whether a target was seen: none is."""
         return False
 
     def is_target_lost(self) -> bool:
-        """Whether the target is out of sight: there is none to see."""
+        """Returns whether the target is out of sight: there is none to see."""
         return True
 
     def get_active_target(self) -> str:
@@ -145,7 +147,7 @@ class Tracker(Module):
         self._search = search
 
     def is_search_enabled(self) -> bool:
-        """Whether a lost target would be searched."""
+        """Returns whether a lost target would be searched."""
         return self._search
 
     def set_time_out(self, milliseconds: int) -> None:
@@ -178,21 +180,6 @@ class Tracker(Module):
         state = self._motion.state
         X_FT = kinematics().transform("Torso", frame, state.positions, state.base_pose)
         return X_FT.inverse() @ np.array(position)
-
-
-def _aim(p_T: Vector) -> tuple[float, float]:
-    """Returns HeadYaw and HeadPitch [rad], within limits, that put the top camera on a place."""
-    place = np.zeros(len(JOINTS))
-    yaw, pitch = JOINTS.index("HeadYaw"), JOINTS.index("HeadPitch")
-    for _ in range(_ROUNDS):
-        X_TC = kinematics().transform("CameraTop", FRAME_TORSO, place, _ORIGIN)
-        x, y, z = X_TC.inverse() @ p_T
-        place[yaw] += math.atan2(y, math.hypot(x, 1e-9) if x > 0 else 1e-9)
-        place[pitch] += math.atan2(-z, math.hypot(x, y))
-        place[yaw] = math.remainder(place[yaw], 2 * math.pi)
-        place = np.clip(place, -2.08567, 2.08567)
-    clipped = clip_to_limits(place)
-    return float(clipped[yaw]), float(clipped[pitch])
 
 
 def _point(arm: str, p_T: Vector) -> dict[str, float]:

@@ -1,5 +1,6 @@
 """ALVideoDevice: subscriptions to cameras, and their images in every form."""
 
+import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,12 +18,16 @@ from pepper_drake.robot_server.video_cameras import CameraFacts, known_camera
 from pepper_drake.robot_server.waiting import Module, RobotTimer
 
 SUBSCRIPTIONS = 6
-"""How often one name may subscribe."""
+"""Largest number of subscriptions of one name."""
 
 _FIRST_IMAGE = 1.0
-"""How long `getImageRemote` waits for a camera's first image [s]."""
+"""Longest wait of `getImageRemote` for a camera's first image [s]."""
 
 _POLL = 0.02
+"""Time between two looks for the first image [s]."""
+
+_LARGE = 640 * 480
+"""Number of pixels above which an image is encoded beside the loop."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,7 @@ class Stream:
 
 @dataclass(frozen=True)
 class Subscription:
-    """What a handle stands for.
+    """The content of a handle.
 
     Attributes:
         streams: Its cameras.
@@ -79,9 +84,12 @@ class Video(CameraFacts, Module):
         fps: int,
     ) -> str:
         """Subscribes to several cameras at once; returns the handle, empty if it cannot be."""
+        lists = (cameras, resolutions, color_spaces)
+        if not all(isinstance(v, list | tuple) and all(map(_whole, v)) for v in lists):
+            raise ValueError("cameras, resolutions and colour spaces must be lists of integers")
         if not len(cameras) == len(resolutions) == len(color_spaces) > 0:
             raise ValueError("cameras, resolutions and colour spaces must be as many")
-        streams = list(map(Stream, cameras, resolutions, color_spaces))
+        streams = list(map(Stream, *lists))
         return self._subscribe(caller, name, streams, fps)
 
     @with_caller
@@ -217,7 +225,7 @@ class Video(CameraFacts, Module):
     # A subscription's camera.
 
     def is_camera_started(self, camera: int) -> bool:
-        """Whether a camera takes images."""
+        """Returns whether a camera takes images."""
         return bool(self._streams(camera))
 
     def get_camera_parameter(self, handle: str, parameter: int) -> int:
@@ -292,7 +300,17 @@ class Video(CameraFacts, Module):
             await self._timer.sleep(_POLL)
             waited += _POLL
             image = self._port.image(stream.camera)
-        return None if image is None else encode_image(image, stream)
+        if image is None:
+            return None
+        width, height = RESOLUTIONS[stream.resolution]
+        if width * height > _LARGE:
+            # Long enough to make other clients wait.
+            return await asyncio.to_thread(encode_image, image, stream)
+        return encode_image(image, stream)
+
+
+def _whole(value: Any) -> bool:
+    return isinstance(value, int)
 
 
 def _handles(name: str) -> list[str]:

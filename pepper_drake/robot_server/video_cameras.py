@@ -1,8 +1,9 @@
-"""What ALVideoDevice tells of the cameras, and their parameters."""
+"""ALVideoDevice's facts of the cameras, and their parameters."""
 
 from collections.abc import Sequence
 
 from pepper_drake.naoqi.constants import CAMERAS, DEPTH, RESOLUTIONS, TOP, Camera
+from pepper_drake.robot_server.motion_arguments import numbers
 
 # Parameters: id: (least, largest, default), of the colour cameras (OV5640).
 _PARAMETERS: dict[int, tuple[int, int, int]] = {
@@ -57,11 +58,11 @@ class CameraFacts:
         return CAMERAS[self.active].model
 
     def has_depth_camera(self) -> bool:
-        """Whether there is a depth camera."""
+        """Returns whether there is a depth camera."""
         return DEPTH in CAMERAS
 
     def is_camera_open(self, camera: int) -> bool:
-        """Whether a camera is open."""
+        """Returns whether a camera is open."""
         return camera in CAMERAS
 
     def open_camera(self, camera: int) -> bool:
@@ -93,7 +94,7 @@ class CameraFacts:
     ) -> list[float]:
         """Returns angles to the left and down [rad] of a place from (0, 0) to (1, 1)."""
         known = known_camera(camera)
-        x, y = position
+        x, y = numbers(position, 2, "a position")
         return [(0.5 - x) * known.width_fov, (y - 0.5) * known.height_fov]
 
     def get_image_position_from_angular_position(
@@ -101,18 +102,20 @@ class CameraFacts:
     ) -> list[float]:
         """Returns the place, from (0, 0) to (1, 1), of angles to the left and down [rad]."""
         known = known_camera(camera)
-        left, down = angles
+        left, down = numbers(angles, 2, "angles")
         return [0.5 - left / known.width_fov, 0.5 + down / known.height_fov]
 
     def get_angular_size_from_image_size(self, camera: int, size: Sequence[float]) -> list[float]:
         """Returns the angles [rad] of a size in shares of the image."""
         known = known_camera(camera)
-        return [size[0] * known.width_fov, size[1] * known.height_fov]
+        width, height = numbers(size, 2, "a size")
+        return [width * known.width_fov, height * known.height_fov]
 
     def get_image_size_from_angular_size(self, camera: int, size: Sequence[float]) -> list[float]:
         """Returns the size in shares of the image of angles [rad]."""
         known = known_camera(camera)
-        return [size[0] / known.width_fov, size[1] / known.height_fov]
+        width, height = numbers(size, 2, "a size")
+        return [width / known.width_fov, height / known.height_fov]
 
     def resolution_to_sizes(self, resolution: int) -> list[int]:
         """Returns width and height of a resolution [pixels]."""

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
+from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_planner import PlanStatus
@@ -84,6 +85,35 @@ def test_a_cloud_that_never_comes(cloud_time):
     rig.failed("cloud_missing")
     assert not rig.was_active
     assert rig.planner.asked == []
+
+
+@pytest.mark.parametrize(
+    "mode", [ReachMode.DRIVING, ReachMode.SETTLING, ReachMode.REACHING, ReachMode.HOLDING]
+)
+@pytest.mark.parametrize("age", [0.6, np.inf, np.nan])
+def test_a_cloud_that_grows_old_ends_every_mode(mode, age):
+    rig = Rig()
+    rig.set(cloud_age=[0.4], cloud_fault=[DepthFault.NONE], arrived=[0.0])
+    rig.until(ReachMode.DRIVING)
+    if mode != ReachMode.DRIVING:
+        rig.set(arrived=[1.0])
+    if mode == ReachMode.HOLDING:
+        rig.set(hand_pose=RigidTransform(P_TG))
+    rig.until(mode)
+    rig.set(cloud_age=[age], cloud_fault=[DepthFault.FROZEN])
+    rig.advance(0.1).failed("cloud_missing")
+    assert "same image" in rig.progress.message
+    assert rig.value("active") == [0.0]
+    assert np.isnan(rig.value("base_goal")).all()
+
+
+def test_nothing_begins_on_an_old_cloud():
+    rig = Rig()
+    rig.set(cloud_age=[0.6], cloud_fault=[DepthFault.BLANK])
+    rig.failed("cloud_missing")
+    assert rig.modes == [ReachMode.LOOKING, ReachMode.FAILED]
+    assert not rig.was_active
+    assert "nothing at all" in rig.progress.message
 
 
 def test_a_cloud_that_comes_late_is_waited_for():

@@ -7,7 +7,7 @@ puts that centre at `k + 0.5`, so its principal point is half a pixel larger; on
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -30,7 +30,9 @@ _CLOSEST = 0.05
 
 @dataclass(frozen=True)
 class CameraIntrinsics:
-    """A pinhole camera with Brown-Conrady distortion.
+    """A pinhole camera with the distortion of OpenCV's calibration.
+
+    The distortion is that of Brown and Conrady, or with eight coefficients the rational model.
 
     Attributes:
         width: Image width [pixels].
@@ -39,7 +41,8 @@ class CameraIntrinsics:
         focal_y: Focal length along image y [pixels].
         center_x: Principal point [pixels]; `(width - 1) / 2` is the image's middle.
         center_y: Principal point [pixels].
-        distortion: `(k1, k2, p1, p2, k3)`, in OpenCV's order and meaning.
+        distortion: `(k1, k2, p1, p2[, k3[, k4, k5, k6]])`, in OpenCV's order and meaning, in any
+            container; none is no distortion. Kept as 5 or 8 numbers.
         near: Nearest depth that it measures or draws [m].
         far: Farthest depth that it measures or draws [m].
     """
@@ -50,11 +53,13 @@ class CameraIntrinsics:
     focal_y: float
     center_x: float
     center_y: float
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
     near: float = 0.05
     far: float = 10.0
 
     def __post_init__(self) -> None:
+        # As a tuple, so that a camera can be hashed.
+        object.__setattr__(self, "distortion", _checked_distortion(self.distortion))
         if self.width <= 0 or self.height <= 0:
             raise InputError(f"camera: image size {self.width}x{self.height} must be positive.")
         if not (self.focal_x > 0 and self.focal_y > 0):
@@ -73,7 +78,7 @@ class CameraIntrinsics:
         height: int,
         fov_y: float,
         *,
-        distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0),
+        distortion: tuple[float, ...] = (),
         near: float = 0.05,
         far: float = 10.0,
     ) -> "CameraIntrinsics":
@@ -83,7 +88,7 @@ class CameraIntrinsics:
             width: Image width [pixels].
             height: Image height [pixels].
             fov_y: Vertical field of view [rad].
-            distortion: `(k1, k2, p1, p2, k3)`.
+            distortion: See the class.
             near: Nearest depth [m].
             far: Farthest depth [m].
         """
@@ -115,7 +120,7 @@ class CameraIntrinsics:
 
     @property
     def distortion_coefficients(self) -> npt.NDArray[np.float64]:
-        """The distortion as OpenCV takes it, (5,)."""
+        """The distortion as OpenCV takes it, (5,) or (8,)."""
         return np.array(self.distortion)
 
     @property
@@ -150,6 +155,34 @@ class CameraIntrinsics:
             self.far,
         )
 
+    def resized(self, width: int, height: int) -> "CameraIntrinsics":
+        """Returns the camera of images that were resized as a whole.
+
+        Args:
+            width: Width of the resized images [pixels].
+            height: Height of the resized images [pixels].
+
+        Raises:
+            InputError: If that changes the ratio of the sides by more than half a pixel: such an
+                image was cut.
+        """
+        x, y = width / self.width, height / self.height
+        if not (x > 0 and y > 0) or abs(x - y) > 0.5 * max(x / height, y / width):
+            raise InputError(
+                f"camera: {self.width}x{self.height} cannot be resized to {width}x{height}; the "
+                "ratio of the sides must stay."
+            )
+        return replace(
+            self,
+            width=width,
+            height=height,
+            focal_x=self.focal_x * x,
+            focal_y=self.focal_y * y,
+            # The first pixel's centre is at 0.
+            center_x=(self.center_x + 0.5) * x - 0.5,
+            center_y=(self.center_y + 0.5) * y - 0.5,
+        )
+
     def project(self, p_CP: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Projects points into the image.
 
@@ -162,9 +195,12 @@ class CameraIntrinsics:
         p = np.asarray(p_CP, dtype=float)
         depth = np.where(p[..., 2] > 0, p[..., 2], np.nan)
         x, y = p[..., 0] / depth, p[..., 1] / depth
-        k1, k2, p1, p2, k3 = self.distortion
+        k1, k2, p1, p2, k3 = self.distortion[:5]
         r2 = x * x + y * y
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        if len(self.distortion) > 5:
+            k4, k5, k6 = self.distortion[5:]
+            radial = radial / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
         u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
         v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
         return np.stack(
@@ -182,6 +218,28 @@ class CameraIntrinsics:
         last = np.array([self.width, self.height]) - 0.5 - margin
         with np.errstate(invalid="ignore"):
             return np.all((uv >= margin - 0.5) & (uv <= last), axis=-1)
+
+
+def _checked_distortion(distortion: npt.ArrayLike) -> tuple[float, ...]:
+    """Distortion coefficients of any number that OpenCV has as 5 or 8 numbers."""
+    try:
+        numbers = np.asarray(distortion, dtype=float).ravel()
+    except (TypeError, ValueError) as error:
+        raise InputError("camera: distortion must be a list of numbers.") from error
+    if len(numbers) not in (0, 4, 5, 8, 12, 14) or not np.all(np.isfinite(numbers)):
+        raise InputError(
+            f"camera: {len(numbers)} distortion coefficients; give none, or 4, 5 or 8 numbers "
+            "(k1, k2, p1, p2, k3, k4, k5, k6)."
+        )
+    if np.any(numbers[8:]):
+        raise InputError(
+            "camera: the distortion of a thin prism or a tilted sensor (coefficients 9 to 14) is "
+            "not modelled; calibrate with 4, 5 or 8 coefficients."
+        )
+    count = 8 if np.any(numbers[5:]) else 5
+    padded = np.zeros(8)
+    padded[: min(len(numbers), 8)] = numbers[:8]
+    return tuple(float(number) for number in padded[:count])
 
 
 @functools.lru_cache(maxsize=32)

@@ -105,8 +105,9 @@ def _plain(value: Any) -> Any:
     if isinstance(value, dict) and "data" in value:
         data = _numbers(value["data"])
         rows, columns = value.get("rows"), value.get("cols")
-        whole = isinstance(rows, int) and isinstance(columns, int)
-        if data is not None and whole and data.size == rows * columns:
+        if not isinstance(rows, int) or not isinstance(columns, int):
+            return value["data"]
+        if data is not None and data.size == rows * columns:
             return data.reshape(rows, columns)
         return value["data"]
     return value

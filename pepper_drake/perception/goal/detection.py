@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +13,16 @@ from pepper_drake.errors import InputError
 from pepper_drake.models.markers import plate_size
 from pepper_drake.models.scene import GoalObject
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.cameras.images import to_gray
 from pepper_drake.perception.goal.imm_filter import GoalMeasurement
 from pepper_drake.perception.goal.marker import (
     MARKER_DICTIONARY,
     Detection,
+    check_marker,
     choose_pose,
     detect_markers,
     marker_poses,
     refine_poses,
-    to_gray,
 )
 from pepper_drake.perception.mapping.solids import Solid
 
@@ -49,8 +51,7 @@ class MarkedObject:
     dictionary: str = MARKER_DICTIONARY
 
     def __post_init__(self) -> None:
-        if self.marker_id < 0:
-            raise InputError(f"marker id {self.marker_id} must not be negative.")
+        check_marker(self.dictionary, self.marker_id)
         if not self.marker_size > 0:
             raise InputError(f"marker size {self.marker_size} must be positive.")
 
@@ -72,7 +73,7 @@ class MarkedObject:
 
 
 def detect_goal(
-    image: npt.NDArray[np.uint8],
+    image: npt.NDArray[Any],
     time: float,
     X_WC: RigidTransform,
     intrinsics: CameraIntrinsics,
@@ -84,7 +85,7 @@ def detect_goal(
     """Looks for the goal object's marker in an image.
 
     Args:
-        image: RGBA, RGB or grey.
+        image: Image of any kind that `to_gray` takes; an empty one has no marker.
         time: When it was taken [s].
         X_WC: The camera's pose at that time.
         intrinsics: The camera.
@@ -97,8 +98,14 @@ def detect_goal(
     Returns:
         The measurement; None when the marker is not seen, or seen twice without an expectation
         that would tell which is meant.
+
+    Raises:
+        InputError: If the image has another size than the camera, or is none.
     """
-    image = to_gray(image) if image.size else image
+    if image.size == 0:
+        return None
+    _check_size(image, intrinsics)
+    image = to_gray(image)
     window = None
     if p_WM_expected is not None:
         window = _expected_window(X_WC.inverse() @ p_WM_expected, intrinsics, marked.marker_size)
@@ -109,7 +116,12 @@ def detect_goal(
     for detection in found:
         poses = refine_poses(
             image,
-            marker_poses(detection.corners, marked.marker_size, intrinsics),
+            marker_poses(
+                detection.corners,
+                marked.marker_size,
+                intrinsics,
+                corner_sigma=detection.corner_sigma,
+            ),
             marked.marker_id,
             marked.marker_size,
             intrinsics,
@@ -140,10 +152,22 @@ def detect_goal(
     )
 
 
+def _check_size(image: npt.NDArray[Any], intrinsics: CameraIntrinsics) -> None:
+    """Raises InputError for an image of another size than the camera's."""
+    height, width = image.shape[:2]
+    if (width, height) != (intrinsics.width, intrinsics.height):
+        raise InputError(
+            f"image: is {width}x{height}, but the camera's intrinsics are those of "
+            f"{intrinsics.width}x{intrinsics.height}; scale them with CameraIntrinsics.resized."
+        )
+
+
 def _find(
     image: npt.NDArray[np.uint8], marked: MarkedObject, window: tuple[int, int, int, int] | None
 ) -> list[Detection]:
-    found = detect_markers(image, dictionary=marked.dictionary, window=window)
+    found = detect_markers(
+        image, dictionary=marked.dictionary, window=window, wanted=marked.marker_id
+    )
     return [detection for detection in found if detection.id == marked.marker_id]
 
 

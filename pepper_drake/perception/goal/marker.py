@@ -7,6 +7,7 @@ printed face, z out of it.
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,12 +16,17 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.cameras.images import to_gray
 from pepper_drake.perception.goal.marker_edges import marker_edges, refine_on_edges
 
 MARKER_DICTIONARY = "DICT_4X4_50"
 
 _SMALLEST_SIDE = 10.0
 """Markers of a shorter side [pixels] are not trusted: their bits are smaller than two pixels."""
+
+_CORNER_SIGMA = 0.2
+_SECOND_CORNER_SIGMA = 0.4
+"""Standard deviations of a corner's coordinate, by the detector that found it [pixels]."""
 
 _LARGEST_REPROJECTION_ERROR = 1.5
 """A quadrilateral that no square projects to within this rms [pixels] is not a marker."""
@@ -43,10 +49,12 @@ class Detection:
         id: Its number in the dictionary.
         corners: Pixel coordinates (4, 2) of the printed marker's top left, top right, bottom right
             and bottom left corner.
+        corner_sigma: Standard deviation of a corner's coordinate [pixels].
     """
 
     id: int
     corners: npt.NDArray[np.float64]
+    corner_sigma: float = 0.2
 
     @property
     def side(self) -> float:
@@ -72,46 +80,69 @@ class MarkerPose:
     on_edges: bool = False
 
 
-@functools.lru_cache(maxsize=4)
-def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
-    number = getattr(cv2.aruco, dictionary, None)
-    if not (dictionary.startswith("DICT_") and isinstance(number, int)):
+@functools.lru_cache(maxsize=32)
+def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
+    """Returns one of OpenCV's dictionaries of markers by its name.
+
+    Raises:
+        InputError: If there is none of that name.
+    """
+    number = getattr(cv2.aruco, name, None)
+    if not (name.startswith("DICT_") and isinstance(number, int)):
         raise InputError(
-            f"marker dictionary {dictionary!r} is unknown; OpenCV's are named like "
+            f"marker dictionary {name!r} is unknown; OpenCV's are named like "
             f'"{MARKER_DICTIONARY}".'
         )
+    return cv2.aruco.getPredefinedDictionary(number)
+
+
+def check_marker(name: str, marker_id: int) -> None:
+    """Raises InputError if a dictionary is unknown or has no marker of that number."""
+    count = len(marker_dictionary(name).bytesList)
+    if not 0 <= marker_id < count:
+        raise InputError(
+            f"marker id {marker_id} is not in {name}, which has 0 to {count - 1}; name the "
+            "dictionary that the marker was printed from."
+        )
+
+
+@functools.lru_cache(maxsize=4)
+def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
+    """Finds few markers that are none, with precise corners."""
     parameters = cv2.aruco.DetectorParameters()
     # Lines fitted to the edges instead of corner sub-pixels: a tenth of the depth error.
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
     # Without these two the sensor's noise is taken for edges, and a frame costs 100 ms.
     parameters.aprilTagMinWhiteBlackDiff = 25
     parameters.aprilTagQuadSigma = 0.8
-    return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(number), parameters)
+    return cv2.aruco.ArucoDetector(marker_dictionary(dictionary), parameters)
 
 
-def to_gray(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-    """Returns an RGBA, RGB or one-channel image (height, width[, channels]) as (height, width)."""
-    if image.ndim == 2:
-        return image
-    if image.shape[2] == 1:
-        return image[..., 0]
-    code = cv2.COLOR_RGBA2GRAY if image.shape[2] == 4 else cv2.COLOR_RGB2GRAY
-    return cv2.cvtColor(image, code)
+@functools.lru_cache(maxsize=4)
+def _second_detector(dictionary: str) -> cv2.aruco.ArucoDetector:
+    """Finds also what is small, too dark or too bright, with corners that are less precise."""
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    return cv2.aruco.ArucoDetector(marker_dictionary(dictionary), parameters)
 
 
 def detect_markers(
-    image: npt.NDArray[np.uint8],
+    image: npt.NDArray[Any],
     *,
     dictionary: str = MARKER_DICTIONARY,
     window: tuple[int, int, int, int] | None = None,
+    wanted: int | None = None,
 ) -> list[Detection]:
     """Finds the markers in an image.
 
+    A second, more patient detector is asked if the first finds nothing.
+
     Args:
-        image: RGBA, RGB or grey image; an empty one has no markers.
+        image: Image of any kind that `to_gray` takes; an empty one has no markers.
         dictionary: Name of an OpenCV dictionary.
         window: Part of the image to search, (left, top, right, bottom) in pixels, right and
             bottom exclusive; all of it when left out.
+        wanted: A marker's number without which what the first detector finds counts as nothing.
 
     Returns:
         The markers, in no particular order; several may have the same id.
@@ -126,13 +157,26 @@ def detect_markers(
         if right - left < 2 * _SMALLEST_SIDE or bottom - top < 2 * _SMALLEST_SIDE:
             return []
         image = image[top:bottom, left:right]
-    corners, ids, _ = _detector(dictionary).detectMarkers(np.ascontiguousarray(to_gray(image)))
+    gray = np.ascontiguousarray(to_gray(image))
+    # The first counts pixel edges: its first pixel's centre is at 0.5.
+    corner = np.array([left, top], dtype=float)
+    found = _detections(_detector(dictionary), gray, corner - 0.5, _CORNER_SIGMA)
+    if found and (wanted is None or any(detection.id == wanted for detection in found)):
+        return found
+    return found + _detections(_second_detector(dictionary), gray, corner, _SECOND_CORNER_SIGMA)
+
+
+def _detections(
+    detector: cv2.aruco.ArucoDetector,
+    gray: npt.NDArray[np.uint8],
+    shift: npt.NDArray[np.float64],
+    corner_sigma: float,
+) -> list[Detection]:
+    corners, ids, _ = detector.detectMarkers(gray)
     if ids is None:
         return []
-    # This refinement counts pixel edges: the first pixel's centre is at 0.5.
-    shift = np.array([left - 0.5, top - 0.5])
     found = [
-        Detection(int(number), quad.reshape(4, 2).astype(float) + shift)
+        Detection(int(number), quad.reshape(4, 2).astype(float) + shift, corner_sigma)
         for number, quad in zip(np.ravel(ids), corners, strict=True)
     ]
     return [detection for detection in found if detection.side >= _SMALLEST_SIDE]
@@ -193,7 +237,7 @@ def marker_poses(
 
 
 def refine_poses(
-    image: npt.NDArray[np.uint8],
+    image: npt.NDArray[Any],
     poses: Sequence[MarkerPose],
     marker_id: int,
     size: float,
@@ -204,7 +248,7 @@ def refine_poses(
     """Fits poses to all edges of the marker's pattern.
 
     Args:
-        image: RGBA, RGB or grey image.
+        image: Image of any kind that `to_gray` takes.
         poses: What `marker_poses` returned. The second is left out when it is clearly worse.
         marker_id: The marker's number.
         size: Side of the black square [m].

@@ -44,6 +44,8 @@ _FLAT = 0.03
 """Relative error of depth up to which a ring lies in one plane."""
 _SAME_PLACE = 0.04
 """Places on a surface that are nearer to one another are the same [m]."""
+_SHADOW_STEP = 0.04
+"""Least step in depth between a surface and what lies in its shadow [m]."""
 _SHADOW_SLACK = 3.0
 """Error of the pattern's displacement at which a shadow is still explained [pixels]."""
 _HOLE_WIDTH = 7
@@ -186,6 +188,7 @@ def learn_blindness(
     measured = memory.measured | (depth > 0)
     shape = memory.views.shape
     alive = _any_in_cells(measured, shape)
+    empty = ~_any_in_cells(depth > 0, shape)
     wanted = np.zeros(shape, dtype=bool)
     wanted[expected[1] // _CELL, expected[0] // _CELL] = True
     blank = wanted & ~alive
@@ -199,7 +202,7 @@ def learn_blindness(
     blind = memory.blind & ~alive
     candidates = blank & ~blind & (views >= _LEAST_VIEWS)
     if candidates.any():
-        regions, _, extents = _components((views > 0).astype(np.uint8))
+        regions, _, extents = _components(empty.astype(np.uint8))
         wide = _CELL * (extents[regions[candidates]] + 1)
         moved = _image_motion(np.argwhere(candidates), poses[candidates], intrinsics, X_WC)
         blind = blind.copy()
@@ -291,7 +294,8 @@ def in_measured_shadow(
             inside = (at >= 0) & (at < intrinsics.width)
             found = inverse[rows[:, None], np.clip(at, 0, intrinsics.width - 1)]
             off = np.abs(found - wanted) * reach
-            explained |= (inside & (found > 0.0) & (off <= _SHADOW_SLACK)).any(axis=1)
+            nearer = found * (z[:, None] - _SHADOW_STEP) > 1.0
+            explained |= (inside & nearer & (off <= _SHADOW_SLACK)).any(axis=1)
     return explained
 
 
@@ -354,7 +358,7 @@ def learn_dropouts(
         if tree is not None:
             distance, index = tree.query(p_W, distance_upper_bound=_SAME_PLACE)
             known = np.isfinite(distance)
-            old = index[known]
+            old = np.asarray(index)[known]
             z = p_C[known, 2]
             # What a thing at the near limit hides moves on the surface by this.
             moved = np.linalg.norm(p_WC - memory.seen_from[old], axis=1)

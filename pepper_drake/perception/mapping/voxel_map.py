@@ -41,7 +41,7 @@ class VoxelMapParameters:
         carve_margin: A voxel is looked through when what is seen there is this much farther away,
             m; beside it, three standard deviations of the depth noise.
         depth_noise: Standard deviation of the depth at 1 m [m]; it grows with the square of depth.
-        max_age: Voxels not hit for this long are forgotten [s].
+        max_age: Voxels not hit for this long are forgotten [s]; by default no run is that long.
         max_distance: Voxels farther than this from the camera are forgotten [m].
     """
 
@@ -52,7 +52,7 @@ class VoxelMapParameters:
     max_score: int = 3
     carve_margin: float = 0.012
     depth_noise: float = 0.002
-    max_age: float = np.inf
+    max_age: float = 1e6
     max_distance: float = 3.0
 
     def __post_init__(self) -> None:

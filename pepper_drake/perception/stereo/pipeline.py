@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from pepper_drake.perception.goal.marker import to_gray
+from pepper_drake.perception.cameras.images import to_gray
 from pepper_drake.perception.mapping.solids import Solid
 from pepper_drake.perception.stereo.matching import (
     Rectification,

@@ -94,9 +94,9 @@ class GoalEstimator(LeafSystem):
     The three inputs of a camera (ImageRgba8U; s; RigidTransform at the image's time) come from a
     CameraModel; a camera with any of them unconnected is not used. The system looks for a new time
     stamp every `period` and works only when there is one: once for an image, whatever its rate.
-    Images that are empty, older than the last or dated in the future are passed over. So is one
-    whose pixels are those of the last: real sensors are noisy, and equal pixels mean a camera that
-    hangs.
+    Images that are empty, of another size than the camera's, older than the last or dated in the
+    future are passed over. So is one whose pixels are those of the last: real sensors are noisy,
+    and equal pixels mean a camera that hangs.
 
     `object_pose` (RigidTransform X_WO) is the pose last handed on: it changes when the estimate
     moved by more than 3 mm or became much surer (see GoalFilterParameters), is held while the
@@ -205,7 +205,9 @@ class GoalEstimator(LeafSystem):
             thumbnails={**memory.thumbnails, name: thumbnail},
         )
         hangs = last is not None and np.array_equal(last, thumbnail)
-        if image.size == 0 or (self._expects_noise and hangs):
+        camera = self._intrinsics[name]
+        fits = image.shape[:2] == (camera.height, camera.width)
+        if not fits or (self._expects_noise and hangs):
             return used
         track = memory.goal.track
         is_recent = track is not None and memory.goal.age(time) <= self._parameters.hold_seconds
@@ -214,7 +216,7 @@ class GoalEstimator(LeafSystem):
             image.copy(),  # The port's own changes with the next.
             time,
             RigidTransform(self._poses[name].Eval(context)),
-            self._intrinsics[name],
+            camera,
             self.marked,
             p_WM_expected=track.p_WM if track is not None and is_recent else None,
             R_WO_expected=track.R_WO if track is not None else None,

@@ -5,6 +5,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CAMERA_TOP
+from pepper_drake.perception.cameras.images import to_gray
 from pepper_drake.perception.goal.marker import (
     MarkerPose,
     choose_pose,
@@ -12,7 +13,6 @@ from pepper_drake.perception.goal.marker import (
     marker_corners,
     marker_poses,
     refine_poses,
-    to_gray,
 )
 
 CAMERA = CAMERA_TOP.intrinsics.ideal()

@@ -1,0 +1,145 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from virtual_pepper import virtual
+
+from pepper_drake.robot_server.service import ServiceError
+from pepper_drake.robot_server.speech import spoken
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("Hello", "Hello"),
+        ("\\rspd=80\\ Hello \\pau=500\\ you", "Hello you"),
+        ("^start(animations/Stand/Gestures/Hey_1) Hello ^wait(animations/x) you", "Hello you"),
+        ("^mode(disabled)", ""),
+    ],
+)
+def test_marks_are_not_spoken(text, words):
+    assert spoken(text) == words
+
+
+def test_sentences_take_their_time_one_after_the_other():
+    async def scenario(pepper):
+        first = pepper.start("ALTextToSpeech.say", "x" * 28)
+        second = pepper.start("ALAnimatedSpeech.say", "^start(a) " + "y" * 14)
+        await pepper.run(0.5)
+        assert pepper.lines == [f'says "{"x" * 28}"']
+        assert pepper.call("ALMemory.getData", "ALTextToSpeech/CurrentSentence") == "x" * 28
+        assert await pepper.finish(first) == pytest.approx(1.5, abs=0.2)
+        assert await pepper.finish(second) == pytest.approx(1.0, abs=0.2)
+        assert pepper.lines[1] == f'says "{"y" * 14}"'
+        assert pepper.call("ALMemory.getData", "ALTextToSpeech/TextDone") == 1
+
+    virtual(scenario)
+
+
+def test_stop_ends_what_is_said_and_what_was_to_follow():
+    async def scenario(pepper):
+        first = pepper.start("ALTextToSpeech.say", "x" * 280)
+        second = pepper.start("ALTextToSpeech.say", "never said")
+        await pepper.run(0.5)
+        pepper.call("ALTextToSpeech.stopAll")
+        assert await pepper.finish(first) < 0.3
+        await pepper.finish(second)
+        assert len(pepper.lines) == 1
+        after = pepper.start("ALTextToSpeech.say", "again")
+        await pepper.finish(after)
+        assert pepper.lines[1] == 'says "again"'
+
+    virtual(scenario)
+
+
+def test_life_tells_its_state():
+    async def scenario(pepper):
+        pepper.call("ALAutonomousLife.setState", "disabled")
+        assert pepper.call("ALAutonomousLife.getState") == "disabled"
+        assert pepper.call("ALMemory.getData", "AutonomousLife/State") == "disabled"
+        with pytest.raises(ServiceError, match="must be one of solitary"):
+            pepper.call("ALAutonomousLife.setState", "zombie")
+
+    virtual(scenario)
+
+
+def test_an_ability_is_one_switch_wherever_it_is_switched():
+    async def scenario(pepper):
+        pepper.call("ALBasicAwareness.setEnabled", False)
+        life = "ALAutonomousLife.getAutonomousAbilityEnabled"
+        assert pepper.call(life, "BasicAwareness") is False
+        pepper.call("ALAutonomousLife.setAutonomousAbilityEnabled", "BackgroundMovement", False)
+        assert pepper.call("ALBackgroundMovement.isEnabled") is False
+        assert pepper.call("ALSpeakingMovement.isEnabled") is True
+
+    virtual(scenario)
+
+
+@given(st.floats(0.3, 3.0), st.floats(-1.5, 1.5), st.floats(-0.3, 0.3))
+@settings(max_examples=20, deadline=None)
+def test_the_top_camera_looks_at_the_place(distance, bearing, height):
+    async def scenario(pepper):
+        place = [distance * math.cos(bearing), distance * math.sin(bearing), 0.25 + height]
+        await pepper.finish(pepper.start("ALTracker.lookAt", place, 0, 0.5, False))
+        camera = np.reshape(pepper.call("ALMotion.getTransform", "CameraTop", 0, True), (4, 4))
+        seen = np.linalg.inv(camera) @ [*place, 1.0]
+        pitch = pepper.call("ALMotion.getAngles", "HeadPitch", True)[0]
+        assert math.atan2(seen[1], seen[0]) == pytest.approx(0.0, abs=1e-3)
+        if -0.6 < pitch < 0.23:  # Not at a limit.
+            assert math.atan2(seen[2], seen[0]) == pytest.approx(0.0, abs=1e-3)
+
+    virtual(scenario)
+
+
+def test_looking_in_the_world_knows_where_the_robot_stands():
+    async def scenario(pepper):
+        await pepper.finish(pepper.start("ALMotion.moveTo", 0.5, 0.0, 0.4))
+        await pepper.finish(pepper.start("ALTracker.lookAt", [2.0, 0.0, 1.1], 1, 0.5, False))
+        camera = np.reshape(pepper.call("ALMotion.getTransform", "CameraTop", 1, True), (4, 4))
+        seen = np.linalg.inv(camera) @ [2.0, 0.0, 1.1, 1.0]
+        assert abs(seen[1] / seen[0]) < 1e-2
+        assert abs(seen[2] / seen[0]) < 1e-2
+
+    virtual(scenario)
+
+
+@pytest.mark.parametrize(
+    ("effector", "place"), [("RArm", [1.0, -0.5, 0.2]), ("Arms", [0.8, 0.6, -0.2])]
+)
+def test_the_hand_lies_on_the_line_from_shoulder_to_place(effector, place):
+    async def scenario(pepper):
+        arm = "LArm" if effector == "Arms" else effector
+        await pepper.finish(pepper.start("ALTracker.pointAt", effector, place, 0, 0.5))
+        shoulder = np.array(
+            pepper.call("ALMotion.getPosition", f"{arm[0]}ShoulderPitch", 0, True)[:3]
+        )
+        hand = np.array(pepper.call("ALMotion.getPosition", arm, 0, True)[:3])
+        way, line = hand - shoulder, np.array(place) - shoulder
+        cosine = way @ line / np.linalg.norm(way) / np.linalg.norm(line)
+        assert math.degrees(math.acos(min(cosine, 1.0))) < 1.0
+
+    virtual(scenario)
+
+
+def test_nothing_is_tracked_and_nobody_is_told_otherwise():
+    async def scenario(pepper):
+        pepper.call("ALTracker.registerTarget", "RedBall", 0.06)
+        assert pepper.call("ALTracker.getRegisteredTargets") == ["RedBall"]
+        with pytest.raises(ServiceError, match=r"^ALTracker::track: not simulated$"):
+            pepper.call("ALTracker.track", "RedBall")
+        assert pepper.call("ALTracker.isActive") is False
+
+    virtual(scenario)
+
+
+def test_lights_take_the_time_of_their_change():
+    async def scenario(pepper):
+        call = pepper.start("ALLeds.fadeRGB", "FaceLeds", 0x0000FF, 0.5)
+        assert await pepper.finish(call) == pytest.approx(0.5, abs=0.05)
+        assert pepper.lines == ["lights of FaceLeds: #0000ff"]
+        pepper.call("ALLeds.off", "FaceLeds")
+        assert pepper.call("ALLeds.getIntensity", "FaceLeds") == 0.0
+
+    virtual(scenario)
