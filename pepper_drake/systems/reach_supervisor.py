@@ -54,7 +54,7 @@ class ReachSupervisor(LeafSystem):
         - cloud_time
         - cloud_age (optional)
         - cloud_fault (optional)
-        - approaching (optional)
+        - predicted_cloud (optional)
         - joint_position
         - base_pose
         - hand_pose
@@ -67,23 +67,20 @@ class ReachSupervisor(LeafSystem):
         output_ports:
         - movement
         - base_goal
-        - resting_head
         - mode
         - progress
 
     Inputs: `object_pose` X_WO; `goal_valid`, `goal_age` (1; s); `goal_position` (3), the hand's
     goal in T; `cloud` (PointCloud in W) and `cloud_time` (1; time of its last frame, not finite
     before the first); `cloud_age` (1) [s] and `cloud_fault` (1; a `DepthFault`), without which a
-    cloud that has grown old is not noticed; `approaching` (PointCloud in W), where what moves will
-    be soon;
-    `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and `desired_position` (3), where the
-    primitive wants the hand in T; `arm_position_command` and `arm_velocity_command` (5), rad and
-    rad/s, without which a movement is not planned anew on the way; `arrived` (1); `tau` (1; s);
-    `stop_reason` (1; the safety monitor's `StopReason`).
+    cloud that has grown old is not noticed; `predicted_cloud` (PointCloud in W), where what moves
+    will be soon; `joint_position` (15); `base_pose` (3); `hand_pose` X_TH and `desired_position`
+    (3), where the primitive wants the hand in T; `arm_position_command` and `arm_velocity_command`
+    (5), rad and rad/s, without which a movement is not planned anew on the way; `arrived` (1);
+    `tau` (1; s); `stop_reason` (1; the safety monitor's `StopReason`).
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
-    that is next; `base_goal` (3), NaN for "stay"; `resting_head` (2), head yaw and pitch [rad] of
-    the search for the goal;
-    `mode` (1), a `ReachMode`; `progress`, the whole `ReachState`.
+    that is next; `base_goal` (3), NaN for "stay"; `mode` (1), a `ReachMode`; `progress`, the whole
+    `ReachState`.
     State: `ReachState` (abstract), at `time_step`.
     """
 
@@ -98,7 +95,7 @@ class ReachSupervisor(LeafSystem):
             for name, value in (
                 ("object_pose", Value(RigidTransform())),
                 ("cloud", Value(PointCloud())),
-                ("approaching", Value(PointCloud())),
+                ("predicted_cloud", Value(PointCloud())),
                 ("hand_pose", Value(RigidTransform())),
             )
         }
@@ -123,12 +120,6 @@ class ReachSupervisor(LeafSystem):
         state = {self.abstract_state_ticket(self._progress)}
         self.DeclareVectorOutputPort(
             "base_goal", 3, self._calc_base_goal, prerequisites_of_calc=state
-        )
-        self.DeclareVectorOutputPort(
-            "resting_head",
-            2,
-            self._calc_resting_head,
-            prerequisites_of_calc={self.time_ticket()},
         )
         self.DeclareVectorOutputPort("mode", 1, self._calc_mode, prerequisites_of_calc=state)
         self.DeclareAbstractOutputPort(
@@ -313,7 +304,7 @@ class ReachSupervisor(LeafSystem):
 
     def _coming(self, context: Context, goal: Vector) -> Vector:
         """Where what moves near the goal will be soon (P, 3) [m]."""
-        port = self._ports["approaching"]
+        port = self._ports["predicted_cloud"]
         if not port.HasValue(context):
             return np.zeros((0, 3))
         points = cloud_points(port.Eval(context))
@@ -376,28 +367,8 @@ class ReachSupervisor(LeafSystem):
     def _calc_base_goal(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(np.array(self.progress(context).base_goal))
 
-    def _calc_resting_head(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(head_search_pattern(context.get_time()))
-
     def _calc_mode(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, float(self.progress(context).mode))
 
     def _calc_progress(self, context: Context, output: Value) -> None:
         output.set_value(self.progress(context))
-
-
-def head_search_pattern(time: float) -> Vector:
-    """Where the head looks while the goal is searched for.
-
-    Args:
-        time: Since the search began [s].
-
-    Returns:
-        Head yaw and pitch (2,) [rad]: first ahead at the height of tables, then sweeping to the
-        left and right, by turns at that height and above it.
-    """
-    blocked_timeout, sweep, period = 1.5, np.radians(60), 6.0
-    pitches = (0.25, -0.1)  # Tables, then what is higher.
-    swept = max(time - blocked_timeout, 0.0)
-    pitch = pitches[int(swept / period) % len(pitches)]
-    return np.array([sweep * np.sin(2 * np.pi * swept / period), pitch])

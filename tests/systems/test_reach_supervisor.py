@@ -6,7 +6,6 @@ from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_planner import PlanStatus
-from pepper_drake.systems.reach_supervisor import head_search_pattern
 from tests.systems.reach_rig import (
     ADAPTED,
     CLOUD,
@@ -103,7 +102,7 @@ def test_a_cloud_that_grows_old_ends_every_mode(mode, age):
     rig.set(cloud_age=[age], cloud_fault=[DepthFault.FROZEN])
     rig.advance(0.1).failed("cloud_missing")
     assert "same image" in rig.progress.message
-    assert rig.value("active") == [0.0]
+    assert rig.value("movement").id == 0
     assert np.isnan(rig.value("base_goal")).all()
 
 
@@ -216,18 +215,6 @@ def test_two_contexts_do_not_share_their_progress():
 
 def test_nothing_is_fed_through():
     assert not Rig().supervisor.HasAnyDirectFeedthrough()
-
-
-def test_the_search_begins_ahead_and_sweeps_to_both_sides_without_a_jump():
-    times = np.arange(0, 12, 0.05)
-    gaze = np.array([head_search_pattern(time) for time in times])
-    assert np.all(gaze[times <= 1.5, 0] == 0)
-    assert gaze[:, 0].max() > 0.9
-    assert gaze[:, 0].min() < -0.9
-    # The head turns with at most 1.2 rad/s, of its rated 7.3.
-    assert np.abs(np.diff(gaze[:, 0])).max() < 1.2 * 0.05
-    rig = Rig().advance(3.0)
-    np.testing.assert_array_equal(rig.value("resting_head"), head_search_pattern(3.0))
 
 
 def test_the_planned_movement_is_known_a_tick_before_it_begins():

@@ -105,7 +105,8 @@ class DepthPointCloudSource(LeafSystem):
         output_ports:
         - cloud
         - cloud_torso
-        - approaching
+        - predicted_cloud
+        - predicted_cloud_torso
         - time_stamp
         - age
         - fault
@@ -122,9 +123,10 @@ class DepthPointCloudSource(LeafSystem):
     `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on
     the state alone, so whatever a consumer computes from them stays cached until the next image, or
     until the torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
-    `approaching` (PointCloud in W, whose z = 0 is the floor) is where things that move will be
-    soon, and where something may be that is too near to be measured, see `perception.watch`; none
-    while the torso moves.
+    `predicted_cloud` (PointCloud in W, whose z = 0 is the floor) is where things that move will be
+    soon, and where something may be that is too near to be measured, see
+    `perception.mapping.dynamic_obstacle_tracker`; none while the torso moves.
+    `predicted_cloud_torso` is what of it is near, in T.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
     the time since then, infinite before the first. `fault` is the `DepthFault` of the last image
     that came, 0 if it was used.
@@ -194,7 +196,8 @@ class DepthPointCloudSource(LeafSystem):
         for name, calc in (
             ("cloud", self._calc_cloud),
             ("cloud_torso", self._calc_cloud_torso),
-            ("approaching", self._calc_approaching),
+            ("predicted_cloud", self._calc_predicted_cloud),
+            ("predicted_cloud_torso", self._calc_predicted_cloud_torso),
         ):
             self.DeclareAbstractOutputPort(
                 name, lambda: Value(PointCloud()), calc, prerequisites_of_calc=state
@@ -339,8 +342,15 @@ class DepthPointCloudSource(LeafSystem):
         near = self._near(memory.surface, memory.X_WT)
         output.set_value(to_point_cloud(near, memory.X_WT.inverse()))
 
-    def _calc_approaching(self, context: Context, output: Value) -> None:
+    def _calc_predicted_cloud(self, context: Context, output: Value) -> None:
         output.set_value(make_cloud(self._get_memory(context).watch.expected))
+
+    def _calc_predicted_cloud_torso(self, context: Context, output: Value) -> None:
+        memory = self._get_memory(context)
+        points, X_TW = memory.watch.expected, memory.X_WT.inverse()
+        offset = points - memory.X_WT.translation()
+        near = points[np.einsum("ij,ij->i", offset, offset) <= self._torso_range**2]
+        output.set_value(make_cloud(near @ X_TW.rotation().matrix().T + X_TW.translation()))
 
     def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self._get_memory(context).time)

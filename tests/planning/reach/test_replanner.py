@@ -154,7 +154,7 @@ def test_what_moves_is_waited_for_and_only_then_passed():
     rig.planner.asked.clear()
     rig.planner.ahead = 0.0
     predicted_points = X_WO.translation() + [0.1, 0.2, 0.1]
-    rig.set(cloud_time=[0.4], approaching=cloud_at(predicted_points))
+    rig.set(cloud_time=[0.4], predicted_cloud=cloud_at(predicted_points))
     rig.advance(0.1)
     assert rig.progress.plan is rig.planner.back
     assert rig.progress.suspended_plan is way
@@ -175,7 +175,7 @@ def test_the_arm_does_not_withdraw_to_where_something_was_that_may_come_back():
     predicted_points = X_WO.translation()
     left = PointCloud(1)
     left.mutable_xyzs()[:] = CLOUD[:1].T
-    rig.set(cloud_time=[0.4], cloud=left, approaching=cloud_at(predicted_points))
+    rig.set(cloud_time=[0.4], cloud=left, predicted_cloud=cloud_at(predicted_points))
     rig.advance(0.1)
     ((_, seen),) = [asked for asked in rig.planner.asked if asked[0] == "plan_retreat"]
     off = np.linalg.norm(seen["cloud_W"] - CLOUD[1], axis=1)
@@ -186,7 +186,7 @@ def test_what_moves_far_away_does_not_matter():
     rig = blocked()
     rig.planner.asked.clear()
     rig.planner.ahead = 0.0
-    rig.set(cloud_time=[0.4], approaching=cloud_at(X_WO.translation() + [0.5, 0.5, 0.0]))
+    rig.set(cloud_time=[0.4], predicted_cloud=cloud_at(X_WO.translation() + [0.5, 0.5, 0.0]))
     rig.advance(0.1)
     assert rig.progress.plan is rig.planner.detour
 
@@ -194,7 +194,7 @@ def test_what_moves_far_away_does_not_matter():
 def test_who_withdraws_does_not_turn_for_a_place_that_is_no_better():
     rig = blocked()
     rig.planner.ahead = 0.0
-    rig.set(cloud_time=[0.4], approaching=cloud_at(X_WO.translation()))
+    rig.set(cloud_time=[0.4], predicted_cloud=cloud_at(X_WO.translation()))
     rig.advance(0.1)
     number = rig.progress.movements
     rig.planner.back = replace(rig.planner.back, clearance=0.0)
