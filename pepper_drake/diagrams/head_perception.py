@@ -3,8 +3,14 @@
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
-from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+from pydrake.systems.primitives import (
+    ConstantValueSource,
+    ConstantVectorSource,
+    TrajectorySource,
+    ZeroOrderHold,
+)
+from pydrake.trajectories import PiecewisePolynomial
 
 from pepper_drake.diagrams.station import PepperStation, select_joints
 from pepper_drake.models.objects import GOAL_OBJECT
@@ -15,11 +21,14 @@ from pepper_drake.perception.gaze.head_aiming import head_search_pattern
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.body_pose import BodyPose
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
 from pepper_drake.systems.sensing.gaze_controller import GazeController
 from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
+_EVER = 1e9
+"""Longer than any simulation [s]."""
 _IMAGE_POLL = 0.05
 """Time between looks for new images [s]: they come every 0.2 s, and each look copies the state."""
 _CAMERAS = {
@@ -131,7 +140,7 @@ class HeadPerception(Diagram):
                 self._gaze.GetOutputPort(f"{camera}_enabled"), f"camera_{camera}.enabled"
             )
         del self._builder
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def connect(self, builder: DiagramBuilder, station: PepperStation) -> None:
         """Connects a station's measurements to the perception, and the perception to its cameras.
@@ -213,7 +222,13 @@ class HeadPerception(Diagram):
         one = constant("one", ConstantVectorSource([1.0]))
         nothing = constant("no_obstacles", ConstantValueSource(Value(PointCloud())))
         builder.ExportOutput(one, "goal_valid")
-        for name in ("goal_age", "cloud_time", "cloud_age", "cloud_fault"):
+        for name in ("goal_age", "cloud_age", "cloud_fault"):
             builder.ExportOutput(zero, name)
+        # There is always a new image of nothing.
+        times = PiecewisePolynomial.FirstOrderHold([0.0, _EVER], [[0.0, _EVER]])
+        clock = constant("clock", TrajectorySource(times))
+        images = builder.AddNamedSystem("images", ZeroOrderHold(station.config.camera_period, 1))
+        builder.Connect(clock, images.get_input_port())
+        builder.ExportOutput(images.get_output_port(), "cloud_time")
         for name in ("cloud", "cloud_torso", "predicted_cloud", "predicted_cloud_torso"):
             builder.ExportOutput(nothing, name)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource
 
 from pepper_drake.diagrams.arm_controller import ArmController
@@ -25,6 +25,7 @@ from pepper_drake.planning.collision.arm_geometry import ArmGeometry
 from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
 )
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.guiding.guide_target import GuideTarget
 from pepper_drake.systems.guiding.hand_guide import HandGuide
 from pepper_drake.systems.guiding.motion_recorder import MotionRecorder
@@ -149,7 +150,7 @@ class LiveTeaching(Diagram):
                 self._out("ground_truth.query"), self.visualizer.query_object_input_port()
             )
         del self._builder
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _out(self, name: str) -> OutputPort:
         return self.station.GetOutputPort(name)
@@ -249,6 +250,7 @@ class LiveTeaching(Diagram):
             "safety_monitor",
             SafetyMonitor(
                 limits=self._model.command_limits(BODY_JOINTS),
+                start_position=[self.scene.robot.positions()[name] for name in BODY_JOINTS],
                 minimum_clearance=self._minimum_clearance,
                 time_step=self._ik_params.time_step,
             ),

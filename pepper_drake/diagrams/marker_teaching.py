@@ -40,6 +40,7 @@ from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.planning.collision.arm_geometry import ArmGeometry
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.kinematic_simulation import ArmState, HandPath, KinematicSimulator
+from pepper_drake.systems.framework import build
 from pepper_drake.systems.guiding.scripted_guide import GuidePath
 from pepper_drake.systems.sensing.camera_model import CameraModel
 from pepper_drake.systems.sensing.marker_tracker import MarkerTracker
@@ -104,7 +105,7 @@ def record_marker(
     )
     builder, teaching = make_teaching(script, "joints", options)
     drag_joints(builder, teaching, angles)
-    session = Session(builder.Build(), teaching, options)
+    session = Session(build(builder), teaching, options)
     recorded, motion, stopped = session.run(float(times[-1]) + script.rest, script.name)
     led = np.column_stack(
         [np.interp(recorded.times, times, column) for column in wanted.positions.T]
@@ -163,7 +164,7 @@ def watch(
     builder.Connect(images.GetOutputPort("color_image"), tracker.image_input)
     builder.Connect(images.GetOutputPort("time_stamp"), tracker.time_stamp_input)
     log = LogVectorOutput(tracker.sighting_output, builder, publish_period=script.period)
-    simulator = Simulator(builder.Build())
+    simulator = Simulator(build(builder))
     end = path.end_time + script.rest
     for number in range(int(np.ceil(end / _SLICE))):
         if should_stop():

@@ -1,8 +1,8 @@
 """Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from pepper_drake.diagrams.arm_controller import ArmController
@@ -25,9 +25,12 @@ from pepper_drake.models.pepper import JOINT_GROUPS, arm_group
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
-from pepper_drake.planning.reach.reach_planner import ReachPlanner, ReachPlannerParams
-from pepper_drake.planning.reach.reach_state import ReachTiming
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.planning.reach.reach_planner import ReachPlanner
+from pepper_drake.planning.reach.timed_planner import TimedPlanner
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.base_position_controller import BasePositionController
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
@@ -45,8 +48,8 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
-    minimum_clearance: float = 0.002
-    """Distance of the arm to the cloud at which the safety monitor stops it [m]."""
+    contact: ContactParams = field(default_factory=ContactParams)
+    """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
     """How the reaching arm gives way when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
@@ -86,7 +89,7 @@ class Reaching(Diagram):
         self._add_logs()
         builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
         del self._builder
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _connect(self, source: OutputPort, system: object, *names: str) -> None:
         for name in names:
@@ -112,12 +115,14 @@ class Reaching(Diagram):
             params=self.config.planner,
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
+        self.timed_planner = TimedPlanner(self.planner)
         self.supervisor = builder.AddNamedSystem(
-            "supervisor", ReachSupervisor(self.planner, self.config.timing)
+            "supervisor",
+            ReachSupervisor(self.timed_planner, self.config.timing, arm=self.scene.arm),
         )
         for name in (
             *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
-            *("cloud_time", "cloud_age", "cloud_fault"),
+            *("cloud_time", "cloud_fault"),
         ):
             self._connect(self.perception.GetOutputPort(name), self.supervisor, name)
         for output, name in (
@@ -126,6 +131,8 @@ class Reaching(Diagram):
             (f"{self.scene.arm}_hand_pose", "hand_pose"),
         ):
             self._connect(station.GetOutputPort(output), self.supervisor, name)
+        self.started = self.supervisor.GetOutputPort("started")
+        self._connect(self.started, self.perception, "scan_enabled")
 
         driver = builder.AddNamedSystem("base_driver", BasePositionController())
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
@@ -174,13 +181,12 @@ class Reaching(Diagram):
             ("velocity_command", "arm_velocity_command"),
         ):
             self._connect(controller.GetOutputPort(output), self.supervisor, name)
-        self._connect(self.active, self.perception, "scan_enabled")
         if compliance is not None:
             station.set_stiffness(arm_group(arm), compliance.stiffness)
             force = add_hand_force(
                 builder, station.plant, arm, station.GetInputPort("applied_forces")
             )
-            push = add_pushes(builder, compliance.pushes, self.active, force)
+            push = add_pushes(builder, compliance.pushes, self.started, force)
             self.logs["push"] = LogVectorOutput(push, builder, self.config.log_period)
 
     def _add_commands(self, *, coupled: bool) -> None:
@@ -215,7 +221,9 @@ class Reaching(Diagram):
             "safety_monitor",
             SafetyMonitor(
                 limits=model.command_limits(BODY_JOINTS),
-                minimum_clearance=self.config.minimum_clearance,
+                start_position=[self.scene.robot.positions()[name] for name in BODY_JOINTS],
+                minimum_clearance=self.config.planner.clearance.stop,
+                contact=self._contact_params(),
                 time_step=self.config.ik.time_step,
             ),
         )
@@ -230,6 +238,19 @@ class Reaching(Diagram):
             station.GetInputPort("joint_position_command"),
         )
 
+    def _contact_params(self) -> ContactParams | None:
+        """When a joint counts as held, on a robot of this latency and slack."""
+        if self.config.compliance is not None:
+            return None
+        wear = self.config.station.wear
+        if wear is None:
+            return self.config.contact
+        return replace(
+            self.config.contact,
+            latency=self.config.contact.latency + wear.command_latency,
+            angle=self.config.contact.angle + 0.5 * float(wear.backlash.max()),
+        )
+
     def _add_motions(self) -> None:
         """Moves goal object and obstacles once the arm starts, if that is asked for."""
         for moving in self.station.scene_models.moving:
@@ -237,7 +258,7 @@ class Reaching(Diagram):
             if self.station.HasInputPort(port):
                 name = "goal_motion" if moving.name == GOAL_OBJECT else f"{moving.name}_motion"
                 path = self._builder.AddNamedSystem(name, TriggeredTrajectory(moving.path))
-                self._builder.Connect(self.active, path.trigger_input)
+                self._builder.Connect(self.started, path.trigger_input)
                 self._connect(path.get_output_port(), self.station, port)
 
     def _add_logs(self) -> None:

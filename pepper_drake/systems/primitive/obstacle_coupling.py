@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
-from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from pepper_drake.learning.dmp.coupling import Coupling, CouplingOutput
 from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
 from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import CacheEntry, Context, InputPort, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context, InputPort
 
 from pepper_drake.learning.dmp.point_cloud_distance import (
     EXTENSION,
@@ -12,6 +12,7 @@ from pepper_drake.learning.dmp.point_cloud_distance import (
     PointCloudDistance,
 )
 from pepper_drake.perception.mapping.cloud_points import cloud_points
+from pepper_drake.systems.framework import CacheEntry, LeafSystem, ValueProducer
 
 
 class ObstacleFieldCache:

@@ -3,9 +3,10 @@
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, InputPort
 
 from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
 
 

@@ -16,7 +16,6 @@ from pydrake.systems.framework import (
     DiscreteValues,
     EventStatus,
     InputPort,
-    LeafSystem,
     OutputPort,
 )
 
@@ -38,6 +37,7 @@ from pepper_drake.perception.gaze.view_planning import (
     visible,
 )
 from pepper_drake.perception.mapping.cloud_points import cloud_points
+from pepper_drake.systems.framework import LeafSystem
 
 _HEAD, _VELOCITY, _TARGET = slice(0, 2), slice(2, 4), slice(9, 11)
 _CAMERA, _IN_VIEW, _REACHABLE, _ARRIVED, _GLANCING = 4, 5, 6, 7, 8
