@@ -56,7 +56,7 @@ from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
 from pepper_drake.systems.sensing.camera_model import CameraModel
 
 RENDERER = "vtk"
-_STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
+_STRENGTH = {"base": (40.0, 80.0), "body": (10.0, 10.0)}
 """Proportional and derivative gain of what carries the rest, over a joint's."""
 _GEAR_FRICTION = 0.3
 """Damping that is left of a limp joint [N m s/rad]."""
