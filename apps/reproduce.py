@@ -41,6 +41,8 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import write_atomically
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.correction import learn_correction
+from pepper_drake.learning.dmp.joint_primitive import JointPrimitive, is_joint_primitive
+from pepper_drake.models.pepper import POSTURES
 from pepper_drake.optimization.ratings import BEST_SCORE, load_scores
 from pepper_drake.results.folder import INTERRUPTED, whole_results
 from pepper_drake.systems.guiding.external_force import ForcePulse
@@ -153,8 +155,8 @@ def parse() -> argparse.Namespace:
         "--stiffness",
         type=float,
         default=ReproductionParams().stiffness,
-        metavar="K",
-        help="of the arm's joints [N m/rad] (default: %(default)s; a stiff arm has 400)",
+        metavar="S",
+        help="of the arm, as NAOqi has it, from 0 (limp) to 1 (default: %(default)s)",
     )
     parser.add_argument(
         "--no-waiting", action="store_true", help="let the movement go on while the hand is pushed"
@@ -175,9 +177,10 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--live", action="store_true", help="show it in a browser in real time")
     add_host_option(parser)
     arguments = cli.parse(parser)
-    for name in ("push_for", "stiffness"):
-        if not getattr(arguments, name) > 0.0:
-            raise InputError(f"--{name.replace('_', '-')} must be above 0")
+    if not arguments.push_for > 0.0:
+        raise InputError("--push-for must be above 0")
+    if not 0.0 < arguments.stiffness <= 1.0:
+        raise InputError(f"--stiffness {arguments.stiffness:g} must be above 0 and at most 1")
     if arguments.score is not None and not 0.0 <= arguments.score <= BEST_SCORE:
         raise InputError(f"--score {arguments.score:g} must be from 0 to {BEST_SCORE:g}")
     for name in ("goal", "push"):
@@ -190,7 +193,12 @@ def load(arguments: argparse.Namespace) -> tuple[MovementPrimitive, str]:
     """The primitive and the arm that performs it."""
     if arguments.primitive is None:
         return make_primitive(arguments.demo, arguments.arm), arguments.arm
-    primitive = MovementPrimitive.load(arguments.primitive)
+    if is_joint_primitive(arguments.primitive):
+        joints = JointPrimitive.load(arguments.primitive)
+        others = dict(POSTURES["stand"])
+        primitive = joints.hand_primitive(others)
+    else:
+        primitive = MovementPrimitive.load(arguments.primitive)
     if primitive.posture is None:
         raise InputError(f"{arguments.primitive}: no joints in it; learn it with joints")
     return primitive, "left" if primitive.posture.names[0].startswith("L") else "right"

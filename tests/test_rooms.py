@@ -15,7 +15,7 @@ FLOORS = (
     ("planning",),
     ("systems", "results", "naoqi"),
     ("scenario", "cli"),
-    ("cli_scene",),
+    ("cli_scene", "cli_demonstration", "web"),
     ("diagrams",),
     ("hardware", "robot_server", "evaluation"),
     ("optimization", "benchmarking", "live"),

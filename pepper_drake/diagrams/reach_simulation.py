@@ -17,7 +17,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
 from tqdm import tqdm
 
 from pepper_drake.diagrams.reaching import Reaching
@@ -26,10 +26,11 @@ from pepper_drake.models.pepper import hand_frame
 from pepper_drake.models.scene import Scene, save_scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points, make_cloud
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
-from pepper_drake.systems.framework import build
+from pepper_drake.systems.framework import Diagram, build
 
 Vector = npt.NDArray[np.float64]
 
@@ -204,11 +205,7 @@ class ReachSimulation:
         reaching = self.reaching
         times = self.reaching.logs["mode"].FindLog(self.simulator.get_context()).sample_times()
         tau = self._rows("tau")[:, 0]
-        coupling = (
-            self._rows("coupling") / tau[:, None] ** 2
-            if "coupling" in reaching.logs
-            else np.zeros((len(times), 3))
-        )
+        coupling = self._rows("coupling") / tau[:, None] ** 2
         return ReachLog(
             time_s=np.asarray(times),
             mode=self._rows("mode")[:, 0].astype(np.int64),
@@ -279,20 +276,24 @@ class ReachSimulation:
         scene, station = reaching.scene, reaching.station
         progress = reaching.supervisor.progress(reaching.supervisor.GetMyContextFromRoot(root))
         X_WH, X_WG = self._true_poses(station.plant.GetMyContextFromRoot(root))
+        is_coupled = reaching.planner.demonstrated.coupling is not None
         report = ReachReport(
             scene=scene.name,
             arm=scene.arm,
-            coupling=scene.coupling if reaching.coupling is not None else "none",
+            coupling=scene.coupling if is_coupled else "none",
             seed=reaching.config.station.seed,
             cloud=self._cloud_report,
             simulated_seconds=root.get_time(),
-            planning_seconds=progress.planning_seconds,
             wall_seconds=wall,
             realtime_factor=root.get_time() / wall,
             minimum_clearance=float(log.clearance_m.min()),
             contacts=int(np.count_nonzero(log.clearance_m[::2] <= 0.0)),
             versions={name: version(name) for name in ("pepper-drake", "drake", "numpy")},
         )
+        if np.isfinite(progress.started):
+            arrived, started = progress.arrived, progress.started
+            report.planning_seconds = reaching.timed_planner.seconds(arrived, started)
+            report.planning_delay = started - arrived - reaching.config.timing.settling
         report.closest_pair = self._closest_pair(log)
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
         estimator = reaching.goal_estimator.GetMyContextFromRoot(root)
@@ -320,7 +321,7 @@ class ReachSimulation:
 
     def _judge(self, report: ReachReport, mode: ReachMode, reason: str, message: str) -> None:
         """Fills in outcome and reason: what the robot says of itself, then what is true."""
-        tolerance = self.reaching.config.timing.accepted_position
+        tolerance = self.reaching.config.planner.tolerance.accept
         if self._fault:
             report.reason, report.message = "simulation_failed", self._fault
         elif mode == ReachMode.FAILED:
@@ -337,6 +338,8 @@ class ReachSimulation:
         elif report.final_position_error is None or report.final_position_error > tolerance:
             report.reason = "not_at_goal"
             report.message = "the hand is farther from the true goal than the robot believes"
+        elif reason == UNCONFIRMED:
+            report.outcome, report.reason, report.message = UNCONFIRMED, reason, message
         else:
             report.outcome = "reached"
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from tqdm import tqdm
@@ -26,7 +26,7 @@ from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.models.scene import make_pose
 from pepper_drake.models.teaching_script import TeachingScript
 from pepper_drake.planning.collision.arm_geometry import ArmGeometry
-from pepper_drake.systems.framework import build
+from pepper_drake.systems.framework import Diagram, build
 from pepper_drake.systems.guiding.gamepad_velocity import GamepadState, GamepadVelocity
 from pepper_drake.systems.guiding.scripted_gamepad import ScriptedGamepad
 from pepper_drake.systems.guiding.scripted_guide import GuidePath, ScriptedGuide

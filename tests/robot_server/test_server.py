@@ -13,10 +13,10 @@ from contextlib import contextmanager
 import pytest
 
 from pepper_drake.errors import InputError
+from pepper_drake.naoqi.wire import HEADER, Message, MessageType, decode, encode, read_header
 from pepper_drake.robot_server.connection import Credentials
 from pepper_drake.robot_server.server import QiServer
 from pepper_drake.robot_server.service import Service, ServiceError
-from pepper_drake.robot_server.wire import HEADER, Message, MessageType, decode, encode, read_header
 
 CAPABILITIES = encode("{sm}", {"ClientServerSocket": True})
 
@@ -202,6 +202,15 @@ def test_a_password_is_demanded():
             libqi(server.address, "result = 0", ["nao", "wrong"])
         with pytest.raises(AssertionError, match="disconnected"):
             libqi(server.address, "result = 0")
+
+
+def test_an_encrypted_door():
+    pytest.importorskip("cryptography", reason="it makes the certificate; it is an extra")
+    from pepper_drake.robot_server.tls import server_context
+
+    with serving(tls=server_context("127.0.0.1")) as (server, _, _):
+        assert server.address.startswith("tcps://")
+        assert libqi(server.address, "result = echo.add(2, 5)") == 7
 
 
 def test_other_machines_need_a_password():

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators.registry import LinearForcingModel
+from pepper_drake.learning.demonstrations.check import refuse_unlike
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.learning.dmp.orientation import OrientationAttractor, learn_orientation
@@ -43,6 +44,15 @@ Array = npt.NDArray[np.float64]
 DEFAULT_APPROXIMATOR = "trajectory_slopes"
 DEFAULT_SCALING = "gradual"
 DEFAULT_NUM_BASIS = 40
+"""Basis functions where the data do not ask for another number: some seconds of arm movement."""
+
+MOST_NUM_BASIS = 320
+
+FIT_TOLERANCE = 0.005
+"""Where the motion leaves a demonstration by more than this [m] and the number of basis functions
+is left open, it is doubled."""
+
+_MOST_SAMPLES, _FEWEST_NUM_BASIS = 6000, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +113,7 @@ class MovementPrimitive:
         cls,
         demonstrations: Demonstration | Sequence[Demonstration],
         approximator: str = DEFAULT_APPROXIMATOR,
-        num_basis: int = DEFAULT_NUM_BASIS,
+        num_basis: int | None = None,
         scaling: str = DEFAULT_SCALING,
         orientation: str = "log_map",
         alpha_z: float = ALPHA_Z,
@@ -111,10 +121,15 @@ class MovementPrimitive:
     ) -> Self:
         """Learns one primitive from one or several demonstrations, aligned in phase.
 
+        Where samples are further apart than basis functions, the way between them is filled in
+        (see `Demonstration.filled`), so that the motion between samples stays near them.
+
         Args:
             demonstrations: One, or several of the same motion.
             approximator: How the forcing term is learned; see `approximator_names`.
-            num_basis: Number of basis functions.
+            num_basis: Number of basis functions. Left out, it follows the data: 40; no more than
+                there are samples; twice or more as many where the motion would leave a
+                demonstration by more than `FIT_TOLERANCE`.
             scaling: How it adapts to start and goal; see `scaling`.
             orientation: `log_map`, or `angles` for the report's three angles.
             alpha_z: Constant of the spring.
@@ -130,6 +145,37 @@ class MovementPrimitive:
             raise InputError("demonstrations: none given; a primitive needs at least one")
         if not alpha_z > 0.0:
             raise InputError(f"alpha_z: {alpha_z} is not positive")
+        refuse_unlike(demos)
+        if num_basis is not None:
+            return cls._fit(demos, approximator, num_basis, scaling, orientation, alpha_z, seed)
+        fewest = min(len(demo.times) for demo in demos)
+        number = min(DEFAULT_NUM_BASIS, max(_FEWEST_NUM_BASIS, fewest - 1))
+        # Seconds at the usual rates are known to be given back by the usual number.
+        usual = 2 * DEFAULT_NUM_BASIS <= fewest < 8 * DEFAULT_NUM_BASIS
+        while True:
+            learned = cls._fit(demos, approximator, number, scaling, orientation, alpha_z, seed)
+            if usual or len(demos) > 1 or 2 * number > MOST_NUM_BASIS:
+                return learned
+            shown = demos[0].filled(demos[0].duration / (2 * DEFAULT_NUM_BASIS))
+            if learned.distance(shown) <= FIT_TOLERANCE:
+                return learned
+            number *= 2
+
+    @classmethod
+    def _fit(
+        cls,
+        demonstrations: list[Demonstration],
+        approximator: str,
+        num_basis: int,
+        scaling: str,
+        orientation: str,
+        alpha_z: float,
+        seed: int,
+    ) -> Self:
+        demos = [
+            demo.thinned(_MOST_SAMPLES).filled(demo.duration / (2 * max(num_basis, 1)))
+            for demo in demonstrations
+        ]
         samples = [motion_sample(demo) for demo in demos]
         times = [sample.times for sample in samples]
         turning = None
@@ -147,6 +193,20 @@ class MovementPrimitive:
             approximator=approximator,
             name=demos[0].name,
         )
+
+    def distance(self, demonstration: Demonstration) -> float:
+        """Returns how far the motion leaves a demonstration, at its samples [m]."""
+        path = self.rollout(
+            time_step=demonstration.duration / 400,
+            start=demonstration.positions[0],
+            goal=demonstration.positions[-1],
+            duration=demonstration.duration,
+            start_velocity=demonstration.velocities[0],
+        )
+        times = demonstration.times - demonstration.times[0]
+        own = [np.interp(times, path.times, column) for column in path.positions.T]
+        gaps = np.linalg.norm(np.column_stack(own) - demonstration.positions, axis=1)
+        return float(gaps.max())
 
     @property
     def start(self) -> Array:
@@ -193,6 +253,7 @@ class MovementPrimitive:
         goal_velocity: npt.ArrayLike | GoalMotion | None = None,
         start_rotation: npt.ArrayLike | None = None,
         goal_rotation: npt.ArrayLike | None = None,
+        start_angular_velocity: npt.ArrayLike | None = None,
         settle: float = 0.0,
     ) -> Path3D:
         """Performs the motion.
@@ -210,6 +271,7 @@ class MovementPrimitive:
             goal_velocity: (3,) [m/s] or a function of the time [s]: known velocity of the goal.
             start_rotation: (4,) unit quaternion; the demonstration's if left out.
             goal_rotation: (4,) unit quaternion; the demonstration's if left out.
+            start_angular_velocity: (3,) [rad/s]; if left out, that of the demonstration's start.
             settle: How long to go on after the motion's end, in tau.
 
         Returns:
@@ -242,7 +304,7 @@ class MovementPrimitive:
                 *coupling_and_field(coupling, obstacles),
                 self.duration / self.path_length if self.path_length > 0.0 else 0.0,
             )
-        return self._complete(motion, start_rotation, goal_rotation)
+        return self._complete(motion, start_rotation, goal_rotation, start_angular_velocity)
 
     def rollout_batch(
         self,
@@ -361,12 +423,16 @@ class MovementPrimitive:
         motion: Motion,
         start_rotation: npt.ArrayLike | None,
         goal_rotation: npt.ArrayLike | None,
+        start_angular_velocity: npt.ArrayLike | None = None,
     ) -> Path3D:
         path = _path(motion)
         if self.orientation is not None:
             q0 = quaternion(start_rotation, self.orientation.start, "start_rotation")
             qg = quaternion(goal_rotation, self.orientation.goal, "goal_rotation")
-            rotations, velocities = orientation_motion(self.orientation, q0, qg, motion)
+            turning = None
+            if start_angular_velocity is not None:
+                turning = vector(start_angular_velocity, q0[1:], 3, "start_angular_velocity")
+            rotations, velocities = orientation_motion(self.orientation, q0, qg, motion, turning)
             path = replace(path, rotations=rotations, angular_velocities=velocities)
         if self.posture is not None:
             joints = self.posture.at(relative_time_at(motion.phases, self.translation.alpha_x))

@@ -217,7 +217,9 @@ def degrade_depth(
     noisy[projector_shadow(depth, intrinsics, noise.baseline)] = 0
     if noise.grazing > 0.0:
         # From all that is measured at this cosine to nothing at half of it.
-        noisy[grazing_pixels(z, intrinsics, noise.grazing * (0.5 + 0.5 * chance))] = 0
+        noisy[
+            grazing_pixels(z, intrinsics, noise.grazing * (0.5 + 0.5 * chance).astype(np.float32))
+        ] = 0
     noisy[:, width - noise.border :] = 0
     millimetres = np.rint(noisy * 1000)
     return np.where(measured & (millimetres > 0), millimetres, 0).astype(np.uint16)

@@ -129,7 +129,7 @@ def _check_unit(depth: npt.NDArray[np.generic], whole: bool) -> None:
                 "length of its unit in metres."
             )
         return
-    values = depth[::7, ::7]
+    values = depth[::7, ::7].astype(np.float64)
     with np.errstate(invalid="ignore"):
         values = values[np.isfinite(values) & (values > 0)]
     if values.size and float(np.median(values)) > _FARTHEST_ROOM:

@@ -358,7 +358,7 @@ def learn_dropouts(
         if tree is not None:
             distance, index = tree.query(p_W, distance_upper_bound=_SAME_PLACE)
             known = np.isfinite(distance)
-            old = index[known]
+            old = np.asarray(index)[known]
             z = p_C[known, 2]
             # What a thing at the near limit hides moves on the surface by this.
             moved = np.linalg.norm(p_WC - memory.seen_from[old], axis=1)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, InputPort, LeafSystem
+from pydrake.systems.framework import Context, InputPort
 
 from pepper_drake.learning.dmp.point_cloud_distance import (
     EXTENSION,
@@ -12,29 +12,29 @@ from pepper_drake.learning.dmp.point_cloud_distance import (
     PointCloudDistance,
 )
 from pepper_drake.perception.mapping.cloud_points import cloud_points
-from pepper_drake.systems.framework import CacheEntry, ValueProducer
+from pepper_drake.systems.framework import CacheEntry, LeafSystem, ValueProducer
 
 
 class ObstacleFieldCache:
-    """An PointCloudDistance of the PointCloud at a port of a system, in its cache.
+    """A PointCloudDistance of the PointClouds at ports of a system, in its cache.
 
     A missing cloud is an empty one. A source that computes the same cloud again costs a comparison,
     not a k-d tree.
 
     Args:
         system: Whose cache it is; to be made in its constructor.
-        cloud_port: Its port of the cloud.
+        cloud_ports: Its ports of clouds in one frame, whose points are taken together.
         extension: How far each point reaches down [m]; see `PointCloudDistance`.
     """
 
     def __init__(
-        self, system: LeafSystem, cloud_port: InputPort, extension: float = EXTENSION
+        self, system: LeafSystem, *cloud_ports: InputPort, extension: float = EXTENSION
     ) -> None:
-        self._cloud_port, self._extension = cloud_port, extension
+        self._cloud_ports, self._extension = cloud_ports, extension
         self.entry: CacheEntry = system.DeclareCacheEntry(
             "obstacle field",
             ValueProducer(allocate=lambda: Value({}), calc=self._calc),
-            prerequisites_of_calc={cloud_port.ticket()},
+            prerequisites_of_calc={port.ticket() for port in cloud_ports},
         )
 
     def eval(self, context: Context) -> PointCloudDistance:
@@ -48,9 +48,10 @@ class ObstacleFieldCache:
         return follower
 
     def _calc(self, context: Context, value: Any) -> None:
-        points: Any = np.zeros((0, 3), dtype=np.float32)
-        if self._cloud_port.HasValue(context):
-            points = cloud_points(self._cloud_port.Eval(context))
+        clouds = [
+            cloud_points(port.Eval(context)) for port in self._cloud_ports if port.HasValue(context)
+        ]
+        points = np.concatenate([np.zeros((0, 3), dtype=np.float32), *clouds])
         known = value.get_mutable_value()
         content = points.tobytes()
         if known.get("content") != content:
