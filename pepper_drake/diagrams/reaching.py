@@ -11,7 +11,7 @@ from pepper_drake.diagrams.compliance import (
     add_hand_force,
     add_pushes,
 )
-from pepper_drake.diagrams.head_perception import HeadPerception
+from pepper_drake.diagrams.head_perception import HeadPerception, PerceptionConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
@@ -49,6 +49,7 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
@@ -99,7 +100,7 @@ class Reaching(Diagram):
     def _add_perception(self) -> None:
         """Goal estimator, obstacle cloud, and the head that looks at the goal."""
         self.perception = self._builder.AddNamedSystem(
-            "perception", HeadPerception(self.scene, self.station)
+            "perception", HeadPerception(self.scene, self.station, self.config.perception)
         )
         self.perception.connect(self._builder, self.station)
 
