@@ -186,11 +186,10 @@ class ReachSimulation:
     def _look_at_cloud(self) -> None:
         """Measures the cloud with which the arm starts, and draws it."""
         reaching, context = self.reaching, self.context
-        source = reaching.cloud_source.GetMyContextFromRoot(self.simulator.get_context())
-        self._cloud_W = cloud_points(reaching.cloud_source.GetOutputPort("cloud").Eval(source))
-        self._cloud_T = cloud_points(
-            reaching.cloud_source.GetOutputPort("cloud_torso").Eval(source)
-        )
+        perception = reaching.perception
+        seen = perception.GetMyContextFromRoot(self.simulator.get_context())
+        self._cloud_W = cloud_points(perception.GetOutputPort("cloud").Eval(seen))
+        self._cloud_T = cloud_points(perception.GetOutputPort("cloud_torso").Eval(seen))
         query = reaching.GetOutputPort("ground_truth.query").Eval(context)
         self._cloud_report = measure_cloud(reaching.station, query, self._cloud_W)
         if self._options.meshcat is not None:
@@ -296,9 +295,10 @@ class ReachSimulation:
             report.planning_delay = started - arrived - reaching.config.timing.settling
         report.closest_pair = self._closest_pair(log)
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
-        estimator = reaching.goal_estimator.GetMyContextFromRoot(root)
-        if reaching.goal_estimator.GetOutputPort("valid").Eval(estimator)[0]:
-            X_WO = reaching.object_pose.Eval(estimator)
+        perception = reaching.perception
+        seen = perception.GetMyContextFromRoot(root)
+        if perception.GetOutputPort("goal_valid").Eval(seen)[0]:
+            X_WO = perception.GetOutputPort("object_pose").Eval(seen)
             report.goal_estimate_error, _ = pose_error(X_WO @ scene.pre_grasp(), X_WG)
         moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
         if np.any(moving):

@@ -56,7 +56,7 @@ from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
 from pepper_drake.systems.sensing.camera_model import CameraModel
 
 RENDERER = "vtk"
-_STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
+_STRENGTH = {"base": (40.0, 80.0), "body": (10.0, 10.0)}
 """Proportional and derivative gain of what carries the rest, over a joint's."""
 _GEAR_FRICTION = 0.3
 """Damping that is left of a limp joint [N m s/rad]."""
@@ -209,7 +209,6 @@ class PepperStation(Diagram):
         scene_models: The scene's bodies; none where Pepper is alone.
         renderer: Of the cameras' images, if there are cameras.
         depth_intrinsics: Of the images of the depth camera, or of the stereo pair in its place.
-        obstacle_parameters: How obstacles are best seen in them.
     """
 
     def __init__(
@@ -234,7 +233,6 @@ class PepperStation(Diagram):
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
-        self.obstacle_parameters = self._expecting_noise(ObstacleParameters())
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlant(
             MultibodyPlantConfig(
@@ -305,6 +303,16 @@ class PepperStation(Diagram):
     def _arm(scene: Scene | None) -> str:
         """The arm that reaches."""
         return "right" if scene is None else scene.arm
+
+    def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
+        """Parameters with which obstacles are seen in the depth images of this station.
+
+        Args:
+            parameters: Those wanted of the depth camera; a stereo pair has its own.
+        """
+        parameters = STEREO_CLOUD if self.config.stereo else parameters
+        validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
+        return dataclasses.replace(parameters, validity=validity)
 
     def robot_geometries(self) -> set[GeometryId]:
         """Pepper's collision geometries."""
@@ -465,12 +473,6 @@ class PepperStation(Diagram):
         builder.Connect(self.scene_graph.get_query_output_port(), stereo.GetInputPort("query"))
         self._export_camera(builder, kinematics, "camera_depth", stereo, "depth_image")
         self.depth_intrinsics = stereo.intrinsics
-        self.obstacle_parameters = self._expecting_noise(STEREO_CLOUD)
-
-    def _expecting_noise(self, parameters: ObstacleParameters) -> ObstacleParameters:
-        """The same, for images with or without noise."""
-        validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
-        return dataclasses.replace(parameters, validity=validity)
 
     def _export_camera(
         self,
