@@ -34,6 +34,7 @@ from pepper_drake.robot_server.motion_arguments import (
 )
 from pepper_drake.robot_server.motion_base import BaseMoves
 from pepper_drake.robot_server.motion_settings import MotionSettings
+from pepper_drake.robot_server.movers import Movers
 from pepper_drake.robot_server.postures import NAOQI_POSTURES
 from pepper_drake.robot_server.robot_model import (
     JOINT_LIMITS,
@@ -46,6 +47,7 @@ from pepper_drake.robot_server.robot_model import (
 )
 from pepper_drake.robot_server.robot_port import RobotCommand, RobotPort
 from pepper_drake.robot_server.service import Caller
+from pepper_drake.robot_server.signatures import with_caller
 from pepper_drake.robot_server.time_laws import (
     duration_with_speed,
     sample_bezier,
@@ -73,18 +75,24 @@ class Motion(BaseMoves, MotionSettings, Module):
     """
 
     def __init__(
-        self, port: RobotPort, raise_event: Callable[[str, Any], None], *, awake: bool = False
+        self,
+        port: RobotPort,
+        raise_event: Callable[[str, Any], None],
+        *,
+        log: Callable[[str], None] = lambda _: None,
+        awake: bool = False,
     ) -> None:
         """Makes ALMotion of a robot that stands still.
 
         Args:
             port: The robot.
             raise_event: Puts a value into ALMemory and tells who subscribed.
+            log: Takes a line when one client moves what another one was moving.
             awake: Whether its joints are stiff from the start.
         """
         state = port.state()
         Module.__init__(self, "ALMotion")
-        BaseMoves.__init__(self, state)
+        BaseMoves.__init__(self, state, Movers(log, lambda: self.state.time))
         MotionSettings.__init__(self)
         self.joints = JointController(state)
         self._port = port
@@ -201,9 +209,11 @@ class Motion(BaseMoves, MotionSettings, Module):
         }
         await self._follow("angleInterpolationBezier", samplers)
 
-    def set_angles(self, names: Any, angles: Any, fraction_max_speed: Any) -> None:
+    @with_caller
+    def set_angles(self, caller: Caller, names: Any, angles: Any, fraction_max_speed: Any) -> None:
         """Sends joints to targets [rad] from now on; returns at once."""
         targets = one_each(names, angles, "angles")
+        self._movers.claim(caller, targets)
         if isinstance(fraction_max_speed, list | tuple):
             shares = one_each(names, fraction_max_speed, "fractions")
             for name, target in targets.items():
@@ -211,12 +221,16 @@ class Motion(BaseMoves, MotionSettings, Module):
             return
         retarget(self.joints, self.tasks, targets, fraction(fraction_max_speed))
 
-    def change_angles(self, names: Any, changes: Any, fraction_max_speed: float) -> None:
+    @with_caller
+    def change_angles(
+        self, caller: Caller, names: Any, changes: Any, fraction_max_speed: float
+    ) -> None:
         """Sends joints by differences [rad] from where they are commanded now."""
         targets = {
             name: change + float(self.joints.command[INDEX[name]])
             for name, change in one_each(names, changes, "changes").items()
         }
+        self._movers.claim(caller, targets)
         retarget(self.joints, self.tasks, targets, fraction(fraction_max_speed))
 
     def get_angles(self, names: Any, use_sensors: bool) -> list[float]:

@@ -13,6 +13,7 @@ from pepper_drake.robot_server.base_controller import (
     VelocityMove,
 )
 from pepper_drake.robot_server.motion_arguments import number, numbers, settings
+from pepper_drake.robot_server.movers import Movers
 from pepper_drake.robot_server.robot_port import RobotState
 from pepper_drake.robot_server.service import Caller
 from pepper_drake.robot_server.signatures import with_caller
@@ -31,11 +32,12 @@ class BaseMoves:
         state: The robot's newest state.
     """
 
-    def __init__(self, state: RobotState) -> None:
+    def __init__(self, state: RobotState, movers: Movers) -> None:
         self.base = BaseController()
         self.tasks = TaskManager()
         self.state = state
         self.odometry = Odometry(state)
+        self._movers = movers
 
     @with_caller
     def move(self, caller: Caller, x: float, y: float, theta: float, config: Any = ()) -> None:
@@ -154,6 +156,7 @@ class BaseMoves:
         return list(self.state.base_velocity)
 
     def _start(self, motion: VelocityMove | PoseMove, name: str, caller: Caller) -> Task:
+        self._movers.claim(caller, ("the base",))
         self.tasks.kill_where(lambda task: bool(task.resources & _WHEELS))
         return self.tasks.add(name, WHEELS, motion, caller.client)
 

@@ -67,7 +67,7 @@ class ServedPepper:
         self._timer = RobotTimer(port.state().time)
         self.memory = Memory(lambda: self._timer.now, lambda: self.finder)
         tell = self.memory.raise_event
-        self.motion = Motion(port, tell, awake=awake)
+        self.motion = Motion(port, tell, log=log, awake=awake)
         self.video = Video(port, self._timer)
         self._posture = Posture(self.motion, tell)
         self._touch = TouchEvents(self.memory)

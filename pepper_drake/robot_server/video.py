@@ -1,5 +1,6 @@
 """ALVideoDevice: subscriptions to cameras, and their images in every form."""
 
+import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -23,6 +24,10 @@ _FIRST_IMAGE = 1.0
 """Longest wait of `getImageRemote` for a camera's first image [s]."""
 
 _POLL = 0.02
+"""Time between two looks for the first image [s]."""
+
+_LARGE = 640 * 480
+"""Number of pixels above which an image is encoded beside the loop."""
 
 
 @dataclass(frozen=True)
@@ -295,7 +300,13 @@ class Video(CameraFacts, Module):
             await self._timer.sleep(_POLL)
             waited += _POLL
             image = self._port.image(stream.camera)
-        return None if image is None else encode_image(image, stream)
+        if image is None:
+            return None
+        width, height = RESOLUTIONS[stream.resolution]
+        if width * height > _LARGE:
+            # Long enough to make other clients wait.
+            return await asyncio.to_thread(encode_image, image, stream)
+        return encode_image(image, stream)
 
 
 def _whole(value: Any) -> bool:

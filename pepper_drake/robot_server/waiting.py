@@ -5,7 +5,8 @@ import heapq
 import itertools
 from typing import Any
 
-from pepper_drake.robot_server.service import Service, ServiceError, as_awaitable
+from pepper_drake.robot_server.service import Caller, Service, ServiceError, as_awaitable
+from pepper_drake.robot_server.signatures import with_caller
 from pepper_drake.robot_server.tasks import Task, TaskManager
 
 VERSION = "2.5.10.7"
@@ -101,13 +102,18 @@ class Module:
         """Returns the signatures of a method as text."""
         return "\n".join(f"{n}{p} -> {r}" for n, p, r in self.get_method_help(method))
 
-    def p_call(self, uid: int, arguments: list[Any]) -> int:
+    @with_caller
+    def p_call(self, caller: Caller, uid: int, arguments: list[Any]) -> int:
         """Starts a method beside the caller; returns a number for `wait`, `isRunning`, `stop`."""
         method = self._service().methods.get(uid)
-        if method is None or method.wants_caller:
-            raise ValueError(f"method {uid} cannot be called so")
+        if method is None:
+            raise ValueError(f"there is no method {uid}")
         self._last_call += 1
-        value = as_awaitable(method.handler(*arguments))
+        who = (caller,) if method.wants_caller else ()
+        try:
+            value = as_awaitable(method.handler(*who, *arguments))
+        except TypeError:
+            raise ValueError(f"{len(arguments)} arguments do not fit {method.name}") from None
         if value is not None:
             future = asyncio.ensure_future(value)
             self._calls[self._last_call] = future

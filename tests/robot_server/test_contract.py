@@ -408,6 +408,10 @@ def test_module_methods_call_beside_the_caller():
         assert not pepper.call("ALMotion.isRunning", number)
         assert await pepper.call("ALMotion.wait", number, 0) is False
         assert pepper.angle("HeadYaw") == pytest.approx(0.5)
+        uid = next(m.uid for m in pepper.services["ALMotion"].overloads("setAngles"))
+        pepper.call("ALMotion.__pCall", uid, ["HeadYaw", 0.2, 0.5])
+        await pepper.run(1.0)
+        assert pepper.angle("HeadYaw") == pytest.approx(0.2)
         assert "setAngles" in pepper.call("ALMotion.getMethodList")
         assert pepper.call("ALMotion.ping") is True
         assert pepper.call("ALMotion.version").startswith("2.5.")

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from virtual_pepper import VirtualPepper, virtual
+from virtual_pepper import CALLER, VirtualPepper, virtual
 
 from pepper_drake.models.pepper import elbow_roll_limits, head_pitch_limits
 from pepper_drake.naoqi.constants import BODY, CHAINS, CYCLE, JOINTS
 from pepper_drake.robot_server.postures import NAOQI_POSTURES
 from pepper_drake.robot_server.robot_model import JOINT_LIMITS, LOWER, MAX_VELOCITY, UPPER
-from pepper_drake.robot_server.service import ServiceError
+from pepper_drake.robot_server.service import Caller, ServiceError
 
 
 def _commands(pepper: VirtualPepper) -> np.ndarray:
@@ -69,7 +69,7 @@ def test_set_angles_with_a_fraction_for_each_joint():
             for m in pepper.services["ALMotion"].overloads("setAngles")
             if m.parameters == "(mm[f])"
         ]
-        overload[0].handler(["HeadYaw", "HeadPitch"], [1.0, 0.2], [0.05, 0.5])
+        overload[0].handler(CALLER, ["HeadYaw", "HeadPitch"], [1.0, 0.2], [0.05, 0.5])
         await pepper.run(0.4)
         assert pepper.angle("HeadPitch") == pytest.approx(0.2)
         assert 0 < pepper.angle("HeadYaw") < 0.2
@@ -454,5 +454,25 @@ def test_postures_lie_within_limits_where_the_maker_put_them():
         assert stopped.result() is False
         told = pepper.call("ALMemory.getData", "PostureFamilyChanged")
         assert told == "Standing"
+
+    virtual(scenario)
+
+
+def test_the_log_says_once_whose_joints_another_client_takes():
+    async def scenario(pepper):
+        other = Caller(client=2, address="10.0.0.2")
+        for _ in range(3):
+            pepper.call("ALMotion.setAngles", "Head", 0.0, 0.1)
+            pepper.call("ALMotion.setAngles", "HeadYaw", 0.1, 0.1, caller=other)
+        taken = "client 2 (10.0.0.2) moves HeadYaw, which client 1 was moving"
+        back = "client 1 moves HeadYaw, which client 2 (10.0.0.2) was moving"
+        assert pepper.lines == [taken, back]
+        await pepper.run(2.0)
+        pepper.call("ALMotion.move", 0.1, 0.0, 0.0)
+        await pepper.run(2.0)
+        pepper.call("ALMotion.move", 0.1, 0.0, 0.0, caller=other)
+        assert len(pepper.lines) == 2
+        await pepper.run(0.1)
+        assert pepper.angle("HeadYaw") == pytest.approx(0.1)
 
     virtual(scenario)
