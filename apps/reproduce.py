@@ -129,8 +129,8 @@ def parse() -> argparse.Namespace:
         "--stiffness",
         type=float,
         default=ReproductionParams().stiffness,
-        metavar="K",
-        help="of the arm's joints [N m/rad] (default: %(default)s; a stiff arm has 400)",
+        metavar="S",
+        help="of the arm, as NAOqi has it, from 0 (limp) to 1 (default: %(default)s)",
     )
     parser.add_argument(
         "--no-waiting", action="store_true", help="let the movement go on while the hand is pushed"
@@ -150,9 +150,10 @@ def parse() -> argparse.Namespace:
     )
     parser.add_argument("--live", action="store_true", help="show it in a browser in real time")
     arguments = parser.parse_args()
-    for name in ("push_for", "stiffness"):
-        if not getattr(arguments, name) > 0.0:
-            raise InputError(f"--{name.replace('_', '-')} must be above 0")
+    if not arguments.push_for > 0.0:
+        raise InputError("--push-for must be above 0")
+    if not 0.0 < arguments.stiffness <= 1.0:
+        raise InputError(f"--stiffness {arguments.stiffness:g} must be above 0 and at most 1")
     if arguments.score is not None and not 0.0 <= arguments.score <= BEST_SCORE:
         raise InputError(f"--score {arguments.score:g} must be from 0 to {BEST_SCORE:g}")
     for name in ("goal", "push"):

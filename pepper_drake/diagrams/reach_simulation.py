@@ -203,11 +203,7 @@ class ReachSimulation:
         reaching = self.reaching
         times = self.reaching.logs["mode"].FindLog(self.simulator.get_context()).sample_times()
         tau = self._rows("tau")[:, 0]
-        coupling = (
-            self._rows("coupling") / tau[:, None] ** 2
-            if "coupling" in reaching.logs
-            else np.zeros((len(times), 3))
-        )
+        coupling = self._rows("coupling") / tau[:, None] ** 2
         return ReachLog(
             time_s=np.asarray(times),
             mode=self._rows("mode")[:, 0].astype(np.int64),
@@ -278,10 +274,11 @@ class ReachSimulation:
         scene, station = reaching.scene, reaching.station
         progress = reaching.supervisor.progress(reaching.supervisor.GetMyContextFromRoot(root))
         X_WH, X_WG = self._true_poses(station.plant.GetMyContextFromRoot(root))
+        is_coupled = reaching.planner.demonstrated.coupling is not None
         report = ReachReport(
             scene=scene.name,
             arm=scene.arm,
-            coupling=scene.coupling if reaching.coupling is not None else "none",
+            coupling=scene.coupling if is_coupled else "none",
             seed=reaching.config.station.seed,
             cloud=self._cloud_report,
             simulated_seconds=root.get_time(),

@@ -3,27 +3,21 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
-from pydrake.systems.primitives import (
-    LogVectorOutput,
-    MatrixGain,
-    VectorLogSink,
-)
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
+from pepper_drake.diagrams.arm_controller import ArmController
 from pepper_drake.diagrams.compliance import (
     ComplianceConfig,
     add_hand_force,
     add_pushes,
-    add_tracking,
-    connect_couplings,
 )
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
     arm_joints,
-    body_indices,
     shared_control_model,
 )
 from pepper_drake.models.objects import GOAL_OBJECT
@@ -34,24 +28,10 @@ from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.planning.collision.arm_geometry import ArmGeometry
-from pepper_drake.planning.ik.differential_ik import (
-    DifferentialIkParams,
-    hand_key,
-    make_differential_ik,
-)
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_planner import ReachPlanner, ReachPlannerParams
 from pepper_drake.planning.reach.reach_state import ReachTiming
-from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
-from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
-from pepper_drake.systems.primitive.hand_goal_pose import HandGoalPose
-from pepper_drake.systems.primitive.nominal_posture import NominalPosture
-from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
-from pepper_drake.systems.primitive.orientation_transformation_system import (
-    OrientationTransformationSystem,
-)
-from pepper_drake.systems.primitive.transformation_system import TransformationSystem
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
-from pepper_drake.systems.robot.arm_command import ArmCommand
 from pepper_drake.systems.robot.base_position_controller import BasePositionController
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
 from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
@@ -109,9 +89,8 @@ class Reaching(Diagram):
 
         self._add_perception()
         self._add_supervisor(coupling)
-        self._add_primitive(coupling)
-        self._add_inverse_kinematics()
-        self._add_commands()
+        self._add_controller()
+        self._add_commands(coupled=coupling is not None)
         self._add_motions()
         self._add_logs()
         builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
@@ -212,11 +191,6 @@ class Reaching(Diagram):
             params=self.config.planner,
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
-        self.hand_goal = builder.AddNamedSystem(
-            "hand_goal", HandGoalPose(self.scene.pre_grasp(), time_step=self.config.ik.time_step)
-        )
-        self._connect(self.object_pose, self.hand_goal, "object_pose")
-        self._connect(station.GetOutputPort("torso_pose"), self.hand_goal, "torso_pose")
         self.supervisor = builder.AddNamedSystem(
             "supervisor", ReachSupervisor(self.planner, self.config.timing)
         )
@@ -224,7 +198,6 @@ class Reaching(Diagram):
             "object_pose": self.object_pose,
             "goal_valid": self.goal_estimator.GetOutputPort("valid"),
             "goal_age": self.goal_estimator.GetOutputPort("age"),
-            "goal_position": self.hand_goal.GetOutputPort("goal_position"),
             "cloud": self.cloud_source.GetOutputPort("cloud"),
             "cloud_time": self.cloud_source.GetOutputPort("time_stamp"),
             "cloud_age": self.cloud_source.GetOutputPort("age"),
@@ -236,11 +209,7 @@ class Reaching(Diagram):
         }
         for name, source in sources.items():
             self._connect(source, self.supervisor, name)
-        self.active = self.supervisor.GetOutputPort("active")
-        self.performed = self.supervisor.GetOutputPort("primitive")
-        self._connect(self.supervisor.GetOutputPort("X_OG"), self.hand_goal, "X_OG")
         self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
-        self._connect(self.active, self.look_at, "scan_enabled")
 
         driver = builder.AddNamedSystem("base_driver", BasePositionController())
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
@@ -251,129 +220,53 @@ class Reaching(Diagram):
         )
         self._connect(driver.GetOutputPort("arrived"), self.supervisor, "arrived")
 
-    def _add_primitive(self, coupling: Coupling | None) -> None:
-        """Canonical system, both transformation systems and the obstacle coupling."""
-        builder, station, primitive = self._builder, self.station, self.primitive
-        time_step = self.config.ik.time_step
-        goal = self.hand_goal.GetOutputPort("goal_position")
-        self.canonical = builder.AddNamedSystem(
-            "canonical_system", CanonicalSystem(primitive, time_step=time_step)
-        )
-        self._connect(self.active, self.canonical, "active")
-        self._connect(self.performed, self.canonical, "primitive")
-        self._connect(goal, self.canonical, "goal_position")
-        self._connect(self.canonical.GetOutputPort("tau"), self.supervisor, "tau")
-
-        self.translation = builder.AddNamedSystem(
-            "transformation_system", TransformationSystem(primitive, time_step=time_step)
-        )
-        self.rotation = builder.AddNamedSystem(
-            "orientation_transformation_system",
-            OrientationTransformationSystem(primitive, time_step=time_step),
-        )
-        hand = f"{self.scene.arm}_hand"
-        for system in (self.translation, self.rotation):
-            self._connect(self.active, system, "active")
-            self._connect(self.performed, system, "primitive")
-            for name in ("phase", "phase_velocity", "tau"):
-                self._connect(self.canonical.GetOutputPort(name), system, name)
-        self._connect(
-            self.translation.GetOutputPort("position"), self.supervisor, "desired_position"
-        )
-        self._connect(goal, self.translation, "goal_position")
-        self._connect(station.GetOutputPort(f"{hand}_position"), self.translation, "start_position")
-        self._connect(
-            self.hand_goal.GetOutputPort("goal_orientation"), self.rotation, "goal_orientation"
-        )
-        self._connect(
-            station.GetOutputPort(f"{hand}_orientation"), self.rotation, "start_orientation"
-        )
-
-        self.coupling = None
-        if coupling is not None:
-            self.coupling = builder.AddNamedSystem("obstacle_coupling", ObstacleCoupling(coupling))
-            self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.coupling, "cloud")
-            for name in ("position", "velocity", "nominal_acceleration"):
-                self._connect(self.translation.GetOutputPort(name), self.coupling, name)
-            self._connect(self.active, self.coupling, "active")
-            self._connect(self.supervisor.GetOutputPort("coupling_law"), self.coupling, "law")
-            self._connect(goal, self.coupling, "goal_position")
-            self._connect(self.canonical.GetOutputPort("tau"), self.coupling, "tau")
-        acting: list[System] = [] if self.coupling is None else [self.coupling]
-        if self.config.compliance is not None:
-            acting.append(self._add_giving_way(self.config.compliance))
-        connect_couplings(builder, acting, self.canonical, self.translation)
-
-    def _add_giving_way(self, compliance: ComplianceConfig) -> System:
-        """A soft arm, a movement that waits for it, and what pushes at its hand."""
+    def _add_controller(self) -> None:
+        """The arm's controller, and what the arm gives way to."""
         builder, station, arm = self._builder, self.station, self.scene.arm
-        station.set_stiffness(arm_group(arm), compliance.stiffness)
-        force = add_hand_force(builder, station.plant, arm, station.GetInputPort("applied_forces"))
-        self.logs["push"] = LogVectorOutput(
-            add_pushes(builder, compliance.pushes, self.active, force),
-            builder,
-            self.config.log_period,
-        )
-        tracking = add_tracking(
-            builder,
-            compliance.tracking,
-            self.config.ik.time_step,
-            desired_position=self.translation.GetOutputPort("position"),
-            measured_position=station.GetOutputPort(f"{arm}_hand_position"),
-        )
-        builder.Connect(self.active, tracking.active_input)
-        return tracking
-
-    def _add_inverse_kinematics(self) -> None:
-        """From the hand's next pose to the arm's next command."""
-        builder, station, arm = self._builder, self.station, self.scene.arm
-        model, params = station.control_model, self.config.ik
-        bus = builder.AddNamedSystem(
-            "hand_pose_bus", FeedforwardPose(hand_key(arm), params.tracking_gain)
-        )
-        for name in ("position", "next_position"):
-            self._connect(self.translation.GetOutputPort(name), bus, name)
-        for name in ("orientation", "next_orientation"):
-            self._connect(self.rotation.GetOutputPort(name), bus, name)
-        posture = builder.AddNamedSystem("nominal_posture", NominalPosture(self.primitive))
-        self._connect(self.performed, posture, "primitive")
-        self._connect(self.canonical.GetOutputPort("phase"), posture, "phase")
-
-        self.differential_ik = builder.AddNamedSystem(
-            "differential_ik", make_differential_ik(model, arm, params)
-        )
-        self.arm_command = builder.AddNamedSystem(
-            "arm_command",
-            ArmCommand(
-                limits=model.command_limits(arm_joints(arm), speed_fraction=params.speed_fraction),
-                start_position=[self.scene.robot.positions()[name] for name in arm_joints(arm)],
-                time_step=params.time_step,
+        compliance = self.config.compliance
+        start = self.scene.robot.positions()
+        self.controller = controller = builder.AddNamedSystem(
+            "arm_controller",
+            ArmController(
+                station.control_model,
+                arm,
+                self.primitive,
+                [start[name] for name in arm_joints(arm)],
+                ik=self.config.ik,
+                phase_stopping=None if compliance is None else compliance.tracking,
             ),
         )
-        # The hand's pose in T depends on the arm's joints alone, so all others may be zero.
-        widen = np.zeros((model.plant.num_positions(), 5))
-        widen[model.position_indices(arm_joints(arm)), range(5)] = 1
-        for source, port in (
-            (self.arm_command.GetOutputPort("position_command"), "position"),
-            (posture.get_output_port(), "nominal_posture"),
-        ):
-            wide = builder.AddNamedSystem(f"ik_{port}", MatrixGain(D=widen))
-            builder.Connect(source, wide.get_input_port())
-            self._connect(wide.get_output_port(), self.differential_ik, port)
-        self._connect(bus.get_output_port(), self.differential_ik, "desired_cartesian_poses")
-
-        measured = builder.AddNamedSystem(
-            "arm_position", MatrixGain(D=np.eye(len(BODY_JOINTS))[body_indices(arm_joints(arm))])
+        self.active = controller.GetOutputPort("active")
+        self.arm_position = select_joints(
+            builder, station.GetOutputPort("joint_position"), "arm_position", arm_joints(arm)
         )
-        builder.Connect(station.GetOutputPort("joint_position"), measured.get_input_port())
-        self.arm_position = measured.get_output_port()
-        self._connect(self.active, self.arm_command, "active")
-        for name in ("position_command", "velocity_command"):
-            self._connect(self.arm_command.GetOutputPort(name), self.supervisor, f"arm_{name}")
-        self._connect(self.differential_ik.get_output_port(), self.arm_command, "desired_velocity")
-        self._connect(self.arm_position, self.arm_command, "measured_position")
+        for name, source in (
+            ("movement", self.supervisor.GetOutputPort("movement")),
+            ("object_pose", self.object_pose),
+            ("torso_pose", station.GetOutputPort("torso_pose")),
+            ("hand_pose", station.GetOutputPort(f"{arm}_hand_pose")),
+            ("arm_position", self.arm_position),
+            ("cloud", self.cloud_source.GetOutputPort("cloud_torso")),
+        ):
+            self._connect(source, controller, name)
+        for output, name in (
+            ("goal_position", "goal_position"),
+            ("desired_position", "desired_position"),
+            ("tau", "tau"),
+            ("position_command", "arm_position_command"),
+            ("velocity_command", "arm_velocity_command"),
+        ):
+            self._connect(controller.GetOutputPort(output), self.supervisor, name)
+        self._connect(self.active, self.look_at, "scan_enabled")
+        if compliance is not None:
+            station.set_stiffness(arm_group(arm), compliance.stiffness)
+            force = add_hand_force(
+                builder, station.plant, arm, station.GetInputPort("applied_forces")
+            )
+            push = add_pushes(builder, compliance.pushes, self.active, force)
+            self.logs["push"] = LogVectorOutput(push, builder, self.config.log_period)
 
-    def _add_commands(self) -> None:
+    def _add_commands(self, *, coupled: bool) -> None:
         """All joints' commands together, through the safety monitor, to the station."""
         builder, station, arm = self._builder, self.station, self.scene.arm
         model = station.control_model
@@ -385,14 +278,11 @@ class Reaching(Diagram):
             ),
         )
         self._connect(self.look_at.GetOutputPort("head_position_command"), merge, "head_command")
-        self._connect(self.arm_command.GetOutputPort("position_command"), merge, "arm_command")
+        self._connect(self.controller.GetOutputPort("position_command"), merge, "arm_command")
 
-        head = builder.AddNamedSystem(
-            "head_position",
-            MatrixGain(D=np.eye(len(BODY_JOINTS))[body_indices(JOINT_GROUPS["head"])]),
-        )
-        builder.Connect(station.GetOutputPort("joint_position"), head.get_input_port())
-        self._connect(head.get_output_port(), self.look_at, "head_position")
+        measured = station.GetOutputPort("joint_position")
+        head = select_joints(builder, measured, "head_position", JOINT_GROUPS["head"])
+        self._connect(head, self.look_at, "head_position")
 
         self.seen_clearance = builder.AddNamedSystem(
             "seen_clearance", CloudClearance(self.geometry, time_step=0.05)
@@ -401,7 +291,7 @@ class Reaching(Diagram):
         self._connect(self.active, self.seen_clearance, "active")
         self._connect(self.arm_position, self.seen_clearance, "joint_position")
         self._connect(
-            self.arm_command.GetOutputPort("velocity_command"),
+            self.controller.GetOutputPort("velocity_command"),
             self.seen_clearance,
             "joint_velocity",
         )
@@ -416,9 +306,10 @@ class Reaching(Diagram):
         )
         self._connect(merge.get_output_port(), self.safety, "joint_position_command")
         self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
-        if self.config.planner.collision_checked and self.coupling is not None:
+        if self.config.planner.collision_checked and coupled:
             self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
-        self._connect(self.safety.GetOutputPort("stop_reason"), self.supervisor, "stop_reason")
+        for system in (self.supervisor, self.controller):
+            self._connect(self.safety.GetOutputPort("stop_reason"), system, "stop_reason")
         builder.Connect(
             self.safety.GetOutputPort("safe_joint_position_command"),
             station.GetInputPort("joint_position_command"),
@@ -450,15 +341,11 @@ class Reaching(Diagram):
             "joint_command": self.safety.GetOutputPort("safe_joint_position_command"),
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
-            "desired_position": self.translation.GetOutputPort("position"),
-            "goal_position": self.hand_goal.GetOutputPort("goal_position"),
-            "phase": self.canonical.GetOutputPort("phase"),
-            "tau": self.canonical.GetOutputPort("tau"),
             "mode": self.supervisor.GetOutputPort("mode"),
             "clearance": self.clearance.get_output_port(),
             "seen_clearance": self.seen_clearance.get_output_port(),
         }
-        if self.coupling is not None:
-            sources["coupling"] = self.coupling.GetOutputPort("coupling")
+        for name in ("desired_position", "goal_position", "phase", "tau", "coupling"):
+            sources[name] = self.controller.GetOutputPort(name)
         for name, source in sources.items():
             self.logs[name] = LogVectorOutput(source, builder, self.config.log_period)

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.common.value import Value
 from pydrake.geometry import Meshcat, MeshcatVisualizer, Rgba
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 from tqdm import tqdm
@@ -16,6 +19,7 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.correction import ReproducedMotion
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.pepper import posture_positions
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.guiding.external_force import ForcePulse, ScriptedForce
 
 Vector = npt.NDArray[np.float64]
@@ -112,8 +116,7 @@ def reproduce(
     )
     push = builder.AddNamedSystem("scripted_push", ScriptedForce(*options.pushes))
     builder.Connect(push.push_output, diagram.GetInputPort("push"))
-    builder.ExportInput(push.active_input, "active")
-    builder.ConnectInput("active", diagram.GetInputPort("active"))
+    builder.Connect(diagram.GetOutputPort("active"), push.active_input)
     if options.meshcat is not None:
         visualizer = builder.AddNamedSystem("visualizer", MeshcatVisualizer(options.meshcat))
         builder.Connect(diagram.GetOutputPort("query"), visualizer.query_object_input_port())
@@ -123,10 +126,11 @@ def reproduce(
     simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
     root = simulator.get_mutable_context()
     context = diagram.GetMyMutableContextFromRoot(root)
-    system.GetInputPort("active").FixValue(root, [1.0])
-    diagram.GetInputPort("goal_position").FixValue(context, goal)
     assert primitive.orientation is not None
-    diagram.GetInputPort("goal_orientation").FixValue(context, primitive.orientation.goal)
+    goal_pose = RigidTransform(Quaternion(primitive.orientation.goal), goal)
+    diagram.GetInputPort("goal_pose").FixValue(context, goal_pose)
+    movement = Movement(primitive, id=1)
+    diagram.GetInputPort("movement").FixValue(context, Value[object](movement))
     _advance(simulator, diagram, options)
     result = _measure(diagram, root, goal)
     if options.meshcat is not None:

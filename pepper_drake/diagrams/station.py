@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -47,6 +48,8 @@ from pepper_drake.systems.sensing.camera_model import CameraModel
 RENDERER = "vtk"
 _STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
 """Proportional and derivative gain of what carries the rest, over a joint's."""
+_GEAR_FRICTION = 0.3
+"""Damping that is left of a limp joint [N m s/rad]."""
 _HAND_PORTS = tuple(
     f"{arm}_hand_{what}"
     for arm in ("left", "right")
@@ -96,7 +99,8 @@ class StationConfig:
     proportional_gain: float = 400.0
     """Of a joint at stiffness 1, N m/rad (N/m for the base's x and y); body and base have more."""
     derivative_gain: float = 10.0
-    """Of a joint at any stiffness above zero, N m s/rad; body and base have more."""
+    """Of a joint at stiffness 1 [N m s/rad]; body and base have more. It goes with the root of the
+    stiffness, so that a soft joint is damped as well as a stiff one."""
 
 
 def select_joints(
@@ -288,7 +292,7 @@ class PepperStation(Diagram):
         firmness, damping = _STRENGTH.get(group, (1.0, 1.0))
         gains = PdControllerGains(
             p=max(firmness * stiffness * config.proportional_gain, 1e-6),
-            d=damping * config.derivative_gain if stiffness > 0 else 0.3,
+            d=max(damping * config.derivative_gain * math.sqrt(stiffness), _GEAR_FRICTION),
         )
         for name in JOINT_GROUPS[group]:
             actuator = self.plant.GetJointActuatorByName(name, self.pepper)

@@ -19,7 +19,7 @@ from pepper_drake.learning.demonstrations.recording import (
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.live.way_back import WayBack
 from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason
-from pepper_drake.systems.robot.arm_mode_switch import ArmMode
+from pepper_drake.systems.robot.arm_command import ArmMode
 
 Vector = npt.NDArray[np.float64]
 

@@ -2,11 +2,12 @@
 
 import time
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.common.value import Value
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
@@ -21,7 +22,8 @@ from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.planning.ik.command_check import StopReason
-from pepper_drake.systems.robot.arm_mode_switch import ArmMode
+from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.systems.robot.arm_command import ArmMode
 
 Vector = npt.NDArray[np.float64]
 
@@ -76,18 +78,22 @@ class LiveSimulation:
         """
         self.diagram = LiveTeaching(
             with_movable_objects(scene, movables),
-            make_primitive(None, scene.arm),
-            make_coupling(coupling or scene.coupling),
+            primitive := make_primitive(None, scene.arm),
             station=station,
             meshcat=meshcat,
         )
         self.simulator = Simulator(self.diagram)
         self.arm_mode = ArmMode.LIMP
+        self._movement = Movement(
+            primitive, make_coupling(coupling or scene.coupling), scene.pre_grasp()
+        )
+        self._movements = 0
         self._offsets = {name: np.zeros(3) for name in self.diagram.movables}
         self._guide_velocity = np.zeros(6)
         self._frames = 0
         self._began = time.perf_counter()
         self._fix("arm_mode", [float(self.arm_mode)])
+        self._fix("movement", Value[object](self._movement))
         self._fix("guide_target", RigidTransform())
         self._fix("guide_velocity", self._guide_velocity)
         self._fix("joint_target", np.zeros(5))
@@ -158,7 +164,7 @@ class LiveSimulation:
 
     def goal_position(self) -> Vector:
         """Returns where the hand's goal is (3,) in T [m]."""
-        return np.array(self._eval(self.diagram.hand_goal, "goal_position"))
+        return np.array(self._eval(self.diagram.controller, "goal_position"))
 
     def goal_distance(self) -> float:
         """Returns how far the hand is from its goal [m]."""
@@ -178,13 +184,11 @@ class LiveSimulation:
 
     def tau(self) -> float:
         """Returns the duration of the movement, as the goal has extended it so far [s]."""
-        return float(self._eval(self.diagram.canonical, "tau")[0])
+        return float(self._eval(self.diagram.controller, "tau")[0])
 
     def coupling(self) -> Vector:
         """Returns what the obstacles do to the hand (3,) in T [m/s²]: C_t / tau²."""
-        if self.arm_mode != ArmMode.HAND or self.diagram.coupling is None:
-            return np.zeros(3)
-        return np.array(self._eval(self.diagram.coupling, "coupling")) / self.tau() ** 2
+        return np.array(self._eval(self.diagram.controller, "coupling")) / self.tau() ** 2
 
     def stop_reason(self) -> StopReason:
         """Returns why the safety monitor has stopped the arm since its mode was set last."""
@@ -201,6 +205,9 @@ class LiveSimulation:
         self._reset(self.diagram.safety)
         self.arm_mode = mode
         self._fix("arm_mode", [float(mode)])
+        self._movements += mode == ArmMode.HAND
+        movement = self._movement.numbered(self._movements if mode == ArmMode.HAND else 0)
+        self._fix("movement", Value[object](movement))
 
     def set_guide_target(self, X_TG: RigidTransform) -> None:
         """Puts the guide's target to a pose in T; the guide follows smoothly."""
@@ -218,7 +225,7 @@ class LiveSimulation:
 
     def set_primitive(self, primitive: MovementPrimitive) -> None:
         """Says what the arm performs in the mode HAND."""
-        self._fix("primitive", primitive)
+        self._movement = replace(self._movement, primitive=primitive)
 
     def set_offset(self, name: str, offset: Vector) -> None:
         """Moves the goal object or an obstacle to an offset (3,) [m] from its place in the scene.

@@ -1,6 +1,5 @@
 """Decides what Pepper does next: look, drive up, reach, hold, or stop and say why."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -13,7 +12,6 @@ from pydrake.perception import PointCloud
 from pydrake.systems.framework import (
     BasicVector,
     Context,
-    DependencyTicket,
     EventStatus,
     InputPort,
     LeafSystem,
@@ -25,7 +23,6 @@ from pepper_drake.models.control_model import BODY_JOINTS
 from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason
-from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_planner import PlanStatus, ReachPlanner
 from pepper_drake.planning.reach.reach_state import ReachState, ReachTiming
@@ -68,14 +65,11 @@ class ReachSupervisor(LeafSystem):
         - tau
         - stop_reason
         output_ports:
-        - active
+        - movement
         - base_goal
         - resting_head
         - mode
         - progress
-        - primitive
-        - coupling_law
-        - X_OG
 
     Inputs: `object_pose` X_WO; `goal_valid`, `goal_age` (1; s); `goal_position` (3), the hand's
     goal in T; `cloud` (PointCloud in W) and `cloud_time` (1; time of its last frame, not finite
@@ -86,9 +80,9 @@ class ReachSupervisor(LeafSystem):
     primitive wants the hand in T; `arm_position_command` and `arm_velocity_command` (5), rad and
     rad/s, without which a movement is not planned anew on the way; `arrived` (1); `tau` (1; s);
     `stop_reason` (1; the safety monitor's `StopReason`).
-    Outputs: `active` (1), the number of the movement while one runs, else 0; `primitive`,
-    `coupling_law` and `X_OG`, abstract, of that movement (see `planning.movement`); `base_goal`
-    (3), NaN for "stay"; `resting_head` (2), head yaw and pitch [rad] of the search for the goal;
+    Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
+    that is next; `base_goal` (3), NaN for "stay"; `resting_head` (2), head yaw and pitch [rad] of
+    the search for the goal;
     `mode` (1), a `ReachMode`; `progress`, the whole `ReachState`.
     State: `ReachState` (abstract), at `time_step`.
     """
@@ -127,7 +121,6 @@ class ReachSupervisor(LeafSystem):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
         self._progress = self.DeclareAbstractState(Value[object](ReachState()))
         state = {self.abstract_state_ticket(self._progress)}
-        self.DeclareVectorOutputPort("active", 1, self._calc_active, prerequisites_of_calc=state)
         self.DeclareVectorOutputPort(
             "base_goal", 3, self._calc_base_goal, prerequisites_of_calc=state
         )
@@ -144,30 +137,13 @@ class ReachSupervisor(LeafSystem):
             self._calc_progress,
             prerequisites_of_calc=state,
         )
-        for name, model, part in (
-            ("primitive", planner.demonstrated.primitive, lambda movement: movement.primitive),
-            ("coupling_law", planner.demonstrated.coupling, lambda movement: movement.coupling),
-            ("X_OG", planner.demonstrated.X_OG, lambda movement: movement.X_OG),
-        ):
-            self._declare_movement_output(name, model, part, state)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
-
-    def _declare_movement_output(
-        self, name: str, model: Any, part: Callable[[Movement], Any], state: set[DependencyTicket]
-    ) -> None:
-        """Declares an output for a part of the movement."""
-
-        def calc(context: Context, output: Value) -> None:
-            output.set_value(part(self.progress(context).movement or self._planner.demonstrated))
-
-        # Of any type: a coupling may be None.
-        typed = isinstance(model, RigidTransform)
         self.DeclareAbstractOutputPort(
-            name,
-            lambda: Value(model) if typed else Value[object](model),
-            calc,
+            "movement",
+            lambda: Value[object](planner.demonstrated),
+            self._calc_movement,
             prerequisites_of_calc=state,
         )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
 
     def progress(self, context: Context) -> ReachState:
         """The present state in this context."""
@@ -391,10 +367,11 @@ class ReachSupervisor(LeafSystem):
             return progress.to(ReachMode.DONE, time)
         return progress
 
-    def _calc_active(self, context: Context, output: BasicVector) -> None:
+    def _calc_movement(self, context: Context, output: Value) -> None:
         progress = self.progress(context)
         running = progress.mode in (ReachMode.REACHING, ReachMode.HOLDING, ReachMode.DONE)
-        output.SetAtIndex(0, float(progress.movements) if running else 0.0)
+        movement = progress.movement or self._planner.demonstrated
+        output.set_value(movement.numbered(progress.movements if running else 0))
 
     def _calc_base_goal(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(np.array(self.progress(context).base_goal))

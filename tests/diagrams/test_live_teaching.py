@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
@@ -8,7 +10,8 @@ from pepper_drake.diagrams.live_teaching import LiveTeaching, with_movable_objec
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.models.scene import SCENES_DIR, load_scene
-from pepper_drake.systems.robot.arm_mode_switch import ArmMode
+from pepper_drake.systems.robot.arm_command import ArmMode
+from tests.systems.motion_example import moving
 
 SCENE = SCENES_DIR / "teach.yaml"
 
@@ -18,10 +21,11 @@ class Pepper:
 
     def __init__(self, scene):
         self.diagram = LiveTeaching(
-            scene, make_primitive(None, scene.arm), None, station=StationConfig(cameras=False)
+            scene, make_primitive(None, scene.arm), station=StationConfig(cameras=False)
         )
         self.simulator = Simulator(self.diagram)
         self.fix("arm_mode", [float(ArmMode.LIMP)])
+        self.fix("movement", moving(make_primitive(None, scene.arm), 0))
         self.fix("guide_velocity", np.zeros(6))
         self.fix("joint_target", np.zeros(5))
         self.fix("guide_target", self.hand_pose())
@@ -93,14 +97,11 @@ def test_the_primitive_at_the_port_is_performed():
     pepper.advance(0.3)
     slow = make_primitive(None, "right")
     times = []
-    for primitive in (None, slow.__class__(**{**vars(slow), "duration": 2 * slow.duration})):
-        if primitive is not None:
-            pepper.fix("primitive", primitive)
-        pepper.fix("arm_mode", [float(ArmMode.HELD)])
-        pepper.advance(0.1)
-        pepper.fix("arm_mode", [float(ArmMode.HAND)])
+    pepper.fix("arm_mode", [float(ArmMode.HAND)])
+    for number, primitive in enumerate((slow, replace(slow, duration=2 * slow.duration)), 1):
+        pepper.fix("movement", moving(primitive, number))
         pepper.advance(0.2)
-        canonical = pepper.diagram.canonical
-        context = canonical.GetMyContextFromRoot(pepper.simulator.get_context())
-        times.append(canonical.GetOutputPort("tau").Eval(context)[0])
+        controller = pepper.diagram.controller
+        context = controller.GetMyContextFromRoot(pepper.simulator.get_context())
+        times.append(controller.GetOutputPort("tau").Eval(context)[0])
     assert times[1] == pytest.approx(2 * times[0])

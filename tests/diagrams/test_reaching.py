@@ -108,8 +108,8 @@ def test_an_arm_withdraws_as_it_was_played_and_reaches_when_the_way_is_free(monk
         begin, plan = withdrawals[0]
         ticks = round((root.get_time() - begin) / config.ik.time_step)
         if ticks < len(plan.joint_path):
-            context = reaching.arm_command.GetMyContextFromRoot(root)
-            command = reaching.arm_command.GetOutputPort("position_command").Eval(context)
+            context = reaching.controller.GetMyContextFromRoot(root)
+            command = reaching.controller.GetOutputPort("position_command").Eval(context)
             # A command is one tick older or younger, at up to 2 rad/s.
             near = plan.joint_path[max(ticks - 1, 0) : ticks + 2]
             off.append(np.abs(near - command).max(axis=1).min())

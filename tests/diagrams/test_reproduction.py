@@ -2,7 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.value import Value
+from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
 from pydrake.systems.analysis import Simulator
 
@@ -15,6 +17,7 @@ from pepper_drake.diagrams.reproduction_simulation import (
 )
 from pepper_drake.errors import InputError
 from pepper_drake.learning.dmp.correction import learn_correction
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.guiding.external_force import ForcePulse
 
 
@@ -76,7 +79,7 @@ def test_the_movement_waits_for_a_hand_that_is_pushed_unless_told_not_to(
 ):
     params = ReproductionParams(tracking=None)
     stubborn = reproduce(primitive, "right", push((0.0, 0.0, 5.0), params=params))
-    at = np.searchsorted(undisturbed.motion.times, 2.1)
+    at = np.searchsorted(undisturbed.motion.times, 2.2)
     assert stubborn.motion.phases[at] == pytest.approx(undisturbed.motion.phases[at])
     assert pushed.motion.phases[at] > 2.0 * stubborn.motion.phases[at]
     assert stubborn.slowdowns.max() == 0.0
@@ -112,15 +115,15 @@ def test_obstacles_bend_the_path_and_slow_it(primitive, undisturbed):
         primitive,
         arm="right",
         positions=start_positions(primitive, "right"),
-        coupling=make_coupling("barrier"),
     )
     simulator = Simulator(diagram)
     context = simulator.get_mutable_context()
     cloud = PointCloud(1)
     cloud.mutable_xyzs()[:] = spot[:, None]
-    diagram.GetInputPort("active").FixValue(context, [1.0])
-    diagram.GetInputPort("goal_position").FixValue(context, primitive.goal)
-    diagram.GetInputPort("goal_orientation").FixValue(context, primitive.orientation.goal)
+    movement = Movement(primitive, make_coupling("barrier"), id=1)
+    diagram.GetInputPort("movement").FixValue(context, Value[object](movement))
+    X_TG = RigidTransform(Quaternion(primitive.orientation.goal), primitive.goal)
+    diagram.GetInputPort("goal_pose").FixValue(context, X_TG)
     diagram.GetInputPort("cloud").FixValue(context, Value(cloud))
     simulator.AdvanceTo(4.5)
     hand = diagram.logs["hand_position"].FindLog(context).data().T

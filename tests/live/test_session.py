@@ -6,7 +6,7 @@ from pepper_drake.errors import PepperDrakeError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.live.session import Mode
 from pepper_drake.models.control_model import arm_joints, body_indices
-from pepper_drake.systems.robot.arm_mode_switch import ArmMode
+from pepper_drake.systems.robot.arm_command import ArmMode
 
 BESIDE_GOAL = RigidTransform(RollPitchYaw(1.57, -0.27, 0.1), [0.28, -0.2, 0.14])
 VIA = RigidTransform(RollPitchYaw(0.2, 0.5, -0.4), [0.17, -0.38, 0.0])

@@ -204,6 +204,15 @@ def test_a_password_is_demanded():
             libqi(server.address, "result = 0")
 
 
+def test_an_encrypted_door():
+    pytest.importorskip("cryptography", reason="it makes the certificate; it is an extra")
+    from pepper_drake.robot_server.tls import server_context
+
+    with serving(tls=server_context("127.0.0.1")) as (server, _, _):
+        assert server.address.startswith("tcps://")
+        assert libqi(server.address, "result = echo.add(2, 5)") == 7
+
+
 def test_other_machines_need_a_password():
     with pytest.raises(InputError, match="--password-file"):
         QiServer([], host="0.0.0.0")

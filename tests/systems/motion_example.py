@@ -1,10 +1,12 @@
 """What the tests of the motion's systems share."""
 
 import numpy as np
+from pydrake.common.value import Value
 from pydrake.perception import PointCloud
 
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning import rotations as so3
+from pepper_drake.planning.reach.movement import Movement
 
 STEP = 0.01
 
@@ -16,6 +18,11 @@ def learn(scaling):
     q = so3.exp_map(np.column_stack((np.sin(t), 0.3 * t, 0 * t)))
     demonstration = Demonstration.from_positions(t, p, rotations=q)
     return MovementPrimitive.fit(demonstration, num_basis=15, scaling=scaling)
+
+
+def moving(primitive, number=1, **parts):
+    """A movement's value as ports take it."""
+    return Value[object](Movement(primitive, **parts, id=int(number)))
 
 
 def make_cloud(points):

@@ -12,13 +12,15 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning import rotations as so3
+from pepper_drake.learning.dmp.coupling import make_coupling
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
 from pepper_drake.systems.primitive.orientation_transformation_system import (
     OrientationTransformationSystem,
 )
 from pepper_drake.systems.primitive.transformation_system import TransformationSystem
-from tests.systems.motion_example import STEP, learn, make_cloud
+from tests.systems.motion_example import STEP, learn, make_cloud, moving
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +46,21 @@ class Function(LeafSystem):
         )
 
 
+class Movements(LeafSystem):
+    """A movement whose number is a function of the time."""
+
+    def __init__(self, primitive, number, **parts):
+        super().__init__()
+        self.DeclareAbstractOutputPort(
+            "movement",
+            lambda: Value[object](None),
+            lambda context, out: out.set_value(
+                Movement(primitive, **parts, id=number(context.get_time()))
+            ),
+            prerequisites_of_calc={self.time_ticket()},
+        )
+
+
 class Loop:
     """All four systems wired as in the reaching diagram, with what they are given."""
 
@@ -52,7 +69,7 @@ class Loop:
         primitive,
         *,
         goal=None,
-        active=lambda t: [1.0],
+        number=lambda t: 1,
         points=None,
         goal_velocity=None,
         start_moving=True,
@@ -67,7 +84,9 @@ class Loop:
             TransformationSystem(primitive, time_step=time_step, start_moving=start_moving)
         )
         goal_port = add(Function(goal)).get_output_port()
-        active_port = add(Function(active)).get_output_port()
+        movement = add(
+            Movements(performed or primitive, number, coupling=make_coupling("barrier"))
+        ).get_output_port()
         start_port = add(ConstantVectorSource(primitive.start)).get_output_port()
         systems = [self.translation]
         if time_step > 0:
@@ -83,16 +102,12 @@ class Loop:
             )
             connect(q0, self.rotation.start_orientation_port)
             connect(qg, self.rotation.goal_orientation_port)
-        connect(active_port, self.canonical.active_port)
+        connect(movement, self.canonical.movement_port)
         connect(goal_port, self.canonical.goal_position_port)
         connect(goal_port, self.translation.goal_position_port)
         connect(start_port, self.translation.start_position_port)
-        if performed is not None:
-            source = add(ConstantValueSource(Value[object](performed)))
-            for system in (self.canonical, *systems):
-                connect(source.get_output_port(), system.primitive_port)
         for system in systems:
-            connect(active_port, system.active_port)
+            connect(movement, system.movement_port)
             for name in ("phase_port", "phase_velocity_port", "tau_port"):
                 connect(getattr(self.canonical, name), getattr(system, name))
         if goal_velocity is not None:
@@ -100,6 +115,7 @@ class Loop:
             connect(velocity, self.translation.goal_velocity_port)
         if points is not None:
             coupling = add(ObstacleCoupling())
+            connect(movement, coupling.movement_port)
             source = add(ConstantValueSource(Value(make_cloud(points))))
             connect(source.get_output_port(), coupling.cloud_port)
             for name in ("position_port", "velocity_port", "nominal_acceleration_port"):
@@ -200,7 +216,7 @@ def test_continuous_time_follows_a_jumping_goal(primitive):
 
 @pytest.mark.parametrize("time_step", [STEP, 0.0])
 def test_waits_where_the_hand_is_and_starts_when_it_is_told_to(primitive, time_step):
-    loop = Loop(primitive, active=lambda t: [float(0.3 < t < 1.0)], time_step=time_step)
+    loop = Loop(primitive, number=lambda t: int(0.3 < t < 1.0), time_step=time_step)
     if time_step == 0.0:
         loop.simulator.get_mutable_integrator().set_maximum_step_size(0.01)
     found = loop.run(1.3)
@@ -249,7 +265,7 @@ def test_another_motion_starts_with_the_position_and_velocity_of_the_last(primit
     loop = Loop(
         primitive,
         goal=lambda t: primitive.goal if t < middle - STEP / 2 else end,
-        active=lambda t: [1.0 if t < middle - STEP / 2 else 2.0],
+        number=lambda t: 1 if t < middle - STEP / 2 else 2,
     )
     taken = loop.run(middle + 1.5 * primitive.duration)
     first = primitive.rollout(STEP)
@@ -289,7 +305,7 @@ def test_next_state_follows_every_input_that_it_is_declared_to_follow(unscaled, 
 
     one, three = [0.9], np.ones(3)
     first = {
-        "active": [1.0],
+        "movement": moving(unscaled),
         "phase": one,
         "phase_velocity": [-2.0],
         "tau": [1.5],
@@ -299,7 +315,7 @@ def test_next_state_follows_every_input_that_it_is_declared_to_follow(unscaled, 
         "coupling": 0 * three,
     }
     second = {
-        "active": [0.0],
+        "movement": moving(unscaled, 0),
         "phase": [0.5],
         "phase_velocity": [-3.0],
         "tau": [2.0],
@@ -312,7 +328,7 @@ def test_next_state_follows_every_input_that_it_is_declared_to_follow(unscaled, 
     for name in set(first) - {"start_position"}:
         assert (name, "next_position") in changed
     q = so3.exp_map([0.1, 0.2, 0.3])
-    rotation = {name: first[name] for name in ("active", "phase", "phase_velocity", "tau")}
+    rotation = {name: first[name] for name in ("movement", "phase", "phase_velocity", "tau")}
     turned = {name: second[name] for name in rotation}
     changed = make(
         OrientationTransformationSystem(unscaled),
@@ -320,19 +336,19 @@ def test_next_state_follows_every_input_that_it_is_declared_to_follow(unscaled, 
         turned | {"goal_orientation": q, "start_orientation": q},
     )
     assert ("phase", "next_orientation") in changed
-    canonical = {"active": [1.0], "goal_position": three, "slowdown": [0.0]}
+    canonical = {"movement": moving(unscaled), "goal_position": three, "slowdown": [0.0]}
     changed = make(
         CanonicalSystem(unscaled),
         canonical,
-        {"active": [0.0], "goal_position": 0 * three, "slowdown": [1.0]},
+        {"movement": moving(unscaled, 0), "goal_position": 0 * three, "slowdown": [1.0]},
     )
-    assert changed == {("active", "phase_velocity"), ("slowdown", "phase_velocity")}
+    assert changed == {("movement", "phase_velocity"), ("slowdown", "phase_velocity")}
 
 
 def test_slowdown_divides_the_phases_velocity(primitive):
     system = CanonicalSystem(primitive)
     context = system.CreateDefaultContext()
-    system.active_port.FixValue(context, [1.0])
+    system.movement_port.FixValue(context, moving(primitive))
     free = system.phase_velocity_port.Eval(context)[0]
     system.slowdown_port.FixValue(context, [3.0])
     assert free == pytest.approx(-primitive.translation.alpha_x / primitive.duration)

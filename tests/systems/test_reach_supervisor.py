@@ -30,11 +30,11 @@ def test_the_whole_reach_when_all_goes_well():
     rig.until(ReachMode.DRIVING)
     np.testing.assert_array_equal(rig.value("base_goal"), STAND)
     rig.until(ReachMode.REACHING)
-    np.testing.assert_array_equal(rig.value("active"), [1.0])
+    assert rig.value("movement").id == 1
     rig.advance(0.5)
     rig.set(hand_pose=RigidTransform(P_TG + np.array([0.002, 0, 0])))
     rig.until(ReachMode.DONE)
-    np.testing.assert_array_equal(rig.value("active"), [1.0])
+    assert rig.value("movement").id == 1
     assert rig.modes == list(ReachMode)[: ReachMode.DONE + 1]
     assert rig.progress.reason == rig.progress.message == ""
 
@@ -232,22 +232,21 @@ def test_the_search_begins_ahead_and_sweeps_to_both_sides_without_a_jump():
 
 def test_the_planned_movement_is_known_a_tick_before_it_begins():
     rig = Rig()
-    before = {}
+    before = None
     while rig.progress.mode != ReachMode.REACHING:
-        names = ("primitive", "coupling_law", "X_OG", "active")
-        before = {name: rig.value(name) for name in names}
+        before = rig.value("movement")
         rig.advance(0.05)
-    assert before["active"][0] == 0.0
-    assert before["primitive"] is ADAPTED.primitive
-    assert before["coupling_law"] is None
-    np.testing.assert_array_equal(before["X_OG"].translation(), [0, 0, 0.1])
-    assert rig.value("active")[0] == 1.0
+    assert before.id == 0
+    assert before.primitive is ADAPTED.primitive
+    assert before.coupling is None
+    np.testing.assert_array_equal(before.X_OG.translation(), [0, 0, 0.1])
+    assert rig.value("movement").id == 1
 
 
 def test_before_the_plan_it_is_the_movement_that_was_shown():
     rig = Rig()
-    assert rig.value("primitive") is SHOWN.primitive
-    assert rig.value("coupling_law") is SHOWN.coupling
+    assert rig.value("movement").primitive is SHOWN.primitive
+    assert rig.value("movement").coupling is SHOWN.coupling
 
 
 def test_a_plan_is_confirmed_by_the_last_look_before_the_arm_starts():

@@ -193,6 +193,7 @@ class MovementPrimitive:
         goal_velocity: npt.ArrayLike | GoalMotion | None = None,
         start_rotation: npt.ArrayLike | None = None,
         goal_rotation: npt.ArrayLike | None = None,
+        start_angular_velocity: npt.ArrayLike | None = None,
         settle: float = 0.0,
     ) -> Path3D:
         """Performs the motion.
@@ -210,6 +211,7 @@ class MovementPrimitive:
             goal_velocity: (3,) [m/s] or a function of the time [s]: known velocity of the goal.
             start_rotation: (4,) unit quaternion; the demonstration's if left out.
             goal_rotation: (4,) unit quaternion; the demonstration's if left out.
+            start_angular_velocity: (3,) [rad/s]; if left out, that of the demonstration's start.
             settle: How long to go on after the motion's end, in tau.
 
         Returns:
@@ -242,7 +244,7 @@ class MovementPrimitive:
                 *coupling_and_field(coupling, obstacles),
                 self.duration / self.path_length if self.path_length > 0.0 else 0.0,
             )
-        return self._complete(motion, start_rotation, goal_rotation)
+        return self._complete(motion, start_rotation, goal_rotation, start_angular_velocity)
 
     def rollout_batch(
         self,
@@ -361,12 +363,16 @@ class MovementPrimitive:
         motion: Motion,
         start_rotation: npt.ArrayLike | None,
         goal_rotation: npt.ArrayLike | None,
+        start_angular_velocity: npt.ArrayLike | None = None,
     ) -> Path3D:
         path = _path(motion)
         if self.orientation is not None:
             q0 = quaternion(start_rotation, self.orientation.start, "start_rotation")
             qg = quaternion(goal_rotation, self.orientation.goal, "goal_rotation")
-            rotations, velocities = orientation_motion(self.orientation, q0, qg, motion)
+            turning = None
+            if start_angular_velocity is not None:
+                turning = vector(start_angular_velocity, q0[1:], 3, "start_angular_velocity")
+            rotations, velocities = orientation_motion(self.orientation, q0, qg, motion, turning)
             path = replace(path, rotations=rotations, angular_velocities=velocities)
         if self.posture is not None:
             joints = self.posture.at(relative_time_at(motion.phases, self.translation.alpha_x))

@@ -259,9 +259,20 @@ def undisturbed_motions(
 
 
 def orientation_motion(
-    orientation: OrientationAttractor, start: Array, goal: Array, motion: Motion
+    orientation: OrientationAttractor,
+    start: Array,
+    goal: Array,
+    motion: Motion,
+    start_angular_velocity: Array | None = None,
 ) -> tuple[Array, Array]:
     """Performs an orientation (start and goal (4,)) in step with a translation.
+
+    Args:
+        orientation: The transformation system.
+        start: (4,) unit quaternion.
+        goal: (4,) unit quaternion.
+        motion: The translation.
+        start_angular_velocity: (3,) [rad/s]; that of the demonstration's start if left out.
 
     Returns:
         Orientations (N, 4) and angular velocities (N, 3) [rad/s] at the translation's samples.
@@ -269,6 +280,10 @@ def orientation_motion(
     tau = float(motion.taus[0])
     time_step = float(motion.times[1] - motion.times[0])
     state = orientation.start_state(start, goal, tau)
+    if start_angular_velocity is not None:
+        first = state.coordinates[0]
+        rates = orientation.rates(first, start_angular_velocity)
+        state = state._replace(coordinates=np.array((first, rates)))
     if motion.coupling is None:
         target = orientation.goal_coordinates(goal)
         steps = len(motion.times) - 1

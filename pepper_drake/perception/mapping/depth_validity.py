@@ -6,6 +6,7 @@ A camera that gives nothing must not pass for free space, nor one that hangs for
 import enum
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
@@ -28,7 +29,7 @@ class DepthFault(enum.IntEnum):
     WRONG_SIZE = 4
     """It has another size than the camera."""
     BLANK = 5
-    """No pixel measured anything within the camera's range."""
+    """It shows nothing where floor or known things are to be seen."""
     CONSTANT = 6
     """All pixels measured the same."""
     BELOW_FLOOR = 7
@@ -51,6 +52,12 @@ FAULT_SENTENCES = {
 
 _NOTHING = (0, 2047, 65535, np.inf)
 """Values by which cameras and drivers say that they measured nothing."""
+_FLOOR_STRIDE = 8
+"""One of so many pixels along both axes is looked at for the floor."""
+_FLOOR_DEPTH = 2.0
+"""Depth up to which the floor is measured in any case [m]."""
+_LEAST_SHOWN = 0.03
+"""Share of what is to be seen below which an image is blank."""
 _SAME_SHARE = 0.04
 """Spread of the relative errors of depth below which they are those of one wrong scale."""
 
@@ -65,6 +72,8 @@ class ValidityParameters:
         contradicted: Share of the points that are held against the image from which on it
             contradicts.
         least_points: With fewer points nothing can be told.
+        least_expected: With fewer points to be seen, of known things and of the floor, an image may
+            be blank.
         expects_noise: Whether equal pixels mean that the camera hangs: real sensors are noisy. If
             not, they do only after the camera has moved.
         shows_all: Whether the image has a depth wherever there is a surface. If not, as with a
@@ -75,6 +84,7 @@ class ValidityParameters:
     growth: float = 0.04
     contradicted: float = 0.6
     least_points: int = 300
+    least_expected: int = 40
     expects_noise: bool = True
     shows_all: bool = True
 
@@ -88,6 +98,8 @@ def image_fault(
     parameters: ValidityParameters,
 ) -> DepthFault:
     """Checks a raw depth image by itself, and against the one before.
+
+    One that shows nothing at all is left to `depth_fault`: before an empty hall it is right.
 
     Args:
         image: Depth image (height, width[, 1]) of any integer or floating type.
@@ -106,10 +118,11 @@ def image_fault(
     if image.shape != (intrinsics.height, intrinsics.width):
         return DepthFault.WRONG_SIZE
     first = image[0, 0]
-    if first == 0 and not parameters.shows_all and not image.any():
-        return DepthFault.NONE
-    if bool((image == first).all()):
-        return DepthFault.BLANK if first in _NOTHING else DepthFault.CONSTANT
+    # NaN equals nothing.
+    if bool((image == first).all()) or not bool((image == image).any()):
+        # Whether it should show something is told by `depth_fault`.
+        empty = first != first or first in _NOTHING
+        return DepthFault.NONE if empty else DepthFault.CONSTANT
     if last is not None and (moved or parameters.expects_noise):
         if last.ndim == 3 and last.shape[2] == 1:
             last = last[..., 0]
@@ -140,14 +153,11 @@ def depth_fault(
     Returns:
         BLANK, BELOW_FLOOR, CONTRADICTS_MAP or NONE.
     """
-    if not depth.any():
-        return DepthFault.BLANK if parameters.shows_all else DepthFault.NONE
+    if parameters.shows_all and _is_blank(depth, X_WC, known, intrinsics, parameters):
+        return DepthFault.BLANK
     if lies_below_floor(depth, X_WC, intrinsics, parameters):
         return DepthFault.BELOW_FLOOR
-    p_C = (np.asarray(known, dtype=float) - X_WC.translation()) @ X_WC.rotation().matrix()
-    p_C = p_C[(p_C[:, 2] > intrinsics.near) & (p_C[:, 2] < intrinsics.far)]
-    p_C = p_C[intrinsics.sees(p_C, margin=2.0)]
-    columns, rows = np.rint(intrinsics.project(p_C)).astype(np.int64).T
+    p_C, rows, columns = _in_view(known, X_WC, intrinsics)
     if len(p_C) < parameters.least_points:
         return DepthFault.NONE
     # A surface that is where it was shows its depth at one of nine pixels at least.
@@ -169,6 +179,40 @@ def depth_fault(
     if np.mean(-off > allowed) > parameters.contradicted and high - low < _SAME_SHARE:
         return DepthFault.CONTRADICTS_MAP
     return DepthFault.NONE
+
+
+def _in_view(
+    p_W: npt.NDArray[np.floating], X_WC: RigidTransform, intrinsics: CameraIntrinsics
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Points (N, 3) in C [m] that can be measured, not at the border, their rows and columns."""
+    p_C = (np.asarray(p_W, dtype=float) - X_WC.translation()) @ X_WC.rotation().matrix()
+    p_C = p_C[(p_C[:, 2] > intrinsics.near) & (p_C[:, 2] < intrinsics.far)]
+    p_C = p_C[intrinsics.sees(p_C, margin=2.0)]
+    columns, rows = np.rint(intrinsics.project(p_C)).astype(np.int64).T
+    return p_C, rows, columns
+
+
+def _is_blank(
+    depth: Array,
+    X_WC: RigidTransform,
+    known: npt.NDArray[np.floating],
+    intrinsics: CameraIntrinsics,
+    parameters: ValidityParameters,
+) -> bool:
+    """Whether next to nothing was measured where known things and the floor are to be seen."""
+    rays = pixel_rays(intrinsics, _FLOOR_STRIDE).reshape(-1, 3).astype(float)
+    down = rays @ X_WC.rotation().matrix()[2]
+    p_WC = X_WC.translation()
+    on_floor = down * _FLOOR_DEPTH < -p_WC[2]
+    if p_WC[2] <= 0.0:
+        on_floor[:] = False
+    start = _FLOOR_STRIDE // 2
+    measured = (depth > 0).astype(np.uint8)
+    around = cv2.dilate(measured, np.ones((5, 5), np.uint8)) > 0
+    floor = around[start::_FLOOR_STRIDE, start::_FLOOR_STRIDE].ravel()[on_floor]
+    _, rows, columns = _in_view(known, X_WC, intrinsics)
+    shown = np.concatenate((floor, around[rows, columns]))
+    return len(shown) >= parameters.least_expected and float(np.mean(shown)) < _LEAST_SHOWN
 
 
 def lies_below_floor(

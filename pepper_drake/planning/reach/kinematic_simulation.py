@@ -93,16 +93,17 @@ class KinematicSimulator:
             duration: tau [s]; the primitive's if left out.
         """
         X_TH = self._geometry.hand_pose(start.position)
-        velocity = np.zeros(3)
+        velocity = np.zeros(6)
         if start.velocity.any():
             J = self._geometry.kinematics.poses(start.position[None]).hand_jacobian()[0]
-            velocity = J[3:] @ start.velocity
+            velocity = J @ start.velocity
         time_step = self._params.time_step
         path = movement.primitive.rollout(
             time_step=time_step,
             start=X_TH.translation(),
             goal=X_TG.translation(),
-            start_velocity=velocity,
+            start_velocity=velocity[3:],
+            start_angular_velocity=velocity[:3],
             start_rotation=X_TH.rotation().ToQuaternion().wxyz(),
             goal_rotation=X_TG.rotation().ToQuaternion().wxyz(),
             duration=duration,

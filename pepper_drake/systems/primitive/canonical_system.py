@@ -9,6 +9,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.learning.phase import extended_tau
+from pepper_drake.planning.reach.movement import Movement
 
 # Parts of what is remembered beside the phase.
 _GOAL, _NUMBER = slice(1, 4), 4
@@ -18,16 +19,21 @@ class _Present(NamedTuple):
     """The motion as it is now.
 
     Attributes:
-        primitive: What is performed.
+        movement: What is performed.
         phase: Of a motion that starts now, or as it is.
         tau: The same, [s].
         starts: Whether a motion starts now.
     """
 
-    primitive: MovementPrimitive
+    movement: Movement
     phase: Any
     tau: Any
     starts: bool
+
+    @property
+    def primitive(self) -> MovementPrimitive:
+        """Of the movement."""
+        return self.movement.primitive
 
 
 @TemplateSystem.define("CanonicalSystem_")
@@ -41,26 +47,24 @@ def CanonicalSystem_(T: type) -> type:
 
             name: CanonicalSystem
             input_ports:
-            - active
+            - movement
             - goal_position (optional)
             - slowdown (optional)
-            - primitive (optional)
             output_ports:
             - phase
             - phase_velocity
             - tau
 
-        tau x' = -alpha_x x / (1 + slowdown), x = 1 while `active` is 0 (equation 2.5 of the
-        report, with phase stopping). tau is the nominal duration; while active it is extended in
-        proportion to the displacement of the goal: each metre adds the time that the
+        tau x' = -alpha_x x / (1 + slowdown), x = 1 while no movement runs (equation 2.5 of
+        the report, with phase stopping). tau is the nominal duration; during a movement it is
+        extended in proportion to the displacement of the goal: each metre adds the time that the
         demonstration took for a metre of its way. A goal that moved by less than 3 mm did not
         move.
 
-        Ports: `active` (1) 0, or the number of the motion: with another number a motion starts
-        anew, from where the last one is (not in continuous time, where it is 0 or 1);
-        `goal_position` (3) [m]; `slowdown` (1) >= 0; `primitive`, abstract MovementPrimitive, is
-        performed in place of the one that the system was made with; `phase` (1) and `tau` (1) [s]
-        are state; `phase_velocity` (1) [1/s] is that of the coming step.
+        Ports: `movement`, abstract Movement: with another number a motion starts anew (not in
+        continuous time, where numbers above 0 are one); `goal_position` (3) [m]; `slowdown` (1)
+        >= 0; `phase` (1) and `tau` (1) [s] are state; `phase_velocity` (1) [1/s] is that of the
+        coming step.
 
         State: phase, tau [s], goal known (3) [m], number of the motion. Discrete with period
         `time_step`; with `time_step` 0 the phase is continuous, and tau and goal are updated after
@@ -78,7 +82,7 @@ def CanonicalSystem_(T: type) -> type:
             """Makes the system.
 
             Args:
-                primitive: What is performed.
+                primitive: An example of what is performed.
                 duration: Nominal tau [s]; the demonstration's if left out.
                 time_step: [s]; 0 for a continuous phase.
                 converter: For the framework.
@@ -87,20 +91,18 @@ def CanonicalSystem_(T: type) -> type:
             self._primitive = primitive
             self._duration = duration
             self._time_step = time_step
-            self.active_port = self.DeclareVectorInputPort("active", 1)
+            self.movement_port = self.DeclareAbstractInputPort(
+                "movement", Value[object](Movement(primitive))
+            )
             self.goal_position_port = self.DeclareVectorInputPort("goal_position", 3)
             self.slowdown_port = self.DeclareVectorInputPort("slowdown", 1)
-            self.primitive_port = self.DeclareAbstractInputPort(
-                "primitive", Value[object](primitive)
-            )
 
             memory = [primitive.duration if duration is None else duration, 0.0, 0.0, 0.0, 0.0]
             if time_step > 0.0:
                 index = self.DeclareDiscreteState([1.0, *memory])
                 now_tickets = {
                     self.discrete_state_ticket(index),
-                    self.active_port.ticket(),
-                    self.primitive_port.ticket(),
+                    self.movement_port.ticket(),
                 }
                 self.DeclareInitializationDiscreteUpdateEvent(self._rest)
                 self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
@@ -110,7 +112,7 @@ def CanonicalSystem_(T: type) -> type:
                 now_tickets = {
                     self.xc_ticket(),
                     self.discrete_state_ticket(index),
-                    self.primitive_port.ticket(),
+                    self.movement_port.ticket(),
                 }
                 self.DeclareInitializationUnrestrictedUpdateEvent(self._update_between_steps)
                 self.DeclarePerStepUnrestrictedUpdateEvent(self._update_between_steps)
@@ -130,8 +132,7 @@ def CanonicalSystem_(T: type) -> type:
                 "phase_velocity",
                 1,
                 lambda context, out: out.SetFromVector([self._phase_velocity(context)]),
-                prerequisites_of_calc=present
-                | {self.active_port.ticket(), self.slowdown_port.ticket()},
+                prerequisites_of_calc=present | {self.slowdown_port.ticket()},
             )
             self.tau_port = self.DeclareVectorOutputPort(
                 "tau",
@@ -149,11 +150,9 @@ def CanonicalSystem_(T: type) -> type:
                 converter=converter,
             )
 
-        def _performed(self, context: Any) -> MovementPrimitive:
-            if self.primitive_port.HasValue(context):
-                performed: MovementPrimitive = self.primitive_port.Eval(context)
-                return performed
-            return self._primitive
+        def _movement(self, context: Any) -> Movement:
+            movement: Movement = self.movement_port.Eval(context)
+            return movement
 
         def _nominal_duration(self, primitive: MovementPrimitive) -> float:
             return primitive.duration if self._duration is None else self._duration
@@ -164,17 +163,16 @@ def CanonicalSystem_(T: type) -> type:
             return values[1:] if self._time_step > 0.0 else values
 
         def _calc_present(self, context: Any, value: Any) -> None:
-            primitive, memory = self._performed(context), self._memory(context)
+            movement, memory = self._movement(context), self._memory(context)
             if self._time_step == 0.0:
                 phase, starts = context.get_continuous_state_vector()[0], False
             else:
                 phase = context.get_discrete_state_vector()[0]
-                number = self.active_port.Eval(context)[0]
-                starts = bool(number > 0.5 and number != memory[_NUMBER])
+                starts = movement.begins_after(memory[_NUMBER])
             tau = memory[0]
             if starts:
-                phase, tau = 1.0, self._nominal_duration(primitive)
-            value.get_mutable_value()["present"] = _Present(primitive, phase, tau, starts)
+                phase, tau = 1.0, self._nominal_duration(movement.primitive)
+            value.get_mutable_value()["present"] = _Present(movement, phase, tau, starts)
 
         def _present(self, context: Any) -> _Present:
             present: _Present = self._present_entry.Eval(context)["present"]
@@ -186,25 +184,21 @@ def CanonicalSystem_(T: type) -> type:
                 slowdown = self.slowdown_port.Eval(context)[0]
             now = self._present(context)
             rate = now.primitive.translation.alpha_x / (now.tau * (1.0 + slowdown))
-            if self._time_step == 0.0:
-                return -rate * now.phase * self.active_port.Eval(context)[0]
-            return -rate * now.phase if self._is_active(context) else 0.0 * rate
+            return -rate * now.phase * now.movement.runs
 
         def _goal(self, context: Any, known: Any) -> Any:
             if self.goal_position_port.HasValue(context):
                 return self.goal_position_port.Eval(context)
             return known
 
-        def _is_active(self, context: Any) -> bool:
-            return bool(self.active_port.Eval(context)[0] > 0.5)
-
         def _rest(self, context: Any, state: Any) -> None:
             goal = self._goal(context, np.zeros(3))
-            duration = self._nominal_duration(self._performed(context))
+            duration = self._nominal_duration(self._movement(context).primitive)
             state.set_value(np.concatenate(([1.0, duration], goal, [0.0])))
 
         def _update(self, context: Any, state: Any) -> None:
-            if not self._is_active(context):
+            number = self._movement(context).id
+            if not number:
                 self._rest(context, state)
                 return
             known = self._memory(context)[_GOAL]
@@ -216,18 +210,18 @@ def CanonicalSystem_(T: type) -> type:
             decay = -velocity / now.phase if now.phase > 0.0 else 0.0
             tau, known = extended_tau(now.tau, known, seen, _extension(now.primitive))
             later = now.phase * np.exp(-decay * self._time_step)
-            state.set_value(np.concatenate(([later, tau], known, self.active_port.Eval(context))))
+            state.set_value(np.concatenate(([later, tau], known, [number])))
 
         def _update_between_steps(self, context: Any, state: Any) -> None:
             now, known = self._present(context), self._memory(context)[_GOAL]
             seen = self._goal(context, known)
-            if self._is_active(context) and now.phase < 1.0:
+            if now.movement.runs and now.phase < 1.0:
                 tau, known = extended_tau(now.tau, known, seen, _extension(now.primitive))
             else:
                 tau, known = self._nominal_duration(now.primitive), seen
                 state.get_mutable_continuous_state().SetFromVector([1.0])
             state.get_mutable_discrete_state(0).SetFromVector(
-                np.concatenate(([tau], known, self.active_port.Eval(context)))
+                np.concatenate(([tau], known, [now.movement.id]))
             )
 
         def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:

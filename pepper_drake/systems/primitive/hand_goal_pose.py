@@ -34,33 +34,33 @@ class HandGoalPose(LeafSystem):
         input_ports:
         - object_pose
         - torso_pose
-        - X_OG (optional)
+        - movement
         output_ports:
         - goal_position
         - goal_orientation
 
-    Inputs: `object_pose` X_WO, `torso_pose` X_WT and `X_OG`, RigidTransform; the last is used in
-    place of the one that the system was made with, and fed through. Outputs: `goal_position` (3),
-    m, and `goal_orientation` (4), unit quaternion w, x, y, z, of the hand's goal G in T.
+    Inputs: `object_pose` X_WO and `torso_pose` X_WT, RigidTransform; `movement`, abstract Movement,
+    whose X_OG is fed through. Outputs: `goal_position` (3) [m], and `goal_orientation` (4), unit
+    quaternion w, x, y, z, of the hand's goal G in T.
     State: X_TO, position and quaternion (7), at `time_step`; the identity before initialization.
 
     Args:
-        X_OG: The hand's pre-grasp pose in the object frame.
-        time_step: s.
+        time_step: [s].
     """
 
-    def __init__(self, X_OG: RigidTransform, *, time_step: float = 0.01) -> None:
+    def __init__(self, *, time_step: float = 0.01) -> None:
         super().__init__()
-        self._X_OG = X_OG
         self.object_pose_input: InputPort = self.DeclareAbstractInputPort(
             "object_pose", Value(RigidTransform())
         )
         self.torso_pose_input: InputPort = self.DeclareAbstractInputPort(
             "torso_pose", Value(RigidTransform())
         )
-        self.X_OG_input: InputPort = self.DeclareAbstractInputPort("X_OG", Value(X_OG))
+        self.movement_input: InputPort = self.DeclareAbstractInputPort(
+            "movement", Value[object](None)
+        )
         self._object = self.DeclareDiscreteState(_numbers(RigidTransform()))
-        sources = {self.discrete_state_ticket(self._object), self.X_OG_input.ticket()}
+        sources = {self.discrete_state_ticket(self._object), self.movement_input.ticket()}
         for name, size, part in (
             ("goal_position", 3, slice(0, 3)),
             ("goal_orientation", 4, slice(3, 7)),
@@ -73,8 +73,7 @@ class HandGoalPose(LeafSystem):
 
     def _calc_goal(self, part: slice, context: Context, output: BasicVector) -> None:
         p_TO, q_TO = np.split(context.get_discrete_state(self._object).value(), [3])
-        given = self.X_OG_input.HasValue(context)
-        X_OG = self.X_OG_input.Eval(context) if given else self._X_OG
+        X_OG = self.movement_input.Eval(context).X_OG
         X_TG = RigidTransform(Quaternion(wxyz=q_TO), p_TO) @ X_OG
         output.SetFromVector(_numbers(X_TG)[part])
 

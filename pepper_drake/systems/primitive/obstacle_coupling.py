@@ -7,7 +7,8 @@ from pydrake.common.value import Value
 from pydrake.perception import PointCloud
 from pydrake.systems.framework import LeafSystem, ValueProducer
 
-from pepper_drake.learning.dmp.coupling import Coupling, CouplingOutput, make_coupling
+from pepper_drake.learning.dmp.coupling import Coupling, CouplingOutput
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
 
 
@@ -18,58 +19,54 @@ class ObstacleCoupling(LeafSystem):
 
         name: ObstacleCoupling
         input_ports:
+        - movement
         - cloud (optional)
+        - predicted_cloud (optional)
         - position
         - velocity
         - nominal_acceleration
         - goal_position
         - tau
-        - active (optional)
-        - law (optional)
         output_ports:
         - coupling
         - slowdown
         - distance
 
     C_t of equation 2.6 and the phase stopping of `learning.coupling`. No state: outputs follow
-    from the inputs. The k-d tree of the cloud is built once for each new cloud.
+    from the inputs. The k-d tree of the clouds is built once for each new cloud.
 
-    Inputs: `cloud` abstract PointCloud [m], points that are not finite are ignored, an empty or
+    Inputs: `movement`, abstract Movement: with its coupling it is bent, if it has any, and at rest
+    nothing is computed; `cloud` and `predicted_cloud`, where obstacles are and where moving ones
+    will be soon, abstract PointCloud [m], points that are not finite are ignored, an empty or
     missing cloud pushes nothing; `position` (3) [m], `velocity` (3) [m/s] and
     `nominal_acceleration` (3) [m/s²] of a `TransformationSystem`; `goal_position` (3) [m];
-    `tau` (1) [s]. All are in the frame of the motion, normally T. While `active` (1) is 0 nothing
-    is computed: no push, and an infinite distance. `law`, an abstract Coupling or None for no push,
-    is used in place of the one that the system was made with.
+    `tau` (1) [s]. All are in the frame of the motion, normally T.
 
     Outputs: `coupling` (3) [m]; `slowdown` (1) >= 0 for the `CanonicalSystem`; `distance` (1) [m]
-    from the hand's centre to the nearest solid, infinite without obstacles.
+    from the hand's centre to the nearest solid, infinite without obstacles and at rest.
     """
 
-    def __init__(self, coupling: str | Coupling = "barrier") -> None:
-        """Makes the system.
-
-        Args:
-            coupling: `barrier`, `report`, or a coupling with other constants.
-        """
+    def __init__(self) -> None:
         super().__init__()
-        self._coupling = make_coupling(coupling) if isinstance(coupling, str) else coupling
+        self.movement_port = self.DeclareAbstractInputPort("movement", Value[object](None))
         self.cloud_port = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
+        self.predicted_cloud_port = self.DeclareAbstractInputPort(
+            "predicted_cloud", Value(PointCloud())
+        )
         self.position_port = self.DeclareVectorInputPort("position", 3)
         self.velocity_port = self.DeclareVectorInputPort("velocity", 3)
         self.nominal_acceleration_port = self.DeclareVectorInputPort("nominal_acceleration", 3)
         self.goal_position_port = self.DeclareVectorInputPort("goal_position", 3)
         self.tau_port = self.DeclareVectorInputPort("tau", 1)
-        self.active_port = self.DeclareVectorInputPort("active", 1)
-        self.law_port = self.DeclareAbstractInputPort("law", Value[object](self._coupling))
 
-        self._field = ObstacleFieldCache(self, self.cloud_port)
+        self._field = ObstacleFieldCache(self, self.cloud_port, self.predicted_cloud_port)
         self._clearance = self.DeclareCacheEntry(
             "clearance at the goal",
             ValueProducer(allocate=lambda: Value({}), calc=self._calc_clearance),
             prerequisites_of_calc={
                 self._field.entry.ticket(),
                 self.goal_position_port.ticket(),
-                self.law_port.ticket(),
+                self.movement_port.ticket(),
             },
         )
         self._push = self.DeclareCacheEntry(
@@ -77,7 +74,6 @@ class ObstacleCoupling(LeafSystem):
             ValueProducer(allocate=lambda: Value({}), calc=self._calc_push),
             prerequisites_of_calc={
                 self._clearance.ticket(),
-                self.active_port.ticket(),
                 *(
                     port.ticket()
                     for port in (
@@ -124,15 +120,13 @@ class ObstacleCoupling(LeafSystem):
         known["clearance"] = law.clearance(known["follower"], goal)
 
     def _law(self, context: Any) -> Coupling | None:
-        if self.law_port.HasValue(context):
-            law: Coupling | None = self.law_port.Eval(context)
-            return law
-        return self._coupling
+        """The coupling of the movement that runs."""
+        movement: Movement = self.movement_port.Eval(context)
+        return movement.coupling if movement.runs else None
 
     def _calc_push(self, context: Any, value: Any) -> None:
         law = self._law(context)
-        rests = self.active_port.HasValue(context) and not self.active_port.Eval(context)[0]
-        if rests or law is None:
+        if law is None:
             value.get_mutable_value()["push"] = CouplingOutput(
                 np.zeros(3), np.array(0.0), np.array(np.inf)
             )

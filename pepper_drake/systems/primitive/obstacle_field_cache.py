@@ -15,25 +15,25 @@ from pepper_drake.perception.mapping.cloud_points import cloud_points
 
 
 class ObstacleFieldCache:
-    """An PointCloudDistance of the PointCloud at a port of a system, in its cache.
+    """A PointCloudDistance of the PointClouds at ports of a system, in its cache.
 
     A missing cloud is an empty one. A source that computes the same cloud again costs a comparison,
     not a k-d tree.
 
     Args:
         system: Whose cache it is; to be made in its constructor.
-        cloud_port: Its port of the cloud.
+        cloud_ports: Its ports of clouds in one frame, whose points are taken together.
         extension: How far each point reaches down [m]; see `PointCloudDistance`.
     """
 
     def __init__(
-        self, system: LeafSystem, cloud_port: InputPort, extension: float = EXTENSION
+        self, system: LeafSystem, *cloud_ports: InputPort, extension: float = EXTENSION
     ) -> None:
-        self._cloud_port, self._extension = cloud_port, extension
+        self._cloud_ports, self._extension = cloud_ports, extension
         self.entry: CacheEntry = system.DeclareCacheEntry(
             "obstacle field",
             ValueProducer(allocate=lambda: Value({}), calc=self._calc),
-            prerequisites_of_calc={cloud_port.ticket()},
+            prerequisites_of_calc={port.ticket() for port in cloud_ports},
         )
 
     def eval(self, context: Context) -> PointCloudDistance:
@@ -47,9 +47,10 @@ class ObstacleFieldCache:
         return follower
 
     def _calc(self, context: Context, value: Any) -> None:
-        points: Any = np.zeros((0, 3), dtype=np.float32)
-        if self._cloud_port.HasValue(context):
-            points = cloud_points(self._cloud_port.Eval(context))
+        clouds = [
+            cloud_points(port.Eval(context)) for port in self._cloud_ports if port.HasValue(context)
+        ]
+        points = np.concatenate([np.zeros((0, 3), dtype=np.float32), *clouds])
         known = value.get_mutable_value()
         content = points.tobytes()
         if known.get("content") != content:

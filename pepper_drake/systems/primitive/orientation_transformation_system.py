@@ -9,6 +9,7 @@ from pydrake.systems.framework import LeafSystem, ValueProducer
 from pepper_drake.errors import InputError
 from pepper_drake.learning.dmp.orientation import OrientationAttractor, OrientationState
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
+from pepper_drake.planning.reach.movement import Movement
 
 _NUMBER = 13
 """Where in the state the number of the motion is."""
@@ -21,13 +22,12 @@ class OrientationTransformationSystem(LeafSystem):
 
         name: OrientationTransformationSystem
         input_ports:
-        - active
+        - movement
         - phase
         - phase_velocity
         - tau
         - goal_orientation
         - start_orientation
-        - primitive (optional)
         output_ports:
         - orientation
         - angular_velocity
@@ -37,15 +37,14 @@ class OrientationTransformationSystem(LeafSystem):
     See `learning.orientation` for the equations. Orientations are unit quaternions w, x, y, z of
     the hand, angular velocities [rad/s], both in the frame of the demonstration, normally T.
 
-    Inputs: `active` (1) 0, or the number of the motion: with another number a motion starts anew,
-    with the orientation and the angular velocity of now; `phase` (1), `phase_velocity` (1) [1/s],
-    `tau` (1) [s] of the same `CanonicalSystem` as the translation; `goal_orientation` (4), followed
-    smoothly; `start_orientation` (4): the motion starts from there; `primitive`, abstract
-    MovementPrimitive, is performed in place of the one that the system was made with.
+    Inputs: `movement`, abstract Movement: with another number a motion starts anew, with the
+    orientation and the angular velocity of now; `phase` (1), `phase_velocity` (1) [1/s], `tau` (1)
+    [s] of the same `CanonicalSystem` as the translation; `goal_orientation` (4), followed smoothly;
+    `start_orientation` (4): the motion starts from there.
 
     Outputs: `orientation` (4) and `angular_velocity` (3) are state; `next_orientation` (4) and
-    `next_angular_velocity` (3) are the state one step ahead, fed through from all inputs. While
-    inactive they are `start_orientation` and zero.
+    `next_angular_velocity` (3) are the state one step ahead, fed through from all inputs. At
+    rest they are `start_orientation` and zero.
 
     State: coordinates (3) [rad], their rates (3) [rad/s], coordinates at the start (3) [rad], the
     goal that the spring sees (4), and the number of the motion; discrete with period `time_step`.
@@ -61,7 +60,7 @@ class OrientationTransformationSystem(LeafSystem):
         """Makes the system.
 
         Args:
-            primitive: What is performed.
+            primitive: An example of what is performed.
             time_step: [s].
             start_moving: Whether the motion starts with the demonstration's angular velocity, or
                 from rest; see `TransformationSystem`.
@@ -75,16 +74,16 @@ class OrientationTransformationSystem(LeafSystem):
                 f"{primitive.name}: the primitive has no orientation; learn it from a"
                 " demonstration with rotations"
             )
-        self._primitive = primitive
         self._time_step = time_step
         self._start_moving = start_moving
-        self.active_port = self.DeclareVectorInputPort("active", 1)
+        self.movement_port = self.DeclareAbstractInputPort(
+            "movement", Value[object](Movement(primitive))
+        )
         self.phase_port = self.DeclareVectorInputPort("phase", 1)
         self.phase_velocity_port = self.DeclareVectorInputPort("phase_velocity", 1)
         self.tau_port = self.DeclareVectorInputPort("tau", 1)
         self.goal_orientation_port = self.DeclareVectorInputPort("goal_orientation", 4)
         self.start_orientation_port = self.DeclareVectorInputPort("start_orientation", 4)
-        self.primitive_port = self.DeclareAbstractInputPort("primitive", Value[object](primitive))
 
         # Identity for the goal: contexts that nothing has initialised are valid as well.
         index = self.DeclareDiscreteState([0.0] * 9 + [1.0, 0.0, 0.0, 0.0] + [0.0])
@@ -112,13 +111,13 @@ class OrientationTransformationSystem(LeafSystem):
             "orientation",
             4,
             lambda c: self._learned(c).orientation_of(self._state(c)),
-            {state_ticket, self.primitive_port.ticket()},
+            {state_ticket, self.movement_port.ticket()},
         )
         self.angular_velocity_port = output(
             "angular_velocity",
             3,
             lambda c: self._learned(c).angular_velocity_of(self._state(c)),
-            {state_ticket, self.primitive_port.ticket()},
+            {state_ticket, self.movement_port.ticket()},
         )
         cached = {self._next.ticket()}
         self.next_orientation_port = output(
@@ -131,7 +130,7 @@ class OrientationTransformationSystem(LeafSystem):
             "next_angular_velocity",
             3,
             self._next_angular_velocity,
-            cached | {self.active_port.ticket()},
+            cached,
         )
 
     def _state(self, context: Any) -> OrientationState:
@@ -141,22 +140,22 @@ class OrientationTransformationSystem(LeafSystem):
     def _state_now(self, context: Any) -> OrientationState:
         """Returns the state, of a motion that starts anew if one does."""
         state = self._state(context)
-        before = context.get_discrete_state_vector()[_NUMBER]
-        now = self.active_port.Eval(context)[0]
-        if before > 0.5 and now > 0.5 and before != now:
+        if self._movement(context).begins_after(context.get_discrete_state_vector()[_NUMBER]):
             goal = self.goal_orientation_port.Eval(context)
             return self._learned(context).started_anew(state, goal)
         return state
 
     def _learned(self, context: Any) -> OrientationAttractor:
-        primitive = self._primitive
-        if self.primitive_port.HasValue(context):
-            primitive = self.primitive_port.Eval(context)
-        assert primitive.orientation is not None
-        return primitive.orientation
+        orientation = self._movement(context).primitive.orientation
+        assert orientation is not None
+        return orientation
+
+    def _movement(self, context: Any) -> Movement:
+        movement: Movement = self.movement_port.Eval(context)
+        return movement
 
     def _next_angular_velocity(self, context: Any) -> Any:
-        if self.active_port.Eval(context)[0] <= 0.5:
+        if not self._movement(context).runs:
             return np.zeros(3)
         return self._learned(context).angular_velocity_of(self._next_state(context))
 
@@ -169,7 +168,7 @@ class OrientationTransformationSystem(LeafSystem):
         )
 
     def _calc_next_state(self, context: Any, value: Any) -> None:
-        if self.active_port.Eval(context)[0] > 0.5:
+        if self._movement(context).runs:
             phase = float(self.phase_port.Eval(context)[0])
             velocity = float(self.phase_velocity_port.Eval(context)[0])
             later = self._learned(context).advance(
@@ -192,7 +191,7 @@ class OrientationTransformationSystem(LeafSystem):
         discrete.set_value(_values(self._start_state(context), 0.0))
 
     def _update(self, context: Any, discrete: Any) -> None:
-        number = float(self.active_port.Eval(context)[0])
+        number = float(self._movement(context).id)
         discrete.set_value(_values(self._next_state(context), number))
 
 

@@ -1,6 +1,7 @@
 """Lets a movement wait for a hand that is held or pushed."""
 
 import numpy as np
+from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
@@ -13,16 +14,16 @@ class PhaseStoppingCoupling(LeafSystem):
 
         name: PhaseStoppingCoupling
         input_ports:
-        - active
+        - movement
         - desired_position
         - measured_position
         output_ports:
         - slowdown
         - coupling
 
-    Inputs: `active` (1) 0 or 1; `desired_position` (3) and `measured_position` (3) [m] of the hand,
-    in one frame, normally T. Outputs: `slowdown` (1) for a CanonicalSystem, `coupling` (3) [m] for
-    a TransformationSystem; both are zero while inactive.
+    Inputs: `movement`, abstract Movement; `desired_position` (3) and `measured_position` (3) [m] of
+    the hand, in one frame, normally T. Outputs: `slowdown` (1) for a CanonicalSystem, `coupling`
+    (3) [m] for a TransformationSystem; both are zero at rest.
 
     State: the filtered error (3) [m], discrete with period `time_step`.
     """
@@ -36,7 +37,7 @@ class PhaseStoppingCoupling(LeafSystem):
         """
         super().__init__()
         self._law, self._time_step = law or PhaseStopping(), time_step
-        self.active_input = self.DeclareVectorInputPort("active", 1)
+        self.movement_input = self.DeclareAbstractInputPort("movement", Value[object](None))
         self.desired_position_input = self.DeclareVectorInputPort("desired_position", 3)
         self.measured_position_input = self.DeclareVectorInputPort("measured_position", 3)
         self._error = self.DeclareDiscreteState(3)
@@ -51,7 +52,7 @@ class PhaseStoppingCoupling(LeafSystem):
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         error = np.zeros(3)
-        if self.active_input.Eval(context)[0] > 0.5:
+        if self.movement_input.Eval(context).runs:
             deviation = self.measured_position_input.Eval(
                 context
             ) - self.desired_position_input.Eval(context)

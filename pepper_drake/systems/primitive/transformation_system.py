@@ -14,6 +14,7 @@ from pepper_drake.learning.dmp.transformation import (
     TransformationModel,
     node_phases,
 )
+from pepper_drake.planning.reach.movement import Movement
 
 # Parts of the discrete state, each of three coordinates.
 _POSITION, _VELOCITY, _GOAL, _DELAYED, _START = (slice(3 * k, 3 * k + 3) for k in range(5))
@@ -30,7 +31,7 @@ class _Present(NamedTuple):
         forcing: The forcing term.
         phase: Of the canonical system.
         tau: [s].
-        active: What comes in as `active`.
+        number: Of the movement.
     """
 
     attractor: TransformationModel
@@ -39,7 +40,12 @@ class _Present(NamedTuple):
     forcing: Forcing
     phase: Any
     tau: Any
-    active: Any
+    number: int
+
+    @property
+    def runs(self) -> bool:
+        """Whether there is a movement."""
+        return self.number > 0
 
 
 @TemplateSystem.define("TransformationSystem_")
@@ -53,7 +59,7 @@ def TransformationSystem_(T: type) -> type:
 
             name: TransformationSystem
             input_ports:
-            - active
+            - movement
             - phase
             - phase_velocity
             - tau
@@ -61,7 +67,6 @@ def TransformationSystem_(T: type) -> type:
             - start_position
             - goal_velocity (optional)
             - coupling (optional)
-            - primitive (optional)
             output_ports:
             - position
             - velocity
@@ -74,19 +79,18 @@ def TransformationSystem_(T: type) -> type:
         the report); each step is the one of `learning.spring`. All vectors are in the frame of the
         demonstration, normally T.
 
-        Inputs: `active` (1) 0, or the number of the motion: with another number a motion starts
-        anew, with the position and the velocity of now (not in continuous time, where it is 0 or
-        1); `phase` (1), `phase_velocity` (1) [1/s], `tau` (1) [s] of a
-        `CanonicalSystem`; `goal_position` (3) [m], followed smoothly, moves under 3 mm ignored;
-        `goal_velocity` (3) [m/s] if known; `start_position` (3) [m], where the hand is: the motion
-        starts from there; `coupling` (3) [m], C_t; `primitive`, abstract MovementPrimitive, is
-        performed in place of the one that the system was made with.
+        Inputs: `movement`, abstract Movement: with another number a motion starts anew, with the
+        position and the velocity of now (not in continuous time, where numbers above 0 are one);
+        `phase` (1), `phase_velocity` (1) [1/s], `tau` (1) [s] of a `CanonicalSystem`;
+        `goal_position` (3) [m], followed smoothly, moves under 3 mm ignored; `goal_velocity` (3)
+        [m/s] if known; `start_position` (3) [m], where the hand is: the motion starts from there;
+        `coupling` (3) [m], C_t.
 
         Outputs: `position` (3) [m], `velocity` (3) [m/s] and `delayed_goal_position` (3) [m], the
         goal that the spring sees, are state. `nominal_acceleration` (3) [m/s²] is without
         coupling and does not depend on it, nor on `phase_velocity`. `next_position` and
         `next_velocity` are the state one step ahead, fed through from all inputs: what follows the
-        motion with them has no delay. While inactive they are `start_position` and zero.
+        motion with them has no delay. At rest they are `start_position` and zero.
 
         State: position, velocity, goal, delayed goal, start, each (3), and the number of the
         motion. Discrete with period `time_step`. With `time_step` 0 position, velocity and delayed
@@ -95,8 +99,8 @@ def TransformationSystem_(T: type) -> type:
         Expression as well.
 
         Parameters: numeric parameter 0 has the weights of the forcing term, row by row, if the
-        approximator has any; with AutoDiffXd, gradients by them follow. They are not used while
-        `primitive` is connected.
+        approximator has any; with AutoDiffXd, gradients by them follow. They are used while the
+        movement's primitive is the one that the system was made with.
         """
 
         def _construct(
@@ -110,11 +114,11 @@ def TransformationSystem_(T: type) -> type:
             """Makes the system.
 
             Args:
-                primitive: What is performed.
+                primitive: An example of what is performed.
                 time_step: [s]; 0 for a continuous state.
                 start_moving: Whether the motion starts with the demonstration's velocity, as a
                     rollout does, or from rest, as a hand does. With it, `velocity` has that start
-                    velocity already while inactive.
+                    velocity already at rest.
                 converter: For the framework.
             """
             super().__init__(converter)
@@ -130,7 +134,6 @@ def TransformationSystem_(T: type) -> type:
                 self.DeclareNumericParameter(BasicVector_[T](model.weights.ravel()))
 
             declare = self.DeclareVectorInputPort
-            self.active_port = declare("active", 1)
             self.phase_port = declare("phase", 1)
             self.phase_velocity_port = declare("phase_velocity", 1)
             self.tau_port = declare("tau", 1)
@@ -138,8 +141,8 @@ def TransformationSystem_(T: type) -> type:
             self.start_position_port = declare("start_position", 3)
             self.goal_velocity_port = declare("goal_velocity", 3)
             self.coupling_port = declare("coupling", 3)
-            self.primitive_port = self.DeclareAbstractInputPort(
-                "primitive", Value[object](primitive)
+            self.movement_port = self.DeclareAbstractInputPort(
+                "movement", Value[object](Movement(primitive))
             )
 
             if time_step > 0.0:
@@ -174,12 +177,11 @@ def TransformationSystem_(T: type) -> type:
             nominal_tickets = state_tickets | {
                 port.ticket()
                 for port in (
-                    self.active_port,
+                    self.movement_port,
                     self.phase_port,
                     self.tau_port,
                     self.goal_position_port,
                     self.goal_velocity_port,
-                    self.primitive_port,
                 )
             }
             if self._weights_shape is not None:
@@ -213,8 +215,8 @@ def TransformationSystem_(T: type) -> type:
                 )
                 self.next_velocity_port = output(
                     "next_velocity",
-                    lambda c: self._next_state(c)[_VELOCITY] * self._running(self._active(c)),
-                    cached | {self.active_port.ticket()},
+                    lambda c: self._next_state(c)[_VELOCITY] * self._movement(c).runs,
+                    cached,
                 )
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
@@ -239,45 +241,38 @@ def TransformationSystem_(T: type) -> type:
             state = self._state(context)
             if self._time_step == 0.0:
                 return state
-            before, now = context.get_discrete_state_vector()[_NUMBER], self._active(context)
-            if before > 0.5 and now > 0.5 and before != now:
+            if self._movement(context).begins_after(context.get_discrete_state_vector()[_NUMBER]):
                 goal = self.goal_position_port.Eval(context)
                 return np.concatenate((state[:6], goal, goal, state[_POSITION]))
             return state
 
-        def _performed(self, context: Any) -> TransformationModel:
-            if self.primitive_port.HasValue(context):
-                performed: TransformationModel = self.primitive_port.Eval(context).translation
-                return performed
-            return self._attractor
-
-        def _running(self, active: Any) -> Any:
-            """Returns 1 while active, else 0; a number of T in continuous time."""
-            return active if self._time_step == 0.0 else float(active > 0.5)
+        def _movement(self, context: Any) -> Movement:
+            movement: Movement = self.movement_port.Eval(context)
+            return movement
 
         def _optional(self, port: Any, context: Any) -> Any:
             return port.Eval(context) if port.HasValue(context) else np.zeros(3)
 
-        def _active(self, context: Any) -> Any:
-            return self.active_port.Eval(context)[0]
-
-        def _weights(self, context: Any) -> Any:
+        def _weights(self, context: Any, attractor: TransformationModel) -> Any:
             """Returns the weights of the parameters, None where they are not used."""
-            if self._weights_shape is None or self.primitive_port.HasValue(context):
+            if self._weights_shape is None or attractor is not self._attractor:
                 return None
             weights = context.get_numeric_parameter(0).CopyToVector()
             return weights.reshape(self._weights_shape)
 
         def _calc_present(self, context: Any, value: Any) -> None:
-            attractor, state = self._performed(context), self._state_now(context)
+            movement, state = self._movement(context), self._state_now(context)
+            attractor = movement.primitive.translation
             value.get_mutable_value()["present"] = _Present(
                 attractor,
                 state,
                 self._goal(context, state),
-                attractor.forcing(state[_START], state[_DELAYED], self._weights(context)),
+                attractor.forcing(
+                    state[_START], state[_DELAYED], self._weights(context, attractor)
+                ),
                 self.phase_port.Eval(context)[0],
                 self.tau_port.Eval(context)[0],
-                self._active(context),
+                movement.id,
             )
 
         def _present(self, context: Any) -> _Present:
@@ -297,7 +292,7 @@ def TransformationSystem_(T: type) -> type:
             forcing = now.forcing(np.array([now.phase]))[0]
             position_and_velocity = now.state[:6].reshape(2, 3)
             nominal = now.attractor.acceleration(position_and_velocity, now.goal, forcing, now.tau)
-            return nominal * self._running(now.active)
+            return nominal * now.runs
 
         def _start_state(self, context: Any) -> Any:
             """Returns the state (15,) of a motion that starts now."""
@@ -306,11 +301,12 @@ def TransformationSystem_(T: type) -> type:
             velocity = np.zeros(3)
             if self._start_moving:
                 tau = self.tau_port.Eval(context)[0]
-                velocity = self._performed(context).start_velocity(start, goal, tau)
+                attractor = self._movement(context).primitive.translation
+                velocity = attractor.start_velocity(start, goal, tau)
             return np.concatenate((start, velocity, goal, goal, start))
 
         def _calc_next_state(self, context: Any, value: Any) -> None:
-            if self._active(context) > 0.5:
+            if self._movement(context).runs:
                 now = self._present(context)
                 velocity = self.phase_velocity_port.Eval(context)[0]
                 decay = -velocity / now.phase if now.phase > 0.0 else 0.0
@@ -324,7 +320,7 @@ def TransformationSystem_(T: type) -> type:
                 )
                 later = now.goal.later(self._time_step, now.attractor.goal_rate(now.tau))
                 state = np.concatenate(
-                    (moved.ravel(), later.position, later.delayed, now.state[_START], [now.active])
+                    (moved.ravel(), later.position, later.delayed, now.state[_START], [now.number])
                 )
             else:
                 state = self._resting_state(context)
@@ -345,7 +341,7 @@ def TransformationSystem_(T: type) -> type:
         def _update_between_steps(self, context: Any, state: Any) -> None:
             values = self._state(context)
             phase = self.phase_port.Eval(context)[0]
-            if self._active(context) > 0.5 and phase < 1.0:
+            if self._movement(context).runs and phase < 1.0:
                 seen = self.goal_position_port.Eval(context)
                 goal = self._goal(context, values)
                 values[_GOAL] = goal.seen(seen, goal.line[1]).position
@@ -364,9 +360,9 @@ def TransformationSystem_(T: type) -> type:
             goal_rate = now.attractor.goal_rate(now.tau)
             following = (now.goal.position - now.goal.delayed) * goal_rate
             rates = (
-                now.state[_VELOCITY] * now.active,
-                self._nominal_acceleration(context) + push * now.active,
-                (following + now.goal.line[1]) * now.active,
+                now.state[_VELOCITY] * now.runs,
+                self._nominal_acceleration(context) + push * now.runs,
+                (following + now.goal.line[1]) * now.runs,
             )
             derivatives.get_mutable_vector().SetFromVector(np.concatenate(rates))
 

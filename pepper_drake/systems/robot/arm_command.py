@@ -1,10 +1,19 @@
-"""The arm's joint command: what the inverse kinematics asks for, inside every limit."""
+"""The arm's joint command: what moves the arm by its mode, inside every limit."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.common.value import Value
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+)
 
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.ik.command_limits import limit_joint_command
@@ -12,28 +21,53 @@ from pepper_drake.planning.ik.command_limits import limit_joint_command
 Vector = npt.NDArray[np.float64]
 
 _REST = np.zeros(5)
+_CATCH_UP = 4
+"""Ticks in which the command catches up with an arm that is led."""
+
+
+class ArmMode(IntEnum):
+    """The source of the arm's motion."""
+
+    LIMP = 0
+    """A guide leads it; the command follows the measured joints."""
+    HELD = 1
+    """None: the command stands still."""
+    JOINTS = 2
+    """It goes to given joint angles."""
+    HAND = 3
+    """The inverse kinematics, with which the hand follows its movement."""
 
 
 class ArmCommand(LeafSystem):
-    """Integrates the inverse kinematics' joint velocities into commands that keep all limits.
+    """Integrates joint velocities into commands that keep all limits.
 
-    While inactive the command brakes to a stand and stays. It starts from the measured position
-    when the diagram is initialized, so that nothing jumps; in a context that never was, from
-    `start_position`.
+    The velocities come from the inverse kinematics while a movement runs, and else from what the
+    arm's mode says; without any the command brakes to a stand and stays. It starts from the
+    measured position when the diagram is initialized, so that nothing jumps; in a context that
+    never was, from `start_position`.
 
     .. pydrake_system::
 
         name: ArmCommand
         input_ports:
-        - active
+        - movement
         - desired_velocity
         - measured_position
+        - arm_mode (optional)
+        - joint_target (optional)
+        - stop_reason (optional)
         output_ports:
         - position_command
         - velocity_command
+        - active
+        - limp
 
-    Inputs: `active` (1), 0 or 1; `desired_velocity` (5) [rad/s]; `measured_position` (5) [rad].
-    Outputs: `position_command` (5) [rad]; `velocity_command` (5) [rad/s].
+    Inputs: `movement`, abstract Movement; `desired_velocity` (5) of the inverse kinematics [rad/s],
+    evaluated while a movement runs only; `measured_position` (5) [rad]; `arm_mode` (1), an ArmMode,
+    HAND if unconnected; `joint_target` (5) [rad] of the mode JOINTS; `stop_reason` (1): while it is
+    not 0 commands do not pass, and the command follows the arm that is held.
+    Outputs: `position_command` (5) [rad]; `velocity_command` (5) [rad/s]; `active` (1), 1 while the
+    arm moves by itself: in JOINTS, and in HAND during a movement; `limp` (1), 1 while it is led.
     State: command position (5) and velocity (5), at `time_step`; at rest it does not change.
     The law is `planning.ik.command_limits.limit_joint_command`.
     """
@@ -43,39 +77,96 @@ class ArmCommand(LeafSystem):
         *,
         limits: CommandLimits,
         start_position: Sequence[float],
+        time_constant: float = 0.1,
         time_step: float = 0.01,
     ) -> None:
+        """Makes the system.
+
+        Args:
+            limits: Of the arm's joints.
+            start_position: (5,) [rad].
+            time_constant: With which the command follows a joint target [s].
+            time_step: [s].
+        """
         super().__init__()
-        self._limits, self._time_step = limits, time_step
-        self.active_input: InputPort = self.DeclareVectorInputPort("active", 1)
+        self._limits = limits
+        self._time_constant, self._time_step = time_constant, time_step
+        self.movement_input: InputPort = self.DeclareAbstractInputPort(
+            "movement", Value[object](None)
+        )
         self.desired_velocity_input: InputPort = self.DeclareVectorInputPort("desired_velocity", 5)
         self.measured_position_input: InputPort = self.DeclareVectorInputPort(
             "measured_position", 5
         )
-        self._position = self.DeclareDiscreteState(self._step(np.array(start_position), _REST)[0])
+        self.arm_mode_input: InputPort = self.DeclareVectorInputPort("arm_mode", 1)
+        self.joint_target_input: InputPort = self.DeclareVectorInputPort("joint_target", 5)
+        self.stop_reason_input: InputPort = self.DeclareVectorInputPort("stop_reason", 1)
+        self._position = self.DeclareDiscreteState(self._inside(np.array(start_position)))
         self._velocity = self.DeclareDiscreteState(5)
         self.DeclareStateOutputPort("position_command", self._position)
         self.DeclareStateOutputPort("velocity_command", self._velocity)
-        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
+        self._declare_flag("active", self._is_active)
+        self._declare_flag("limp", lambda context: self._mode(context) == ArmMode.LIMP)
+        self.DeclareInitializationDiscreteUpdateEvent(self._follow)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
-    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
-        position, _ = self._step(self.measured_position_input.Eval(context), _REST)
-        discrete_state.set_value(self._position, position)
+    def _declare_flag(self, name: str, calc: Callable[[Context], bool]) -> OutputPort:
+        def calc_flag(context: Context, output: BasicVector) -> None:
+            output.SetAtIndex(0, float(calc(context)))
+
+        return self.DeclareVectorOutputPort(
+            name, 1, calc_flag, {self.arm_mode_input.ticket(), self.movement_input.ticket()}
+        )
+
+    def _mode(self, context: Context) -> ArmMode:
+        if not self.arm_mode_input.HasValue(context):
+            return ArmMode.HAND
+        return ArmMode(int(self.arm_mode_input.Eval(context)[0]))
+
+    def _is_active(self, context: Context) -> bool:
+        mode = self._mode(context)
+        runs = mode == ArmMode.HAND and self.movement_input.Eval(context).runs
+        return runs or mode == ArmMode.JOINTS
+
+    def _follow(self, context: Context, discrete_state: DiscreteValues) -> None:
+        """Puts the command to where the arm is."""
+        discrete_state.set_value(
+            self._position, self._inside(self.measured_position_input.Eval(context))
+        )
         discrete_state.set_value(self._velocity, _REST)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        active = self.active_input.Eval(context)[0] > 0.5
-        velocity = context.get_discrete_state(self._velocity).value()
-        if not (active or velocity.any()):
+        stop_reason = self.stop_reason_input
+        if stop_reason.HasValue(context) and stop_reason.Eval(context)[0]:
+            self._follow(context, discrete_state)
             return
-        position, velocity = self._step(
-            context.get_discrete_state(self._position).value(),
-            velocity,
-            self.desired_velocity_input.Eval(context) if active else _REST,
-        )
+        velocity = context.get_discrete_state(self._velocity).value()
+        position = context.get_discrete_state(self._position).value()
+        desired = self._desired_velocity(context, position)
+        if desired is _REST and not velocity.any():
+            return
+        position, velocity = self._step(position, velocity, desired)
         discrete_state.set_value(self._position, position)
         discrete_state.set_value(self._velocity, velocity)
+
+    def _desired_velocity(self, context: Context, position: Vector) -> Vector:
+        mode = self._mode(context)
+        if mode == ArmMode.LIMP:
+            behind: Vector = self.measured_position_input.Eval(context) - position
+            return behind / (_CATCH_UP * self._time_step)
+        if mode == ArmMode.JOINTS:
+            to_go: Vector = self.joint_target_input.Eval(context) - position
+            return to_go / self._time_constant
+        if self._is_active(context):
+            wanted: Vector = self.desired_velocity_input.Eval(context)
+            return wanted
+        return _REST
+
+    def _inside(self, position: Vector) -> Vector:
+        """The position, put inside the limits."""
+        limits = self._limits
+        clipped = np.clip(position, limits.position_lower, limits.position_upper)
+        return self._step(clipped, _REST)[0]
 
     def _step(
         self, position: Vector, velocity: Vector, desired_velocity: Vector = _REST

@@ -17,16 +17,18 @@ class CloudClearance(LeafSystem):
         name: CloudClearance
         input_ports:
         - cloud
+        - predicted_cloud (optional)
         - joint_position
         - joint_velocity
         - active (optional)
         output_ports:
         - clearance
 
-    Inputs: `cloud`, a PointCloud in the torso frame T; `joint_position` (5) and `joint_velocity`
-    (5), the arm's, rad and rad/s. Output: `clearance` (1) [m]: the lesser of now and of `lookahead`
-    later at this velocity; infinite before the first tick, for an empty cloud, and while `active`
-    (1) is 0: an arm at rest has nothing to watch. State: the same, every `time_step`.
+    Inputs: `cloud` and `predicted_cloud`, PointClouds in the torso frame T; `joint_position` (5)
+    and `joint_velocity` (5), the arm's [rad, rad/s]. Output: `clearance` (1) [m]: the lesser of now
+    and of `lookahead` later at this velocity; infinite before the first tick, for an empty cloud,
+    and while `active` (1) is 0: an arm at rest has nothing to watch. State: the same, every
+    `time_step`.
 
     Args:
         geometry: Of the arm.
@@ -48,10 +50,15 @@ class CloudClearance(LeafSystem):
         super().__init__()
         self._geometry, self._lookahead = geometry, lookahead
         self.cloud_input: InputPort = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
+        self.predicted_cloud_input: InputPort = self.DeclareAbstractInputPort(
+            "predicted_cloud", Value(PointCloud())
+        )
         self.joint_position_input: InputPort = self.DeclareVectorInputPort("joint_position", 5)
         self.joint_velocity_input: InputPort = self.DeclareVectorInputPort("joint_velocity", 5)
         self.active_input: InputPort = self.DeclareVectorInputPort("active", 1)
-        self._field = ObstacleFieldCache(self, self.cloud_input, extension)
+        self._field = ObstacleFieldCache(
+            self, self.cloud_input, self.predicted_cloud_input, extension=extension
+        )
         self._clearance = self.DeclareDiscreteState([np.inf])
         self.DeclareStateOutputPort("clearance", self._clearance)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)

@@ -69,11 +69,11 @@ def test_two_noisy_images_of_a_scene_at_rest_are_good():
         (np.zeros((0, 0, 1), np.uint16), DepthFault.MISSING),
         (np.ones((120, 160), np.uint16), DepthFault.WRONG_SIZE),
         (np.ones((*SHAPE, 3), np.uint16), DepthFault.WRONG_SIZE),
-        (np.zeros(SHAPE, np.uint16), DepthFault.BLANK),
-        (np.full(SHAPE, 65535, np.uint16), DepthFault.BLANK),
+        (np.zeros(SHAPE, np.uint16), DepthFault.NONE),
+        (np.full(SHAPE, 65535, np.uint16), DepthFault.NONE),
         (np.full(SHAPE, 500, np.uint16), DepthFault.CONSTANT),
         (np.full((*SHAPE, 1), 500, np.uint16), DepthFault.CONSTANT),
-        (np.full(SHAPE, np.inf, np.float32), DepthFault.BLANK),
+        (np.full(SHAPE, np.nan, np.float32), DepthFault.NONE),
     ],
 )
 def test_images_that_are_none_by_themselves(image, fault):
@@ -93,12 +93,32 @@ def test_the_same_bits_again_are_of_a_camera_that_hangs():
     assert single(changed, image) == DepthFault.NONE
 
 
-def test_all_nan_is_blank():
-    depth = np.zeros(SHAPE, np.float32)
-    assert depth_fault(depth, X_WC, points(scene()), CAMERA, PARAMETERS) == DepthFault.BLANK
+UP = RigidTransform(RollPitchYaw(-np.pi / 2 + 0.3, 0, -np.pi / 2), [0.0, 0.0, 1.2])
+NOTHING = np.zeros(SHAPE, np.float32)
+
+
+def test_nothing_is_blank_where_something_is_known_to_be():
+    assert depth_fault(NOTHING, X_WC, points(scene()), CAMERA, PARAMETERS) == DepthFault.BLANK
+    # The floor is known to be there before anything was seen.
+    assert depth_fault(NOTHING, X_WC, np.zeros((0, 3)), CAMERA, PARAMETERS) == DepthFault.BLANK
+    # The upper side of a thing before a camera that looks up.
+    above = np.random.default_rng(0).uniform([0.8, -0.2, 1.3], [0.9, 0.2, 1.6], (200, 3))
+    assert depth_fault(NOTHING, UP, above, CAMERA, PARAMETERS) == DepthFault.BLANK
+    # A few pixels of noise make no image.
+    speckled = NOTHING.copy()
+    speckled[::60, ::60] = 0.7
+    assert depth_fault(speckled, X_WC, points(scene()), CAMERA, PARAMETERS) == DepthFault.BLANK
+
+
+def test_before_an_empty_hall_nothing_is_right():
+    assert depth_fault(NOTHING, UP, points(scene()), CAMERA, PARAMETERS) == DepthFault.NONE
+    blank = np.zeros(SHAPE, np.uint16)
+    assert single(blank, blank) == DepthFault.NONE
+
+
+def test_a_camera_that_shows_only_things_may_show_none():
     things = ValidityParameters(shows_all=False)
-    assert depth_fault(depth, X_WC, points(scene()), CAMERA, things) == DepthFault.NONE
-    assert single(np.zeros(SHAPE, np.uint16), parameters=things) == DepthFault.NONE
+    assert depth_fault(NOTHING, X_WC, points(scene()), CAMERA, things) == DepthFault.NONE
 
 
 @given(scale=st.floats(0.5, 2.0))

@@ -4,6 +4,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
 from pepper_drake.systems.primitive.hand_goal_pose import HandGoalPose
+from tests.systems.motion_example import moving
 
 
 def pose(rpy, p):
@@ -21,11 +22,12 @@ def outputs(system, context):
 
 
 def start():
-    system = HandGoalPose(X_OG, time_step=0.01)
+    system = HandGoalPose(time_step=0.01)
     simulator = Simulator(system)
     context = simulator.get_mutable_context()
     system.object_pose_input.FixValue(context, X_WO)
     system.torso_pose_input.FixValue(context, X_WT)
+    system.movement_input.FixValue(context, moving(None, 0, X_OG=X_OG))
     simulator.Initialize()
     return system, simulator, context
 
@@ -58,7 +60,7 @@ def test_it_is_held_over_a_tick_and_follows_at_the_next(name):
 def test_another_pre_grasp_pose_counts_at_once():
     system, _, context = start()
     X_OG_2 = pose([0.3, 0.2, -0.1], [-0.1, 0.0, 0.2])
-    system.X_OG_input.FixValue(context, X_OG_2)
+    system.movement_input.FixValue(context, moving(None, X_OG=X_OG_2))
     expected = X_WT.inverse() @ X_WO @ X_OG_2
     position, orientation = outputs(system, context)
     np.testing.assert_allclose(position, expected.translation(), atol=1e-12)
@@ -67,15 +69,17 @@ def test_another_pre_grasp_pose_counts_at_once():
 
 @pytest.mark.parametrize("name", ["goal_position", "goal_orientation"])
 def test_nothing_but_the_pre_grasp_pose_is_fed_through(name):
-    system = HandGoalPose(X_OG)
+    system = HandGoalPose()
     goal = system.GetOutputPort(name).get_index()
     ports = [system.get_input_port(k) for k in range(system.num_input_ports())]
     fed = [p for p in ports if system.HasDirectFeedthrough(p.get_index(), goal)]
-    assert fed == [system.X_OG_input]
+    assert fed == [system.movement_input]
 
 
 def test_before_initialization_the_object_is_at_the_torso():
-    system = HandGoalPose(X_OG)
-    position, orientation = outputs(system, system.CreateDefaultContext())
+    system = HandGoalPose()
+    context = system.CreateDefaultContext()
+    system.movement_input.FixValue(context, moving(None, 0, X_OG=X_OG))
+    position, orientation = outputs(system, context)
     np.testing.assert_allclose(position, X_OG.translation(), atol=1e-15)
     np.testing.assert_allclose(orientation, X_OG.rotation().ToQuaternion().wxyz(), atol=1e-15)

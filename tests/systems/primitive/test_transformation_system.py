@@ -5,7 +5,7 @@ from pydrake.symbolic import Expression, Variable
 
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.transformation_system import TransformationSystem
-from tests.systems.motion_example import STEP, learn
+from tests.systems.motion_example import STEP, learn, moving
 
 
 @pytest.fixture(scope="module")
@@ -18,8 +18,9 @@ def unscaled():
     return learn("none")
 
 
-def discrete_path_end(system, inputs, steps, alpha_x, tau, make):
+def discrete_path_end(system, primitive, inputs, steps, make):
     """Steps a TransformationSystem of any scalar; returns its position."""
+    alpha_x, tau = primitive.translation.alpha_x, primitive.duration
     context = system.CreateDefaultContext()
 
     def fix(name, values):
@@ -32,7 +33,7 @@ def discrete_path_end(system, inputs, steps, alpha_x, tau, make):
     fix("tau", [tau])
     for k in range(-1, steps):
         phase = np.exp(-alpha_x * max(k, 0) * STEP / tau)
-        fix("active", [float(k >= 0)])
+        system.GetInputPort("movement").FixValue(context, moving(primitive, k >= 0))
         fix("phase", [phase])
         fix("phase_velocity", [-alpha_x * phase / tau])
         context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
@@ -40,7 +41,7 @@ def discrete_path_end(system, inputs, steps, alpha_x, tau, make):
 
 
 def test_gradient_of_the_path_by_weights_and_goal(primitive):
-    steps, tau = 40, primitive.duration
+    steps = 40
     weights = primitive.weights.ravel()
     values = np.concatenate((weights, primitive.goal))
     variables = InitializeAutoDiff(values).ravel()
@@ -51,14 +52,13 @@ def test_gradient_of_the_path_by_weights_and_goal(primitive):
     system = TransformationSystem(primitive, start_moving=True).ToAutoDiffXd()
     position = discrete_path_end(
         system,
+        primitive,
         {
             "weights": variables[:-3],
             "goal_position": variables[-3:],
             "start_position": constants(primitive.start),
         },
         steps,
-        primitive.translation.alpha_x,
-        tau,
         constants,
     )
 
@@ -79,17 +79,14 @@ def test_gradient_of_the_path_by_weights_and_goal(primitive):
 def test_continuous_systems_have_a_symbolic_form(unscaled):
     system = CanonicalSystem(unscaled, time_step=0.0).ToSymbolic()
     context = system.CreateDefaultContext()
-    active, x = Expression(Variable("active")), Expression(Variable("x"))
-    system.GetInputPort("active").FixValue(context, [active])
-    context.SetContinuousState([x])
-    rate = system.EvalTimeDerivatives(context).CopyToVector()[0]
-    value = rate.Evaluate({v: {"active": 1.0, "x": 0.5}[v.get_name()] for v in rate.GetVariables()})
+    system.GetInputPort("movement").FixValue(context, moving(unscaled))
+    context.SetContinuousState([Expression(x := Variable("x"))])
+    value = system.EvalTimeDerivatives(context).CopyToVector()[0].Evaluate({x: 0.5})
     assert value == pytest.approx(-0.5 * unscaled.translation.alpha_x / unscaled.duration)
 
     plain = TransformationSystem(unscaled, time_step=0.0)
     symbolic = plain.ToSymbolic()
     numbers = {
-        "active": [1.0],
         "phase": [0.3],
         "phase_velocity": [-1.0],
         "tau": [1.4],
@@ -101,6 +98,7 @@ def test_continuous_systems_have_a_symbolic_form(unscaled):
     contexts = [system.CreateDefaultContext() for system in (plain, symbolic)]
     for context, one in zip(contexts, (plain, symbolic), strict=True):
         convert = (lambda v: v) if one is plain else (lambda v: [Expression(x) for x in v])
+        one.GetInputPort("movement").FixValue(context, moving(unscaled))
         for name, values in numbers.items():
             one.GetInputPort(name).FixValue(context, convert(values))
         context.SetContinuousState(convert(state))

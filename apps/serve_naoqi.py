@@ -1,0 +1,161 @@
+"""Serve a simulated Pepper to any NAOqi client, at an address that programs take for a robot's.
+
+The robot has dynamics, contacts, cameras with noise and time stamps, and arms that go limp. Its
+clock slows where the machine is too slow. `--extras-port` serves what no robot knows: the truth.
+
+    python apps/serve_naoqi.py --scene table
+    python -c 'import qi; s = qi.Session(); s.connect("tcp://127.0.0.1:9559"); ...'
+"""
+
+import asyncio
+import contextlib
+import math
+import signal
+import time
+from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Callable
+from pathlib import Path
+
+from pepper_drake import cli
+from pepper_drake.cli_scene import add_scene_options, chosen_scene
+from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
+from pepper_drake.robot_server.connection import Credentials
+from pepper_drake.robot_server.extras import make_extras
+from pepper_drake.robot_server.served_pepper import ServedPepper
+from pepper_drake.robot_server.server import LOOPBACK, PORT, QiServer
+from pepper_drake.robot_server.serving import keep_serving
+from pepper_drake.robot_server.simulated_robot import SimulatedRobot
+from pepper_drake.robot_server.simulator import SimulatorConfig
+from pepper_drake.robot_server.tls import server_context
+
+
+def make_parser() -> ArgumentParser:
+    """Makes the parser of the command line."""
+    parser = cli.make_parser("serve_naoqi", __doc__)
+    add_scene_options(parser)
+    parser.add_argument("--port", type=port, default=PORT, help="port (default: %(default)s)")
+    parser.add_argument(
+        "--extras-port",
+        type=port,
+        metavar="PORT",
+        help="port of the truth and of faults (default: the next one)",
+    )
+    parser.add_argument(
+        "--host",
+        default=LOOPBACK,
+        metavar="ADDRESS",
+        help="listen at this address of the machine, 0.0.0.0 for all; then a password is demanded "
+        "(default: this computer only)",
+    )
+    parser.add_argument(
+        "--password-file",
+        type=Path,
+        metavar="FILE",
+        help="file with USER:PASSWORD in its first line, which clients have to give",
+    )
+    parser.add_argument("--tls", action="store_true", help="serve tcps, encrypted, instead of tcp")
+    parser.add_argument(
+        "--rate",
+        type=rate,
+        default=1.0,
+        help="rate of the robot's clock beside the wall's, such as 0.5 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--turbo", action="store_true", help="simulate as fast as the machine can, for tests"
+    )
+    return parser
+
+
+def port(text: str) -> int:
+    """Reads a port from the command line; 0 takes a free one."""
+    if not text.isdecimal() or int(text) > 65535:
+        raise ArgumentTypeError(f'"{text}" is no port; give a number from 0 to 65535')
+    return int(text)
+
+
+def rate(text: str) -> float:
+    """Reads the rate of the robot's clock."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.01 <= value <= 1.0:
+        raise ArgumentTypeError(f'"{text}" is no rate; give a number from 0.01 to 1')
+    return value
+
+
+def read_credentials(path: Path | None) -> Credentials | None:
+    """Reads user and password.
+
+    Raises:
+        InputError: The file has no line USER:PASSWORD.
+    """
+    if path is None:
+        return None
+    user, colon, password = read_text(path).partition("\n")[0].strip().partition(":")
+    if not colon or not password:
+        raise InputError(f"{path}, line 1: must be USER:PASSWORD")
+    return Credentials(user, password)
+
+
+async def serve(
+    robot: SimulatedRobot,
+    make_server: Callable[..., QiServer],
+    ports: tuple[int, int | None],
+    say: Callable[[str], None],
+) -> None:
+    """Serves the robot until the program is interrupted."""
+    pepper = ServedPepper(robot, log=say)
+    server = make_server(pepper.services, port=ports[0])
+    pepper.finder = server
+    await server.start()
+    extras_port = ports[1] if ports[1] is not None else server.port + 1 if ports[0] else 0
+    extras = make_server([make_extras(robot)], port=extras_port)
+    await extras.start()
+    say(f"Pepper is served at {server.address}, what no robot knows at {extras.address}")
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    try:
+        await keep_serving(pepper, robot, stop, say)
+    finally:
+        await server.close()
+        await extras.close()
+
+
+def main() -> int:
+    """Runs the app."""
+    options = make_parser().parse_args()
+    cli.quiet_libraries()
+    credentials = read_credentials(options.password_file)
+
+    def say(line: str) -> None:
+        if not options.quiet:
+            print(line, flush=True)
+
+    tls = server_context(options.host) if options.tls else None
+
+    def make_server(services: list, *, port: int) -> QiServer:
+        return QiServer(
+            services, host=options.host, port=port, credentials=credentials, tls=tls, log=say
+        )
+
+    make_server([], port=0)  # A door that must not be opened is refused before the robot starts.
+    config = SimulatorConfig(
+        chosen_scene(options),
+        options.seed,
+        0.0 if options.turbo else options.rate,
+        epoch=time.time(),
+    )
+    with SimulatedRobot(config) as robot:
+        robot.wait_until_ready()
+        with contextlib.suppress(KeyboardInterrupt):
+            ports = options.port, options.extras_port
+            asyncio.run(serve(robot, make_server, ports, say))
+    return cli.EXIT_DONE
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,226 @@
+"""THE arm controller: from a movement and what is perceived to the arm's next joint command."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.primitives import MatrixGain
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
+from pepper_drake.models.control_model import ControlModel, arm_joints
+from pepper_drake.planning.ik.differential_ik import (
+    DifferentialIkParams,
+    hand_key,
+    make_differential_ik,
+)
+from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
+from pepper_drake.systems.primitive.coupling_sum import CouplingSum
+from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
+from pepper_drake.systems.primitive.hand_goal_pose import HandGoalPose
+from pepper_drake.systems.primitive.nominal_posture import NominalPosture
+from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
+from pepper_drake.systems.primitive.orientation_transformation_system import (
+    OrientationTransformationSystem,
+)
+from pepper_drake.systems.primitive.phase_stopping_coupling import PhaseStoppingCoupling
+from pepper_drake.systems.primitive.transformation_system import TransformationSystem
+from pepper_drake.systems.robot.arm_command import ArmCommand
+from pepper_drake.systems.robot.pose_vectors import PoseVectors
+
+
+class ArmController(Diagram):
+    """Canonical and transformation systems, couplings, inverse kinematics and joint command.
+
+    .. pydrake_system::
+
+        name: ArmController
+        input_ports:
+        - movement
+        - object_pose
+        - torso_pose
+        - hand_pose
+        - arm_position
+        - cloud (optional)
+        - predicted_cloud (optional)
+        - slowdown (optional)
+        - external_coupling (optional)
+        - arm_mode (optional)
+        - joint_target (optional)
+        - stop_reason (optional)
+        output_ports:
+        - position_command
+        - velocity_command
+        - desired_position
+        - desired_orientation
+        - goal_position
+        - phase
+        - tau
+        - slowdown
+        - coupling
+        - active
+        - limp
+
+    Inputs: `movement`, abstract Movement; `object_pose` X_WO, `torso_pose` X_WT and `hand_pose`
+    X_TH (RigidTransform); `arm_position` (5), measured [rad]; `cloud` and `predicted_cloud`, where
+    obstacles are and where moving ones will be soon (PointCloud in T [m]); `slowdown` (1) and
+    `external_coupling` (3) [m], which are added to those of the obstacles; `arm_mode`,
+    `joint_target` and `stop_reason`: see `ArmCommand`.
+
+    Outputs: `position_command` (5) [rad] and `velocity_command` (5) [rad/s] of the arm's joints;
+    `desired_position` (3) [m] and `desired_orientation` (4; w, x, y, z) of the hand in T;
+    `goal_position` (3), the hand's goal in T [m]; `phase` (1), `tau` (1) [s]; `slowdown` (1) and
+    `coupling` (3) [m], all that acts on phase and position; `active` (1), 1 while the arm moves by
+    itself; `limp` (1), 1 while it is led.
+    """
+
+    def __init__(
+        self,
+        model: ControlModel,
+        arm: str,
+        primitive: MovementPrimitive,
+        start_position: Sequence[float],
+        *,
+        ik: DifferentialIkParams | None = None,
+        phase_stopping: PhaseStopping | None = None,
+    ) -> None:
+        """Makes the controller.
+
+        Args:
+            model: Pepper.
+            arm: "left" or "right".
+            primitive: An example of what is performed, with orientation and posture.
+            start_position: (5,) of the arm in contexts that are not initialized [rad].
+            ik: Parameters of the inverse kinematics, with the controller's period.
+            phase_stopping: How the movement waits for a hand that is pushed; None: it does not.
+
+        Raises:
+            InputError: The primitive has no orientation or no posture.
+        """
+        super().__init__()
+        if primitive.posture is None or primitive.orientation is None:
+            raise InputError(
+                f"primitive {primitive.name}: it has no orientation or no posture; learn it from "
+                "a demonstration with rotations and joints"
+            )
+        self._ik = ik or DifferentialIkParams()
+        self._builder = builder = DiagramBuilder()
+        self._add_primitive(primitive)
+        self._add_couplings(phase_stopping)
+        self._add_joints(model, arm, start_position)
+        self._export()
+        del self._builder
+        builder.BuildInto(self)
+
+    def _connect(self, source: System, target: System, *names: str, **renamed: str) -> None:
+        """Connects outputs to inputs of the same name, or of another: output="input"."""
+        for name, port in [*zip(names, names, strict=True), *renamed.items()]:
+            self._builder.Connect(source.GetOutputPort(name), target.GetInputPort(port))
+
+    def _add_primitive(self, primitive: MovementPrimitive) -> None:
+        """Canonical system and both transformation systems, from the hand to its goal."""
+        add, time_step = self._builder.AddNamedSystem, self._ik.time_step
+        self._goal = add("hand_goal", HandGoalPose(time_step=time_step))
+        self._hand = add("hand_pose", PoseVectors())
+        self._canonical = add("canonical_system", CanonicalSystem(primitive, time_step=time_step))
+        self._translation = add(
+            "transformation_system", TransformationSystem(primitive, time_step=time_step)
+        )
+        self._rotation = add(
+            "orientation_transformation_system",
+            OrientationTransformationSystem(primitive, time_step=time_step),
+        )
+        self._connect(self._goal, self._canonical, "goal_position")
+        for system, kind in ((self._translation, "position"), (self._rotation, "orientation")):
+            self._connect(self._canonical, system, "phase", "phase_velocity", "tau")
+            self._connect(self._goal, system, f"goal_{kind}")
+            self._connect(self._hand, system, **{kind: f"start_{kind}"})
+
+    def _add_couplings(self, phase_stopping: PhaseStopping | None) -> None:
+        """Adds what slows the movement down and bends it."""
+        add, translation = self._builder.AddNamedSystem, self._translation
+        self._obstacles = add("obstacle_coupling", ObstacleCoupling())
+        self._connect(translation, self._obstacles, "position", "velocity", "nominal_acceleration")
+        self._connect(self._goal, self._obstacles, "goal_position")
+        self._connect(self._canonical, self._obstacles, "tau")
+        self._sum = add("total_coupling", CouplingSum(3))
+        self._connect(self._obstacles, self._sum, slowdown="slowdown_0", coupling="coupling_0")
+        self._connect(self._sum, self._canonical, "slowdown")
+        self._connect(self._sum, translation, "coupling")
+        self._performers: list[System] = []
+        if phase_stopping is not None:
+            waiting = add(
+                "phase_stopping", PhaseStoppingCoupling(phase_stopping, self._ik.time_step)
+            )
+            self._connect(translation, waiting, position="desired_position")
+            self._connect(self._hand, waiting, position="measured_position")
+            self._connect(waiting, self._sum, slowdown="slowdown_2", coupling="coupling_2")
+            self._performers.append(waiting)
+
+    def _add_joints(self, model: ControlModel, arm: str, start: Sequence[float]) -> None:
+        """From the hand's next pose to the arm's next command."""
+        add, params = self._builder.AddNamedSystem, self._ik
+        bus = add("feedforward_pose", FeedforwardPose(hand_key(arm), params.tracking_gain))
+        for system, kind in ((self._translation, "position"), (self._rotation, "orientation")):
+            self._connect(system, bus, kind, f"next_{kind}")
+        self._posture = add("nominal_posture", NominalPosture())
+        self._connect(self._canonical, self._posture, "phase")
+        ik = add("differential_ik", make_differential_ik(model, arm, params))
+        self._connect(bus, ik, "desired_cartesian_poses")
+        self._command = add(
+            "arm_command",
+            ArmCommand(
+                limits=model.command_limits(arm_joints(arm), speed_fraction=params.speed_fraction),
+                start_position=start,
+                time_step=params.time_step,
+            ),
+        )
+        self._connect(ik, self._command, commanded_velocity="desired_velocity")
+        # The hand's pose in T depends on the arm's joints alone, so all others may be zero.
+        widen = np.zeros((model.plant.num_positions(), 5))
+        widen[model.position_indices(arm_joints(arm)), range(5)] = 1
+        for source, output, port in (
+            (self._command, "position_command", "position"),
+            (self._posture, "joint_position", "nominal_posture"),
+        ):
+            wide = add(f"ik_{port}", MatrixGain(D=widen))
+            self._builder.Connect(source.GetOutputPort(output), wide.get_input_port())
+            self._builder.Connect(wide.get_output_port(), ik.GetInputPort(port))
+
+    def _export(self) -> None:
+        """Exports the ports; `movement` goes to all that perform it."""
+        builder, goal, command = self._builder, self._goal, self._command
+        performers = [goal, self._canonical, self._translation, self._rotation, self._obstacles]
+        performers += [self._posture, command, *self._performers]
+        builder.ExportInput(performers[0].GetInputPort("movement"), "movement")
+        for system in performers[1:]:
+            builder.ConnectInput("movement", system.GetInputPort("movement"))
+        for system, port, name in (
+            (goal, "object_pose", "object_pose"),
+            (goal, "torso_pose", "torso_pose"),
+            (self._hand, "pose", "hand_pose"),
+            (command, "measured_position", "arm_position"),
+            (self._obstacles, "cloud", "cloud"),
+            (self._obstacles, "predicted_cloud", "predicted_cloud"),
+            (self._sum, "slowdown_1", "slowdown"),
+            (self._sum, "coupling_1", "external_coupling"),
+            (command, "arm_mode", "arm_mode"),
+            (command, "joint_target", "joint_target"),
+            (command, "stop_reason", "stop_reason"),
+        ):
+            builder.ExportInput(system.GetInputPort(port), name)
+        for system, port, name in (
+            (command, "position_command", "position_command"),
+            (command, "velocity_command", "velocity_command"),
+            (self._translation, "position", "desired_position"),
+            (self._rotation, "orientation", "desired_orientation"),
+            (goal, "goal_position", "goal_position"),
+            (self._canonical, "phase", "phase"),
+            (self._canonical, "tau", "tau"),
+            (self._sum, "slowdown", "slowdown"),
+            (self._sum, "coupling", "coupling"),
+            (command, "active", "active"),
+            (command, "limp", "limp"),
+        ):
+            builder.ExportOutput(system.GetOutputPort(port), name)

@@ -1,0 +1,36 @@
+"""What no robot knows, as a service on a port of its own: the truth of the simulation."""
+
+from typing import Any
+
+from pepper_drake.robot_server.service import Service
+from pepper_drake.robot_server.simulated_robot import SimulatedRobot
+
+
+def make_extras(robot: SimulatedRobot) -> Service:
+    """Makes the service `PepperDrake`.
+
+    Args:
+        robot: The simulated robot.
+    """
+
+    def truth() -> dict[str, Any]:
+        now = robot.record()
+        return {
+            "time": [int(now["time"]), int(1e6 * (now["time"] % 1.0))],
+            "rate": float(now["rate"]),
+            "contacts": int(now["contacts"]),
+            "base_pose": [float(v) for v in now["base_pose"]],
+            "left_hand": [float(v) for v in now["left_hand"]],
+            "right_hand": [float(v) for v in now["right_hand"]],
+            "goal": [float(v) for v in now["goal"]],
+        }
+
+    service = Service("PepperDrake", "What no robot knows.")
+    service.add_method(
+        "groundTruth",
+        "()",
+        "m",
+        truth,
+        description="Hands and goal in the world [m], base x, y, theta, number of contacts.",
+    )
+    return service

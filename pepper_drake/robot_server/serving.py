@@ -1,0 +1,45 @@
+"""The services' cycle beside the robot's clock."""
+
+import asyncio
+from collections.abc import Callable
+
+from pepper_drake.naoqi.constants import CYCLE
+from pepper_drake.robot_server.served_pepper import ServedPepper
+from pepper_drake.robot_server.simulated_robot import SimulatedRobot
+from pepper_drake.robot_server.simulator import SLOWEST_SHOWN
+
+_LOOK = 0.002
+"""Time between two looks at the robot's clock [s]."""
+_SETTLED = 250
+"""Cycles after which the clock's rate is known."""
+
+
+async def keep_serving(
+    pepper: ServedPepper, robot: SimulatedRobot, stop: asyncio.Event, say: Callable[[str], None]
+) -> None:
+    """Steps the services once for each 20 ms of the robot's clock, until told to stop.
+
+    After a pause cycles are left out, as ALMotion does, and never run in a burst.
+
+    Args:
+        pepper: The services.
+        robot: The robot.
+        stop: Set to end.
+        say: Takes a line for people.
+
+    Raises:
+        PepperDrakeError: The simulation ended.
+    """
+    cycle, cycles, told = -1, 0, False
+    while not stop.is_set():
+        now = round(robot.state().time / CYCLE)
+        if now != cycle:
+            cycle, cycles = now, cycles + 1
+            pepper.step()
+            if cycles % 50 == 0:
+                robot.check()
+                rate = float(robot.record()["rate"])
+                if not told and cycles > _SETTLED and rate < SLOWEST_SHOWN:
+                    told = True
+                    say(f"this machine is too slow: the robot's clock runs at {rate:.2f}")
+        await asyncio.sleep(_LOOK)

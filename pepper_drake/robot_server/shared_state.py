@@ -1,0 +1,87 @@
+"""State, commands and images shared by two processes without a lock.
+
+Each block has one writer. A count before and after its content (a seqlock) tells a reader that
+the content changed while it was copied; it then copies again.
+"""
+
+from dataclasses import dataclass
+from multiprocessing import shared_memory
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Record = npt.NDArray[np.void]
+
+_TRIES = 1000
+
+
+class SharedRecord:
+    """One record of a structured dtype in shared memory, with one writer."""
+
+    def __init__(self, dtype: np.dtype[Any], name: str | None = None) -> None:
+        """Makes the record, or opens the one of a name.
+
+        Args:
+            dtype: Layout of the content.
+            name: As `name` of the process that made it; None to make one.
+        """
+        self._dtype = np.dtype([("before", np.int64), ("content", dtype), ("after", np.int64)])
+        self._memory = shared_memory.SharedMemory(name, name is None, self._dtype.itemsize)
+        self._owner = name is None
+        self._record = np.ndarray((), self._dtype, self._memory.buf)
+        if name is None:
+            self._record["before"] = self._record["after"] = 0
+
+    @property
+    def name(self) -> str:
+        """Name under which another process opens it."""
+        return self._memory.name
+
+    @property
+    def writes(self) -> int:
+        """How often the record was written."""
+        return int(self._record["after"])
+
+    def write(self, **fields: Any) -> None:
+        """Writes some fields; the others keep their values."""
+        number = int(self._record["after"]) + 1
+        self._record["before"] = number
+        for name, value in fields.items():
+            self._record["content"][name] = value
+        self._record["after"] = number
+
+    def read(self) -> Record:
+        """Returns a copy of the content as it was at one moment.
+
+        Raises:
+            RuntimeError: The writer stopped in the middle of a write.
+        """
+        for _ in range(_TRIES):
+            after = int(self._record["after"])
+            content = self._record["content"].copy()
+            if int(self._record["before"]) == after == int(self._record["after"]):
+                return np.asarray(content)
+        raise RuntimeError("the other process stopped while it wrote")
+
+    def close(self) -> None:
+        """Lets the memory go; who made it removes it."""
+        del self._record
+        self._memory.close()
+        if self._owner:
+            self._memory.unlink()
+
+
+@dataclass(frozen=True)
+class SharedNames:
+    """Names of the records of one robot.
+
+    Attributes:
+        state: Written by the simulator.
+        command: Written by the server.
+        images: Written by the simulator, one for each camera.
+    """
+
+    state: str
+    command: str
+    images: tuple[str, ...]

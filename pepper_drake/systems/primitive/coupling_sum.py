@@ -1,0 +1,45 @@
+"""The sum of what slows a movement down, and of what bends it."""
+
+from functools import partial
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
+
+
+class CouplingSum(LeafSystem):
+    """Adds up couplings, of which each may be missing.
+
+    .. pydrake_system::
+
+        name: CouplingSum
+        input_ports:
+        - slowdown_0 (optional)
+        - coupling_0 (optional)
+        - ...
+        output_ports:
+        - slowdown
+        - coupling
+
+    Inputs and outputs: `slowdown` (1) >= 0 for a CanonicalSystem, `coupling` (3) [m] for a
+    TransformationSystem. No state.
+    """
+
+    def __init__(self, count: int) -> None:
+        """Makes the system.
+
+        Args:
+            count: Of couplings.
+        """
+        super().__init__()
+        for name, size in (("slowdown", 1), ("coupling", 3)):
+            terms = [self.DeclareVectorInputPort(f"{name}_{k}", size) for k in range(count)]
+            self.DeclareVectorOutputPort(
+                name, size, partial(self._calc, terms), {term.ticket() for term in terms}
+            )
+
+    def _calc(self, terms: list[InputPort], context: Context, output: BasicVector) -> None:
+        total = np.zeros(output.size())
+        for term in terms:
+            if term.HasValue(context):
+                total += term.Eval(context)
+        output.SetFromVector(total)

@@ -1,0 +1,80 @@
+"""A libqi program against the app, as its user starts it."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+APP = Path(__file__).parents[2] / "apps" / "serve_naoqi.py"
+
+CLIENT = textwrap.dedent(
+    """
+    import json, os, sys, time, qi
+    qi.logging.setLevel(qi.logging.FATAL)
+    app = qi.Application(["test"], raw=True)
+    session, truth = qi.Session(), qi.Session()
+    session.connect(sys.argv[1]); truth.connect(sys.argv[2])
+    motion, video = session.service("ALMotion"), session.service("ALVideoDevice")
+    extras = truth.service("PepperDrake")
+    before = extras.groundTruth()
+    handle = video.subscribeCamera("test", 0, 2, 11, 10)
+    depth = video.subscribeCamera("test", 2, 1, 17, 5)
+    motion.angleInterpolation(["HeadYaw", "RShoulderPitch"], [0.3, 1.0], [1.0, 1.0], True)
+    time.sleep(0.5)
+    motion.moveTo(0.1, 0.0, 0.0)
+    time.sleep(1.0)
+    image, ranges = video.getImageRemote(handle), video.getImageRemote(depth)
+    after = extras.groundTruth()
+    motion.setStiffnesses("RArm", 0.0)
+    result = {
+        "angles": motion.getAngles(["HeadYaw", "RShoulderPitch"], True),
+        "image": [image[0], image[1], len(image[6])],
+        "depth": [ranges[0], ranges[1], len(ranges[6])],
+        "way": after["base_pose"][0] - before["base_pose"][0],
+    }
+    print(json.dumps(result)); sys.stdout.flush(); os._exit(0)
+    """
+)
+
+
+@pytest.mark.render
+def test_a_program_for_a_robot_finds_one():
+    pytest.importorskip("qi", reason="libqi is in the naoqi extra")
+    app = subprocess.Popen(
+        [sys.executable, str(APP), "--port", "0"], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        addresses = re.findall(r"tcp://[\d.:]+", app.stdout.readline())
+        ran = subprocess.run(
+            [sys.executable, "-c", CLIENT, *addresses], capture_output=True, text=True, timeout=120
+        )
+        assert ran.returncode == 0, ran.stderr[-2000:]
+    finally:
+        app.send_signal(signal.SIGINT)
+        assert app.wait(30) == 0
+    result = json.loads(ran.stdout.splitlines()[-1])
+    assert result["angles"] == pytest.approx([0.3, 1.0], abs=0.03)
+    assert result["image"] == [640, 480, 640 * 480 * 3]
+    assert result["depth"] == [320, 240, 320 * 240 * 2]
+    assert result["way"] == pytest.approx(0.1, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--host", "0.0.0.0"], "--password-file"),
+        (["--password-file", "/nowhere/at/all"], "no such file"),
+        (["--rate", "7"], "is no rate"),
+        (["--port", "x"], "is no port"),
+    ],
+)
+def test_what_cannot_be_served_is_refused_in_one_line(run_app, options, sentence):
+    ran = run_app("serve_naoqi", *options)
+    assert ran.returncode == 2
+    assert sentence in ran.stderr
+    assert ran.stderr.count("\n") == 1
