@@ -1,0 +1,482 @@
+"""The link to a robot: it keeps ALMotion's beat, measures, streams commands and guards both sides.
+
+It runs in a process of its own (`link_process`), since a thread beside a simulation is late by
+tens of milliseconds. All its calls are made from one asyncio loop.
+"""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.hardware.camera_reader import CameraReader
+from pepper_drake.hardware.hand_over import hand_over
+from pepper_drake.hardware.link_fault import LinkFault
+from pepper_drake.hardware.mailbox import (
+    CAMERA_NAMES,
+    END,
+    HAND_OVER,
+    HOLD,
+    STREAM,
+    Mailbox,
+)
+from pepper_drake.hardware.transport import Transport
+from pepper_drake.models.control_model import (
+    BODY_JOINTS,
+    CommandLimits,
+    arm_joints,
+    body_indices,
+    shared_control_model,
+)
+from pepper_drake.models.pepper import JOINT_GROUPS, clamp_coupled_limits
+from pepper_drake.naoqi.clock import (
+    ClockOffset,
+    ClockSample,
+    MeasurementHistory,
+    clock_offset,
+    join_time,
+)
+from pepper_drake.naoqi.constants import BODY, CYCLE
+from pepper_drake.naoqi.streaming import LARGEST_FRACTION, lookahead, streamed_command
+
+Vector = npt.NDArray[np.float64]
+
+FRESH = 0.1
+"""Age above which neither a state nor a command counts any more [s]."""
+FROZEN = 1.0
+"""Time without an answer after which the robot is taken for frozen [s]."""
+HOLD_FRACTION = 0.1
+"""Fraction of the largest speed with which the arm goes back to where it is, to hold."""
+HEADROOM = 1.5
+"""Fraction sent over that which the fastest joint needs. With it all joints run one lookahead less
+one cycle ahead of the plan, whatever their speeds, to 0.3 mrad; without, each is somewhere in
+between, up to 9 mrad apart (five joints along a minimum-jerk path against the served law)."""
+STALLED = 0.2
+"""Distance of a joint from its command that it does not close [rad]."""
+STALLED_SECONDS = 1.0
+FROZEN_STATE_SECONDS = 0.2
+MOVING = 0.05
+"""Rate of a command above which a measurement must change [rad/s]."""
+CLOCK_JUMP = 0.5
+"""Change of the clocks' offset between two looks that is no drift [s]."""
+_CLOCK_PERIOD = 5.0
+_CLOCK_CALLS = 8
+_CLOCK_KEY = "Device/SubDeviceList/HeadYaw/Position/Sensor/Value"
+_STIFFNESS_PERIOD = 0.5
+_SLOWED_SECONDS = 0.5
+_SEGMENT_LENGTH = 0.2
+"""Longest way that one moveTo drives [m]: the base of a dead client stops there."""
+_BASE_ACCELERATION = (0.3, 0.75)
+"""The base's own accelerations [m/s^2, rad/s^2]."""
+
+
+@dataclass(frozen=True)
+class LinkConfig:
+    """How a robot is led.
+
+    Attributes:
+        arm: "left" or "right": this one moves, the other is held by the robot.
+        cameras: Those of `CAMERA_NAMES` that may be asked for images.
+        camera_rate: Images of each camera [1/s].
+        name: Under which the robot lists our subscriptions.
+    """
+
+    arm: str
+    cameras: tuple[str, ...] = CAMERA_NAMES
+    camera_rate: float = 5.0
+    name: str = "pepper_drake"
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that are commanded."""
+        return (*JOINT_GROUPS["head"], *arm_joints(self.arm))
+
+
+class RobotLink:
+    """One robot, led by what the mailbox says until it says END or something is wrong.
+
+    A fault ends the streaming for good: the arm holds, and the fault stands in the state.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        mailbox: Mailbox,
+        config: LinkConfig,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Makes a link that does nothing yet.
+
+        Args:
+            transport: A connected one.
+            mailbox: Shared with the station.
+            config: How the robot is led.
+            clock: Tells the time [s].
+        """
+        self._transport, self._mailbox, self._config, self._clock = (
+            transport,
+            mailbox,
+            config,
+            clock,
+        )
+        self._rows = body_indices(config.joints)
+        self._limits: CommandLimits = shared_control_model().command_limits(config.joints)
+        self._columns = [BODY.index(name) for name in BODY_JOINTS]
+        self._history = MeasurementHistory()
+        self._offset: ClockOffset | None = None
+        self._round_trip = 0.0
+        self._reading: asyncio.Task[None] | None = None
+        self._asked = 0.0
+        self._sending: asyncio.Task[None] | None = None
+        self._states = self._late = 0
+        self._base_pose = np.zeros(3)
+        self._changed = self._followed = clock()
+        self._last: Vector | None = None
+        self._fault: LinkFault | None = None
+        self._slowed_until = -np.inf
+        self._holding = False
+        self._ended = False
+
+    def end(self) -> None:
+        """Ends `run` from within its process, as END in the mailbox does."""
+        self._ended = True
+
+    @property
+    def fault(self) -> LinkFault | None:
+        """What went wrong, if anything did."""
+        return self._fault
+
+    async def run(self) -> None:
+        """Runs until the mailbox says END; then nothing of ours is left in the robot."""
+        tasks: list[asyncio.Task[None]] = []
+        try:
+            await self._measure_clock()
+            await self._transport.on_event("ALMotion/Safety/ChainVelocityClipped", self._slow)
+            for number, name in enumerate(CAMERA_NAMES):
+                if name in self._config.cameras:
+                    reader = CameraReader(
+                        self._transport,
+                        number,
+                        self._config.name,
+                        self._config.camera_rate,
+                        self._take_image,
+                        self._clock,
+                    )
+                    tasks.append(self._start(reader.run(partial(self._wants, number))))
+            tasks += [
+                self._start(self._watch_clock()),
+                self._start(self._watch_stiffness()),
+                self._start(self._drive()),
+            ]
+            await self._beat()
+        except LinkFault as fault:
+            self._fail(fault)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            await self._let_go()
+
+    def _start(self, work: Any) -> asyncio.Task[None]:
+        async def guarded() -> None:
+            try:
+                await work
+            except LinkFault as fault:
+                self._fail(fault)
+            except Exception as error:
+                # Whatever a robot answers must end in a held arm, not in a silent task.
+                self._fail(LinkFault("call_failed", f"{type(error).__name__}: {error}"))
+
+        return asyncio.ensure_future(guarded())
+
+    async def _beat(self) -> None:
+        """Does one cycle each 20 ms; one that is late is left out, and never made up for."""
+        due = self._clock()
+        while True:
+            command = self._mailbox.command.read()
+            mode = int(command["mode"])
+            if mode == END or self._ended:
+                return
+            self._check_link()
+            self._ask_state()
+            if mode == HAND_OVER and self._fault is None:
+                await self._let_down()
+            elif mode == STREAM:
+                self._follow(command)
+            elif mode == HOLD or self._fault is not None:
+                self._hold()
+            self._publish()
+            due += CYCLE
+            now = self._clock()
+            if now > due + CYCLE:
+                skipped = int((now - due) / CYCLE)
+                self._late += skipped
+                due += skipped * CYCLE
+            await asyncio.sleep(max(due - now, 0.0))
+
+    # Measuring.
+
+    def _check_link(self) -> None:
+        if self._transport.is_lost:
+            self._fail(LinkFault("link_lost"))
+        elif self._reading is not None and self._clock() - self._asked > FROZEN:
+            self._fail(LinkFault("link_frozen", f"no answer for {FROZEN:g} s"))
+        elif self._states and lookahead(self._round_trip) is None:
+            self._fail(LinkFault("link_slow", f"{self._round_trip * 1000:.0f} ms to an answer"))
+
+    def _ask_state(self) -> None:
+        """Asks for joints and odometry, unless the last answer is still to come."""
+        if self._reading is None or self._reading.done():
+            self._asked = self._clock()
+            self._reading = self._start(self._read_state())
+
+    async def _read_state(self) -> None:
+        angles, base = await asyncio.gather(
+            self._transport.call("ALMotion", "getAngles", "Body", True),
+            self._transport.call("ALMotion", "getRobotPosition", True),
+        )
+        answered = self._clock()
+        trip = answered - self._asked
+        self._round_trip += 0.1 * (trip - self._round_trip) if self._states else trip
+        if len(angles) != len(BODY):
+            raise LinkFault("wrong_robot", f"its body has {len(angles)} joints, not {len(BODY)}")
+        positions = np.array(angles)[self._columns]
+        if not np.isfinite(positions).all():
+            raise LinkFault("wrong_robot", "it measures what is no number")
+        self._base_pose = np.array(base)
+        # Its measurements are half a cycle old, on average, when it answers in the middle.
+        stamp = (self._asked + answered) / 2 - CYCLE / 2
+        if self._last is None or not np.array_equal(positions, self._last):
+            self._changed = answered
+        self._last = positions
+        self._states += 1
+        self._history.add(stamp, np.concatenate((positions, self._base_pose)))
+
+    async def _measure_clock(self) -> None:
+        samples = []
+        for _ in range(_CLOCK_CALLS):
+            asked = self._clock()
+            stamp = await self._transport.call("ALMemory", "getTimestamp", _CLOCK_KEY)
+            samples.append(ClockSample(asked, self._clock(), join_time(stamp[1], stamp[2])))
+        offset = clock_offset(samples)
+        before, self._offset = self._offset, offset
+        if before is not None and abs(offset.offset - before.offset) > CLOCK_JUMP:
+            jump = offset.offset - before.offset
+            raise LinkFault("clock_jump", f"by {jump:.1f} s")
+
+    async def _watch_clock(self) -> None:
+        while True:
+            await asyncio.sleep(_CLOCK_PERIOD)
+            await self._measure_clock()
+
+    async def _watch_stiffness(self) -> None:
+        """Sees that the arm's motors stay stiff while they are commanded."""
+        names = list(arm_joints(self._config.arm))
+        while True:
+            await asyncio.sleep(_STIFFNESS_PERIOD)
+            if int(self._mailbox.command.read()["mode"]) != STREAM:
+                continue
+            stiffnesses = await self._transport.call("ALMotion", "getStiffnesses", names)
+            limp = [n for n, s in zip(names, stiffnesses, strict=True) if s < 0.05]
+            if limp and int(self._mailbox.command.read()["mode"]) == STREAM:
+                raise LinkFault("stiffness_lost", ", ".join(limp))
+
+    def _slow(self, value: Any) -> None:
+        self._slowed_until = self._clock() + _SLOWED_SECONDS
+
+    # Commanding.
+
+    def _follow(self, command: Any) -> None:
+        """Streams the newest command, or holds where something is not as it must be."""
+        newest = self._history.newest()
+        now = self._clock()
+        ahead = lookahead(self._round_trip)
+        if self._fault is not None or newest is None or ahead is None:
+            self._hold()
+            return
+        if now - command["time"] > FRESH:
+            # The station may come back; until then the arm stands.
+            self._hold()
+            return
+        if now - newest[0] > FRESH:
+            self._hold()
+            return
+        position = np.array(command["positions"])[self._rows]
+        velocity = np.array(command["velocities"])[self._rows]
+        if not (np.isfinite(position).all() and np.isfinite(velocity).all()):
+            self._fail(LinkFault("planner_silent", "a command that is no number"))
+            return
+        self._judge(newest[1][self._rows], position, velocity, now)
+        if self._fault is not None or (self._sending is not None and not self._sending.done()):
+            return
+        self._holding = False
+        fastest = self._limits.velocity
+        step = np.clip(velocity, -fastest, fastest) * ahead
+        targets = self._within_limits(position + step)
+        streamed = streamed_command(self._config.joints, targets - step, targets, ahead, fastest)
+        fraction = min(HEADROOM * streamed.fraction, LARGEST_FRACTION)
+        self._send(targets, fraction)
+
+    def _judge(self, measured: Vector, position: Vector, velocity: Vector, now: float) -> None:
+        """Finds a frozen state and an arm that does not follow."""
+        is_moving = bool(np.max(np.abs(velocity)) > MOVING)
+        if not is_moving:
+            self._changed = max(self._changed, now - FROZEN_STATE_SECONDS / 2)
+        elif now - self._changed > FROZEN_STATE_SECONDS:
+            self._fail(LinkFault("state_frozen", f"for {FROZEN_STATE_SECONDS:g} s"))
+        far = np.abs(position - measured) > STALLED
+        if not far.any():
+            self._followed = now
+        elif now - self._followed > STALLED_SECONDS:
+            names = [n for n, is_far in zip(self._config.joints, far, strict=True) if is_far]
+            self._fail(LinkFault("arm_stalled", ", ".join(names)))
+
+    def _within_limits(self, targets: Vector) -> Vector:
+        inside = np.clip(targets, self._limits.position_lower, self._limits.position_upper)
+        names = self._config.joints
+        clamped = clamp_coupled_limits(dict(zip(names, inside, strict=True)))
+        return np.array([clamped[name] for name in names])
+
+    def _hold(self) -> None:
+        """Sends the arm, once, to where it is."""
+        newest = self._history.newest()
+        is_free = self._sending is None or self._sending.done()
+        if self._holding or newest is None or not is_free or self._transport.is_lost:
+            return
+        self._holding = True
+        self._send(self._within_limits(newest[1][self._rows]), HOLD_FRACTION)
+
+    def _send(self, targets: Vector, fraction: float) -> None:
+        self._sending = self._start(
+            self._transport.call(
+                "ALMotion",
+                "setAngles",
+                list(self._config.joints),
+                targets.tolist(),
+                float(fraction),
+            )
+        )
+
+    async def _drive(self) -> None:
+        """Drives the base in short moves, so that it stops by itself when we die."""
+        while True:
+            command = self._mailbox.command.read()
+            is_fresh = self._clock() - command["time"] < FRESH
+            may = int(command["mode"]) == STREAM and is_fresh and self._fault is None
+            segment = base_segment(np.array(command["base_velocity"])) if may else None
+            if segment is None:
+                await asyncio.sleep(CYCLE)
+                continue
+            await self._transport.call("ALMotion", "moveTo", *map(float, segment))
+
+    # Images.
+
+    def _wants(self, camera: int) -> bool:
+        command = self._mailbox.command.read()
+        return bool(command["enabled"][camera]) and int(command["mode"]) not in (END, HAND_OVER)
+
+    async def _take_image(self, camera: int, stamp: float, pixels: npt.NDArray[Any]) -> bool:
+        """Publishes an image with the joints of its capture; returns whether they are known."""
+        assert self._offset is not None
+        taken = self._offset.to_ours(stamp)
+        joints = self._history.at(taken)
+        if joints is None:
+            # The state of that moment may still be under way.
+            await asyncio.sleep(2 * CYCLE + self._round_trip)
+            joints = self._history.at(taken)
+        if joints is None:
+            return False
+        n = len(BODY_JOINTS)
+        self._mailbox.write_image(camera, taken, pixels, joints[:n], joints[n:])
+        return True
+
+    # The end.
+
+    async def _let_down(self) -> None:
+        self._publish("handing over")
+        hand_over_task = self._start(
+            hand_over(self._transport, self._config.arm, self._measured_arm)
+        )
+        while not hand_over_task.done():
+            self._check_link()
+            self._ask_state()
+            self._publish("handing over")
+            await asyncio.sleep(CYCLE)
+        self._holding = True
+        self._publish("handed over")
+        while int(self._mailbox.command.read()["mode"]) == HAND_OVER and not self._ended:
+            await asyncio.sleep(CYCLE)
+
+    def _measured_arm(self) -> Vector:
+        newest = self._history.newest()
+        assert newest is not None
+        return newest[1][body_indices(arm_joints(self._config.arm))]
+
+    async def _let_go(self) -> None:
+        """Holds if it can and stops the base; a lost robot's base stops by itself."""
+        self._publish("ended")
+        if self._transport.is_lost:
+            return
+        with contextlib.suppress(LinkFault, TimeoutError):
+            async with asyncio.timeout(FROZEN):
+                await self._transport.call("ALMotion", "stopMove")
+
+    def _fail(self, fault: LinkFault) -> None:
+        """Keeps the first fault, and holds."""
+        if self._fault is None:
+            self._fault = fault
+            self._publish()
+            self._hold()
+
+    def _publish(self, phase: str = "running") -> None:
+        newest = self._history.newest()
+        fields: dict[str, Any] = {
+            "round_trip": self._round_trip,
+            "clock_bound": self._offset.bound if self._offset else np.inf,
+            "states": self._states,
+            "late": self._late,
+            "phase": phase,
+            "slowed": self._clock() < self._slowed_until,
+        }
+        if newest is not None:
+            fields |= {
+                "time": newest[0],
+                "positions": newest[1][: len(BODY_JOINTS)],
+                "base_pose": newest[1][len(BODY_JOINTS) :],
+            }
+        if self._fault is not None:
+            fields |= {"fault": self._fault.word, "detail": str(self._fault)[:240]}
+        self._mailbox.state.write(**fields)
+
+
+def base_segment(velocity: Vector) -> Vector | None:
+    """Returns the move that a velocity of the base stands for.
+
+    A base that brakes at a constant rate has v^2 / (2 a) still to go, and one that settles by a
+    rate of 5/s has v / 5: a move of the larger of both never leads beyond the goal that the
+    velocity aims at.
+
+    Args:
+        velocity: vx, vy [m/s] and yaw rate [rad/s] in the base's frame.
+
+    Returns:
+        x, y [m] and theta [rad] in the base's frame; None to stand still.
+    """
+    if not np.isfinite(velocity).all():
+        return None
+    speed, turning = float(np.hypot(velocity[0], velocity[1])), abs(float(velocity[2]))
+    if speed < 1e-3 and turning < 1e-3:
+        return None
+    length = min(max(speed**2 / (2 * _BASE_ACCELERATION[0]), speed / 5), _SEGMENT_LENGTH)
+    turn = min(max(turning**2 / (2 * _BASE_ACCELERATION[1]), turning / 5), 1.0)
+    move = np.zeros(3)
+    if speed > 0:
+        move[:2] = np.array(velocity[:2]) / speed * length
+    move[2] = np.sign(velocity[2]) * turn
+    return move
