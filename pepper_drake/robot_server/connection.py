@@ -11,6 +11,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
+from pepper_drake.naoqi.wire import (
+    HEADER,
+    Message,
+    MessageFlag,
+    MessageType,
+    Reader,
+    Typed,
+    WireError,
+    decode,
+    encode,
+    parse_signature,
+    read_header,
+)
 from pepper_drake.robot_server.objects import (
     COMMON_ACTIONS,
     META_OBJECT,
@@ -26,20 +39,7 @@ from pepper_drake.robot_server.service import (
     Method,
     Service,
     ServiceError,
-    Typed,
     as_awaitable,
-)
-from pepper_drake.robot_server.wire import (
-    HEADER,
-    Message,
-    MessageFlag,
-    MessageType,
-    Reader,
-    WireError,
-    decode,
-    encode,
-    parse_signature,
-    read_header,
 )
 
 AUTHENTICATE = (0, 8)

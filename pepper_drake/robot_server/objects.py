@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from pepper_drake.naoqi.wire import Reader, Signature, encode, parse_signature
 from pepper_drake.robot_server.service import Service, ServiceError
-from pepper_drake.robot_server.wire import Reader, Signature, encode, parse_signature
 
 METHOD = "(Issss[(ss)<MetaMethodParameter,name,description>]s)" + (
     "<MetaMethod,uid,returnSignature,name,parametersSignature,description,parameters,"

@@ -21,7 +21,7 @@ Values on both sides of a handler are plain Python, by the letter of the signatu
 
 In a dynamic value `m`, an int is sent as `i` (`l` where it needs 64 bits), a float as `f`, as
 NAOqi does, a list as `[m]`, a tuple as `(mm..)`, a dict as `{sm}` or `{mm}`, bytes as `r` and
-`None` as `v`. `Typed` sends another type.
+`None` as `v`. `pepper_drake.naoqi.wire.Typed` sends another type.
 """
 
 import asyncio
@@ -39,14 +39,6 @@ class ServiceError(Exception):
 
     By NAOqi's custom it begins with the service's name, as in `ALMotion::setAngles: ...`.
     """
-
-
-@dataclass(frozen=True)
-class Typed:
-    """A value to be sent in a dynamic value with just this signature."""
-
-    signature: str
-    value: Any
 
 
 @dataclass(frozen=True)

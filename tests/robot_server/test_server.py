@@ -13,10 +13,10 @@ from contextlib import contextmanager
 import pytest
 
 from pepper_drake.errors import InputError
+from pepper_drake.naoqi.wire import HEADER, Message, MessageType, decode, encode, read_header
 from pepper_drake.robot_server.connection import Credentials
 from pepper_drake.robot_server.server import QiServer
 from pepper_drake.robot_server.service import Service, ServiceError
-from pepper_drake.robot_server.wire import HEADER, Message, MessageType, decode, encode, read_header
 
 CAPABILITIES = encode("{sm}", {"ClientServerSocket": True})
 

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pepper_drake.robot_server.service import Typed
-from pepper_drake.robot_server.wire import (
+from pepper_drake.naoqi.wire import (
     HEADER,
     LARGEST_PAYLOAD,
     Message,
     MessageType,
     Reader,
+    Typed,
     WireError,
     decode,
     encode,

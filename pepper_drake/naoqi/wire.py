@@ -12,8 +12,6 @@ from enum import IntEnum
 from functools import lru_cache
 from typing import Any
 
-from pepper_drake.robot_server.service import Typed
-
 MAGIC = b"\x42\xde\xad\x42"
 HEADER = struct.Struct("<4sIIHBBIII")
 LARGEST_PAYLOAD = 16 * 2**20
@@ -34,6 +32,14 @@ _NUMBERS = {
     "d": "d",
 }
 _LENGTH = struct.Struct("<I")
+
+
+@dataclass(frozen=True)
+class Typed:
+    """A value to be sent in a dynamic value with just this signature."""
+
+    signature: str
+    value: Any
 
 
 class WireError(Exception):
