@@ -11,8 +11,7 @@ from urllib.parse import urlsplit
 
 from pepper_drake.errors import InputError
 from pepper_drake.hardware.link_fault import LinkFault
-from pepper_drake.robot_server.objects import META_OBJECT, Common, RemoteMethod, remote_methods
-from pepper_drake.robot_server.wire import (
+from pepper_drake.naoqi.wire import (
     HEADER,
     Message,
     MessageFlag,
@@ -24,6 +23,7 @@ from pepper_drake.robot_server.wire import (
     parse_signature,
     read_header,
 )
+from pepper_drake.robot_server.objects import META_OBJECT, Common, RemoteMethod, remote_methods
 
 PORTS = {"tcp": 9559, "tcps": 9503}
 """NAOqi's port by the way in: open, and encrypted (NAOqi 2.9)."""
