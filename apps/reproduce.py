@@ -38,6 +38,8 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import write_atomically
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.correction import learn_correction
+from pepper_drake.learning.dmp.joint_primitive import JointPrimitive, is_joint_primitive
+from pepper_drake.models.pepper import POSTURES
 from pepper_drake.optimization.ratings import BEST_SCORE, load_scores
 from pepper_drake.systems.guiding.external_force import ForcePulse
 
@@ -166,7 +168,12 @@ def load(arguments: argparse.Namespace) -> tuple[MovementPrimitive, str]:
     """The primitive and the arm that performs it."""
     if arguments.primitive is None:
         return make_primitive(arguments.demo, arguments.arm), arguments.arm
-    primitive = MovementPrimitive.load(arguments.primitive)
+    if is_joint_primitive(arguments.primitive):
+        joints = JointPrimitive.load(arguments.primitive)
+        others = dict(POSTURES["stand"])
+        primitive = joints.hand_primitive(others)
+    else:
+        primitive = MovementPrimitive.load(arguments.primitive)
     if primitive.posture is None:
         raise InputError(f"{arguments.primitive}: no joints in it; learn it with joints")
     return primitive, "left" if primitive.posture.names[0].startswith("L") else "right"

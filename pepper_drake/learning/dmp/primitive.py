@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators.registry import LinearForcingModel
+from pepper_drake.learning.demonstrations.check import refuse_unlike
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.learning.dmp.orientation import OrientationAttractor, learn_orientation
@@ -43,6 +44,15 @@ Array = npt.NDArray[np.float64]
 DEFAULT_APPROXIMATOR = "trajectory_slopes"
 DEFAULT_SCALING = "gradual"
 DEFAULT_NUM_BASIS = 40
+"""Basis functions where the data do not ask for another number: some seconds of arm movement."""
+
+MOST_NUM_BASIS = 320
+
+FIT_TOLERANCE = 0.005
+"""Where the motion leaves a demonstration by more than this [m] and the number of basis functions
+is left open, it is doubled."""
+
+_MOST_SAMPLES, _FEWEST_NUM_BASIS = 6000, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +113,7 @@ class MovementPrimitive:
         cls,
         demonstrations: Demonstration | Sequence[Demonstration],
         approximator: str = DEFAULT_APPROXIMATOR,
-        num_basis: int = DEFAULT_NUM_BASIS,
+        num_basis: int | None = None,
         scaling: str = DEFAULT_SCALING,
         orientation: str = "log_map",
         alpha_z: float = ALPHA_Z,
@@ -111,10 +121,15 @@ class MovementPrimitive:
     ) -> Self:
         """Learns one primitive from one or several demonstrations, aligned in phase.
 
+        Where samples are further apart than basis functions, the way between them is filled in
+        (see `Demonstration.filled`), so that the motion between samples stays near them.
+
         Args:
             demonstrations: One, or several of the same motion.
             approximator: How the forcing term is learned; see `approximator_names`.
-            num_basis: Number of basis functions.
+            num_basis: Number of basis functions. Left out, it follows the data: 40; no more than
+                there are samples; twice or more as many where the motion would leave a
+                demonstration by more than `FIT_TOLERANCE`.
             scaling: How it adapts to start and goal; see `scaling`.
             orientation: `log_map`, or `angles` for the report's three angles.
             alpha_z: Constant of the spring.
@@ -130,6 +145,33 @@ class MovementPrimitive:
             raise InputError("demonstrations: none given; a primitive needs at least one")
         if not alpha_z > 0.0:
             raise InputError(f"alpha_z: {alpha_z} is not positive")
+        refuse_unlike(demos)
+        if num_basis is not None:
+            return cls._fit(demos, approximator, num_basis, scaling, orientation, alpha_z, seed)
+        fewest = min(len(demo.times) for demo in demos)
+        number = min(DEFAULT_NUM_BASIS, max(_FEWEST_NUM_BASIS, fewest - 1))
+        while True:
+            learned = cls._fit(demos, approximator, number, scaling, orientation, alpha_z, seed)
+            enough = 2 * number > min(MOST_NUM_BASIS, fewest // 4)
+            if enough or len(demos) > 1 or learned.distance(demos[0]) <= FIT_TOLERANCE:
+                return learned
+            number *= 2
+
+    @classmethod
+    def _fit(
+        cls,
+        demonstrations: list[Demonstration],
+        approximator: str,
+        num_basis: int,
+        scaling: str,
+        orientation: str,
+        alpha_z: float,
+        seed: int,
+    ) -> Self:
+        demos = [
+            demo.thinned(_MOST_SAMPLES).filled(demo.duration / (2 * max(num_basis, 1)))
+            for demo in demonstrations
+        ]
         samples = [motion_sample(demo) for demo in demos]
         times = [sample.times for sample in samples]
         turning = None
@@ -147,6 +189,20 @@ class MovementPrimitive:
             approximator=approximator,
             name=demos[0].name,
         )
+
+    def distance(self, demonstration: Demonstration) -> float:
+        """Returns how far the motion leaves a demonstration, at its samples [m]."""
+        path = self.rollout(
+            time_step=demonstration.duration / 400,
+            start=demonstration.positions[0],
+            goal=demonstration.positions[-1],
+            duration=demonstration.duration,
+            start_velocity=demonstration.velocities[0],
+        )
+        times = demonstration.times - demonstration.times[0]
+        own = [np.interp(times, path.times, column) for column in path.positions.T]
+        gaps = np.linalg.norm(np.column_stack(own) - demonstration.positions, axis=1)
+        return float(gaps.max())
 
     @property
     def start(self) -> Array:

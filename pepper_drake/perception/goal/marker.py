@@ -259,7 +259,7 @@ def refine_poses(
         The refined poses, the better one first. None when the pattern is not seen where a pose
         puts it. Poses of a marker that is too small in the image are returned as they are.
     """
-    if len(poses) > 1 and _is_better(poses[0], poses[1]):
+    if len(poses) > 1 and is_better(poses[0], poses[1]):
         poses = poses[:1]
     gray, edges = to_gray(image), marker_edges(dictionary, marker_id)
     refined = []
@@ -299,7 +299,7 @@ def choose_pose(
     if len(poses) == 1:
         return poses[0]
     best, other = poses[:2]
-    if _is_better(best, other):
+    if is_better(best, other):
         return best
 
     def strangeness(pose: MarkerPose) -> float:
@@ -311,7 +311,7 @@ def choose_pose(
     return min((best, other), key=strangeness)
 
 
-def _is_better(best: MarkerPose, other: MarkerPose) -> bool:
+def is_better(best: MarkerPose, other: MarkerPose) -> bool:
     """Whether the errors alone tell which of two poses is the right one."""
     on_edges = best.on_edges and other.on_edges
     ratio = _EDGE_AMBIGUITY_RATIO if on_edges else _AMBIGUITY_RATIO

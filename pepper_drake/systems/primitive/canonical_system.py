@@ -66,9 +66,10 @@ def CanonicalSystem_(T: type) -> type:
         >= 0; `phase` (1) and `tau` (1) [s] are state; `phase_velocity` (1) [1/s] is that of the
         coming step.
 
-        State: phase, tau [s], goal known (3) [m], number of the motion. Discrete with period
-        `time_step`; with `time_step` 0 the phase is continuous, and tau and goal are updated after
-        each step of the integrator. In continuous time, derivatives exist for Expression as well.
+        State: phase, tau [s], the motion's first goal (3) [m], number of the motion. Discrete with
+        period `time_step`; with `time_step` 0 the phase is continuous, and tau and goal are updated
+        after each step of the integrator. In continuous time, derivatives exist for Expression as
+        well.
         """
 
         def _construct(
@@ -158,7 +159,7 @@ def CanonicalSystem_(T: type) -> type:
             return primitive.duration if self._duration is None else self._duration
 
         def _memory(self, context: Any) -> Any:
-            """Returns tau, the goal known (3) and the number of the motion."""
+            """Returns tau, the motion's first goal (3) and the number of the motion."""
             values = context.get_discrete_state_vector().CopyToVector()
             return values[1:] if self._time_step > 0.0 else values
 
@@ -208,7 +209,8 @@ def CanonicalSystem_(T: type) -> type:
                 known = seen  # The goal that the motion starts with is the one to compare with.
             velocity = self.phase_velocity_port.Eval(context)[0]
             decay = -velocity / now.phase if now.phase > 0.0 else 0.0
-            tau, known = extended_tau(now.tau, known, seen, _extension(now.primitive))
+            nominal = self._nominal_duration(now.primitive)
+            tau = extended_tau(now.tau, nominal, known, seen, _extension(now.primitive))
             later = now.phase * np.exp(-decay * self._time_step)
             state.set_value(np.concatenate(([later, tau], known, [number])))
 
@@ -216,7 +218,8 @@ def CanonicalSystem_(T: type) -> type:
             now, known = self._present(context), self._memory(context)[_GOAL]
             seen = self._goal(context, known)
             if now.movement.runs and now.phase < 1.0:
-                tau, known = extended_tau(now.tau, known, seen, _extension(now.primitive))
+                nominal = self._nominal_duration(now.primitive)
+                tau = extended_tau(now.tau, nominal, known, seen, _extension(now.primitive))
             else:
                 tau, known = self._nominal_duration(now.primitive), seen
                 state.get_mutable_continuous_state().SetFromVector([1.0])

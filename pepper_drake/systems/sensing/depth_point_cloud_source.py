@@ -36,6 +36,7 @@ from pepper_drake.perception.mapping.obstacle_map import (
     ObstacleParameters,
     update_obstacles,
 )
+from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 
@@ -68,6 +69,7 @@ class _Memory:
         cloud: The same in W.
         X_WT: The torso's pose for which the cloud in T is made, when someone asks for it.
         watch: What moves.
+        space: What is free, occupied and unknown.
     """
 
     voxels: VoxelMap
@@ -81,6 +83,7 @@ class _Memory:
     cloud: PointCloud
     X_WT: RigidTransform
     watch: DynamicObstacleTracker
+    space: SeenSpace
 
     def __deepcopy__(self, memo: dict) -> "_Memory":
         """Returns itself: Drake copies the state at each event, and this never changes."""
@@ -106,6 +109,7 @@ class DepthPointCloudSource(LeafSystem):
         - cloud
         - cloud_torso
         - approaching
+        - space
         - time_stamp
         - age
         - fault
@@ -125,6 +129,8 @@ class DepthPointCloudSource(LeafSystem):
     `approaching` (PointCloud in W, whose z = 0 is the floor) is where things that move will be
     soon, and where something may be that is too near to be measured, see `perception.watch`; none
     while the torso moves.
+    `space` (`SeenSpace`) tells of all places whether they are free, occupied or unknown, and when
+    that was seen; without images all is unknown.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
     the time since then, infinite before the first. `fault` is the `DepthFault` of the last image
     that came, 0 if it was used.
@@ -187,6 +193,7 @@ class DepthPointCloudSource(LeafSystem):
                     cloud=to_point_cloud(voxels.surface()),
                     X_WT=RigidTransform(),
                     watch=DynamicObstacleTracker(),
+                    space=SeenSpace(voxels, parameters=self._parameters.memory),
                 )
             )
         )
@@ -199,6 +206,12 @@ class DepthPointCloudSource(LeafSystem):
             self.DeclareAbstractOutputPort(
                 name, lambda: Value(PointCloud()), calc, prerequisites_of_calc=state
             )
+        self.DeclareAbstractOutputPort(
+            "space",
+            lambda: Value[object](SeenSpace(VoxelMap.empty())),
+            self._calc_space,
+            prerequisites_of_calc=state,
+        )
         self.DeclareVectorOutputPort(
             "time_stamp", 1, self._calc_time_stamp, prerequisites_of_calc=state
         )
@@ -308,6 +321,7 @@ class DepthPointCloudSource(LeafSystem):
             surface=surface,
             cloud=to_point_cloud(surface),
             watch=watch,
+            space=memory.space.with_view(view, voxels),
         )
 
     def _no_obstacles(self, context: Context, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
@@ -341,6 +355,9 @@ class DepthPointCloudSource(LeafSystem):
 
     def _calc_approaching(self, context: Context, output: Value) -> None:
         output.set_value(make_cloud(self._get_memory(context).watch.expected))
+
+    def _calc_space(self, context: Context, output: Value) -> None:
+        output.set_value(self._get_memory(context).space)
 
     def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self._get_memory(context).time)

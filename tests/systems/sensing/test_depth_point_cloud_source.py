@@ -12,6 +12,7 @@ from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.mapping.depth_validity import DepthFault, ValidityParameters
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
+from pepper_drake.perception.mapping.seen_space import SpaceState
 from pepper_drake.perception.mapping.solids import RobotSolids, Solid
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
 
@@ -296,3 +297,13 @@ def test_holes_mean_nothing_where_they_need_not_be_near():
     bench = Bench(parameters=ObstacleParameters(treat_holes_as_near=False)).show(wall(), 0.0)
     bench.show(ball_before_the_wall(160, 0), 0.2)
     assert bench.output("approaching").size() == 0
+
+
+def test_space_is_known_where_an_image_looked_through_it():
+    bench = Bench()
+    places = np.array([[0.7, 0.0, 1.0], [1.0, 0.0, 1.0], [1.3, 0.0, 1.0]])
+    assert not bench.output("space").states(places, 0.0)[0].any()
+    bench.show(wall(), 0.0)
+    state, age = bench.output("space").states(places, 0.05)
+    np.testing.assert_array_equal(state, [SpaceState.FREE, SpaceState.OCCUPIED, SpaceState.UNKNOWN])
+    np.testing.assert_allclose(age, [0.05, 0.05, np.inf])
