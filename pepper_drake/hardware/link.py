@@ -61,6 +61,8 @@ STALLED = 0.2
 """Distance of a joint from its command that it does not close [rad]."""
 STALLED_SECONDS = 1.0
 FROZEN_STATE_SECONDS = 0.2
+_REACTION = 0.1
+"""Time from a command until a robot at rest is measured to move [s]."""
 MOVING = 0.05
 """Rate of a command above which a measurement must change [rad/s]."""
 CLOCK_JUMP = 0.5
@@ -136,7 +138,8 @@ class RobotLink:
         self._sending: asyncio.Task[None] | None = None
         self._states = self._late = 0
         self._base_pose = np.zeros(3)
-        self._changed = self._followed = clock()
+        self._changed = clock() + _REACTION
+        self._followed = clock()
         self._last: Vector | None = None
         self._fault: LinkFault | None = None
         self._slowed_until = -np.inf
@@ -253,7 +256,7 @@ class RobotLink:
         # Its measurements are half a cycle old, on average, when it answers in the middle.
         stamp = (self._asked + answered) / 2 - CYCLE / 2
         if self._last is None or not np.array_equal(positions, self._last):
-            self._changed = answered
+            self._changed = max(self._changed, answered)
         self._last = positions
         self._states += 1
         self._history.add(stamp, np.concatenate((positions, self._base_pose)))
@@ -300,11 +303,9 @@ class RobotLink:
         if self._fault is not None or newest is None or ahead is None:
             self._hold()
             return
-        if now - command["time"] > FRESH:
-            # The station may come back; until then the arm stands.
-            self._hold()
-            return
-        if now - newest[0] > FRESH:
+        if now - newest[0] > FRESH or now - command["time"] > FRESH:
+            # The station or the robot may come back; until then the arm stands.
+            self._changed = now + _REACTION
             self._hold()
             return
         position = np.array(command["positions"])[self._rows]
@@ -325,9 +326,9 @@ class RobotLink:
 
     def _judge(self, measured: Vector, position: Vector, velocity: Vector, now: float) -> None:
         """Finds a frozen state and an arm that does not follow."""
-        is_moving = bool(np.max(np.abs(velocity)) > MOVING)
-        if not is_moving:
-            self._changed = max(self._changed, now - FROZEN_STATE_SECONDS / 2)
+        if np.max(np.abs(velocity)) <= MOVING:
+            # A robot at rest may measure the same again and again; once moved it takes a moment.
+            self._changed = now + _REACTION
         elif now - self._changed > FROZEN_STATE_SECONDS:
             self._fail(LinkFault("state_frozen", f"for {FROZEN_STATE_SECONDS:g} s"))
         far = np.abs(position - measured) > STALLED

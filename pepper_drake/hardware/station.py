@@ -23,6 +23,7 @@ from pydrake.systems.sensors import ImageDepth16U, ImageRgba8U
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.mailbox import CAMERA_NAMES, STREAM
 from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
+from pepper_drake.models.objects import NO_SCENE, SceneModels
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CameraIntrinsics
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.systems.robot.robot_kinematics import CAMERA_FRAMES, RobotKinematics
@@ -103,7 +104,7 @@ class RobotInterface(LeafSystem):
 
     Inputs: `joint_position_command` (15), rad, in the order of `BODY_JOINTS`, of which head and
     working arm are passed on; `base_velocity_command` (3), m/s, m/s, rad/s in the base's frame;
-    `NAME.enabled` (1), above 0 for images of that camera.
+    `NAME.enabled` (1), 0 for no images of that camera; all cameras are on that nothing switches.
     Outputs: `joint_position` (15), rad; `joint_velocity` (15), rad/s, over three measurements;
     `base_pose` (3), x, y in m and yaw in rad, by the robot's odometry; `link_status`, a LinkStatus.
     State: the newest measurements (abstract) and the last command (15). Events: a periodic
@@ -185,7 +186,7 @@ class RobotInterface(LeafSystem):
             velocities=rate,
             base_velocity=self._base.Eval(context),
             enabled=[
-                bool(p.HasValue(context)) and bool(p.Eval(context)[0] > 0) for p in self._enabled
+                not p.HasValue(context) or bool(p.Eval(context)[0] > 0) for p in self._enabled
             ],
         )
         return EventStatus.Succeeded()
@@ -373,6 +374,7 @@ class HardwareStation(Diagram):
         control_model: Pepper's kinematics.
         depth_intrinsics: Of the depth camera's images.
         obstacle_parameters: How obstacles are best seen in them.
+        scene_models: No bodies: nothing but what is seen is known of the world.
         start: Time of the link's clock at the diagram's time 0 [s].
     """
 
@@ -389,6 +391,7 @@ class HardwareStation(Diagram):
         self.start = time.monotonic() if start is None else start
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
         self.obstacle_parameters = ObstacleParameters()
+        self.scene_models: SceneModels = NO_SCENE
         builder = DiagramBuilder()
         robot = builder.AddNamedSystem("robot", RobotInterface(link))
         for name in ("joint_position_command", "base_velocity_command"):

@@ -72,10 +72,11 @@ def test_a_path_is_performed_and_seen():
         )
         source = builder.AddSystem(TrajectorySource(path, zero_derivatives_beyond_limits=True))
         still = builder.AddSystem(ConstantVectorSource(np.zeros(3)))
-        on = builder.AddSystem(ConstantVectorSource([1.0]))
+        off = builder.AddSystem(ConstantVectorSource([0.0]))
         builder.Connect(source.get_output_port(), station.GetInputPort("joint_position_command"))
         builder.Connect(still.get_output_port(), station.GetInputPort("base_velocity_command"))
-        builder.Connect(on.get_output_port(), station.GetInputPort("camera_depth.enabled"))
+        for name in ("top", "bottom"):
+            builder.Connect(off.get_output_port(), station.GetInputPort(f"camera_{name}.enabled"))
         diagram = builder.Build()
         simulator = Simulator(diagram)
         context = station.GetMyContextFromRoot(simulator.get_context())
