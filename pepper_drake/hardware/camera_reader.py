@@ -17,8 +17,11 @@ from pepper_drake.naoqi.images import decode_reply, to_rgb
 FORMATS: dict[int, tuple[int, int]] = {TOP: (VGA, RGB), BOTTOM: (VGA, RGB), DEPTH: (QVGA, DEPTH_MM)}
 """Resolution and colour space that are asked for, by camera."""
 SIZES = {VGA: (480, 640), QVGA: (240, 320)}
-FROZEN_SECONDS = 1.0
-"""A camera whose stamp has not changed for so long is frozen [s]."""
+FROZEN_SECONDS = 2.0
+"""A camera whose stamp has not changed for so long is frozen [s]: over WiFi two images a second
+were seen."""
+WARM_UP = 5.0
+"""Time that a camera has for its first image after it is subscribed to [s]."""
 _ANSWER_SECONDS = 3.0
 _IDLE = 0.05
 
@@ -69,11 +72,15 @@ class CameraReader:
                 begin = self._clock()
                 if not self._handle:
                     await self._subscribe()
-                    changed = self._clock()
+                    changed = self._clock() + WARM_UP
                 reply = await self._reply()
+                if reply is None:
+                    if self._clock() > changed:
+                        raise LinkFault("camera_missing", f"{self._title} has no image")
+                    continue
                 taken = join_time(reply[4], reply[5])
                 if taken != stamp:
-                    stamp, changed = taken, self._clock()
+                    stamp, changed = taken, max(changed, self._clock())
                     await self._take(self._camera, taken, self._pixels(reply))
                 elif self._clock() - changed > FROZEN_SECONDS:
                     raise LinkFault("camera_frozen", self._title)
@@ -109,8 +116,6 @@ class CameraReader:
                 reply = await self._call("getImageRemote", self._handle)
         except TimeoutError:
             raise LinkFault("camera_missing", f"{self._title} does not answer") from None
-        if reply is None:
-            raise LinkFault("camera_missing", f"{self._title} has no image")
         return reply
 
     def _pixels(self, reply: Any) -> npt.NDArray[Any]:

@@ -7,7 +7,7 @@ tens of milliseconds. All its calls are made from one asyncio loop.
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -26,6 +26,7 @@ from pepper_drake.hardware.mailbox import (
     STREAM,
     Mailbox,
 )
+from pepper_drake.hardware.measurements import Measurement, Measurements
 from pepper_drake.hardware.transport import Transport
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
@@ -35,13 +36,7 @@ from pepper_drake.models.control_model import (
     shared_control_model,
 )
 from pepper_drake.models.pepper import JOINT_GROUPS, clamp_coupled_limits
-from pepper_drake.naoqi.clock import (
-    ClockOffset,
-    ClockSample,
-    MeasurementHistory,
-    clock_offset,
-    join_time,
-)
+from pepper_drake.naoqi.clock import join_time
 from pepper_drake.naoqi.constants import BODY, CYCLE
 from pepper_drake.naoqi.streaming import LARGEST_FRACTION, lookahead, streamed_command
 
@@ -65,10 +60,6 @@ _REACTION = 0.1
 """Time from a command until a robot at rest is measured to move [s]."""
 MOVING = 0.05
 """Rate of a command above which a measurement must change [rad/s]."""
-CLOCK_JUMP = 0.5
-"""Change of the clocks' offset between two looks that is no drift [s]."""
-_CLOCK_PERIOD = 5.0
-_CLOCK_CALLS = 8
 _CLOCK_KEY = "Device/SubDeviceList/HeadYaw/Position/Sensor/Value"
 _STIFFNESS_PERIOD = 0.5
 _SLOWED_SECONDS = 0.5
@@ -130,17 +121,14 @@ class RobotLink:
         self._rows = body_indices(config.joints)
         self._limits: CommandLimits = shared_control_model().command_limits(config.joints)
         self._columns = [BODY.index(name) for name in BODY_JOINTS]
-        self._history = MeasurementHistory()
-        self._offset: ClockOffset | None = None
+        self._measured = Measurements()
+        self._shortest_trip = np.inf
         self._round_trip = 0.0
         self._reading: asyncio.Task[None] | None = None
         self._asked = 0.0
         self._sending: asyncio.Task[None] | None = None
         self._states = self._late = 0
-        self._base_pose = np.zeros(3)
-        self._changed = clock() + _REACTION
         self._followed = clock()
-        self._last: Vector | None = None
         self._fault: LinkFault | None = None
         self._slowed_until = -np.inf
         self._holding = False
@@ -159,7 +147,6 @@ class RobotLink:
         """Runs until the mailbox says END; then nothing of ours is left in the robot."""
         tasks: list[asyncio.Task[None]] = []
         try:
-            await self._measure_clock()
             await self._transport.on_event("ALMotion/Safety/ChainVelocityClipped", self._slow)
             for number, name in enumerate(CAMERA_NAMES):
                 if name in self._config.cameras:
@@ -173,7 +160,6 @@ class RobotLink:
                     )
                     tasks.append(self._start(reader.run(partial(self._wants, number))))
             tasks += [
-                self._start(self._watch_clock()),
                 self._start(self._watch_stiffness()),
                 self._start(self._drive()),
             ]
@@ -230,6 +216,8 @@ class RobotLink:
             self._fail(LinkFault("link_lost"))
         elif self._reading is not None and self._clock() - self._asked > FROZEN:
             self._fail(LinkFault("link_frozen", f"no answer for {FROZEN:g} s"))
+        elif self._measured.newest and self._clock() - self._measured.newest.time > FROZEN:
+            self._fail(LinkFault("link_frozen", f"its clock stood still for {FROZEN:g} s"))
         elif self._states and lookahead(self._round_trip) is None:
             self._fail(LinkFault("link_slow", f"{self._round_trip * 1000:.0f} ms to an answer"))
 
@@ -240,43 +228,25 @@ class RobotLink:
             self._reading = self._start(self._read_state())
 
     async def _read_state(self) -> None:
-        angles, base = await asyncio.gather(
-            self._transport.call("ALMotion", "getAngles", "Body", True),
-            self._transport.call("ALMotion", "getRobotPosition", True),
+        call = self._transport.call
+        stamp, angles, base = await asyncio.gather(
+            call("ALMemory", "getTimestamp", _CLOCK_KEY),
+            call("ALMotion", "getAngles", "Body", True),
+            call("ALMotion", "getRobotPosition", True),
         )
         answered = self._clock()
         trip = answered - self._asked
         self._round_trip += 0.1 * (trip - self._round_trip) if self._states else trip
+        self._shortest_trip = min(self._shortest_trip, trip)
         if len(angles) != len(BODY):
             raise LinkFault("wrong_robot", f"its body has {len(angles)} joints, not {len(BODY)}")
-        positions = np.array(angles)[self._columns]
-        if not np.isfinite(positions).all():
+        positions, base_pose = np.array(angles)[self._columns], np.array(base)
+        if not (np.isfinite(positions).all() and np.isfinite(base_pose).all()):
             raise LinkFault("wrong_robot", "it measures what is no number")
-        self._base_pose = np.array(base)
-        # Its measurements are half a cycle old, on average, when it answers in the middle.
-        stamp = (self._asked + answered) / 2 - CYCLE / 2
-        if self._last is None or not np.array_equal(positions, self._last):
-            self._changed = max(self._changed, answered)
-        self._last = positions
+        # It answers in the middle, with what it measured half a cycle before, on average.
+        time = (self._asked + answered) / 2 - CYCLE / 2
         self._states += 1
-        self._history.add(stamp, np.concatenate((positions, self._base_pose)))
-
-    async def _measure_clock(self) -> None:
-        samples = []
-        for _ in range(_CLOCK_CALLS):
-            asked = self._clock()
-            stamp = await self._transport.call("ALMemory", "getTimestamp", _CLOCK_KEY)
-            samples.append(ClockSample(asked, self._clock(), join_time(stamp[1], stamp[2])))
-        offset = clock_offset(samples)
-        before, self._offset = self._offset, offset
-        if before is not None and abs(offset.offset - before.offset) > CLOCK_JUMP:
-            jump = offset.offset - before.offset
-            raise LinkFault("clock_jump", f"by {jump:.1f} s")
-
-    async def _watch_clock(self) -> None:
-        while True:
-            await asyncio.sleep(_CLOCK_PERIOD)
-            await self._measure_clock()
+        self._measured.add(Measurement(join_time(stamp[1], stamp[2]), time, positions, base_pose))
 
     async def _watch_stiffness(self) -> None:
         """Sees that the arm's motors stay stiff while they are commanded."""
@@ -297,15 +267,15 @@ class RobotLink:
 
     def _follow(self, command: Any) -> None:
         """Streams the newest command, or holds where something is not as it must be."""
-        newest = self._history.newest()
+        newest = self._measured.newest
         now = self._clock()
         ahead = lookahead(self._round_trip)
         if self._fault is not None or newest is None or ahead is None:
             self._hold()
             return
-        if now - newest[0] > FRESH or now - command["time"] > FRESH:
+        if now - newest.time > FRESH or now - command["time"] > FRESH:
             # The station or the robot may come back; until then the arm stands.
-            self._changed = now + _REACTION
+            self._measured.excuse(_REACTION)
             self._hold()
             return
         position = np.array(command["positions"])[self._rows]
@@ -313,23 +283,18 @@ class RobotLink:
         if not (np.isfinite(position).all() and np.isfinite(velocity).all()):
             self._fail(LinkFault("planner_silent", "a command that is no number"))
             return
-        self._judge(newest[1][self._rows], position, velocity, now)
+        self._judge(newest.positions[self._rows], position, velocity, now)
         if self._fault is not None or (self._sending is not None and not self._sending.done()):
             return
         self._holding = False
-        fastest = self._limits.velocity
-        step = np.clip(velocity, -fastest, fastest) * ahead
-        targets = self._within_limits(position + step)
-        streamed = streamed_command(self._config.joints, targets - step, targets, ahead, fastest)
-        fraction = min(HEADROOM * streamed.fraction, LARGEST_FRACTION)
-        self._send(targets, fraction)
+        self._send(*streamed_targets(self._config.joints, position, velocity, ahead, self._limits))
 
     def _judge(self, measured: Vector, position: Vector, velocity: Vector, now: float) -> None:
         """Finds a frozen state and an arm that does not follow."""
         if np.max(np.abs(velocity)) <= MOVING:
             # A robot at rest may measure the same again and again; once moved it takes a moment.
-            self._changed = now + _REACTION
-        elif now - self._changed > FROZEN_STATE_SECONDS:
+            self._measured.excuse(_REACTION)
+        elif self._measured.still_for > FROZEN_STATE_SECONDS:
             self._fail(LinkFault("state_frozen", f"for {FROZEN_STATE_SECONDS:g} s"))
         far = np.abs(position - measured) > STALLED
         if not far.any():
@@ -338,20 +303,15 @@ class RobotLink:
             names = [n for n, is_far in zip(self._config.joints, far, strict=True) if is_far]
             self._fail(LinkFault("arm_stalled", ", ".join(names)))
 
-    def _within_limits(self, targets: Vector) -> Vector:
-        inside = np.clip(targets, self._limits.position_lower, self._limits.position_upper)
-        names = self._config.joints
-        clamped = clamp_coupled_limits(dict(zip(names, inside, strict=True)))
-        return np.array([clamped[name] for name in names])
-
     def _hold(self) -> None:
         """Sends the arm, once, to where it is."""
-        newest = self._history.newest()
+        newest = self._measured.newest
         is_free = self._sending is None or self._sending.done()
         if self._holding or newest is None or not is_free or self._transport.is_lost:
             return
         self._holding = True
-        self._send(self._within_limits(newest[1][self._rows]), HOLD_FRACTION)
+        here = newest.positions[self._rows]
+        self._send(within_limits(self._config.joints, here, self._limits), HOLD_FRACTION)
 
     def _send(self, targets: Vector, fraction: float) -> None:
         self._sending = self._start(
@@ -384,17 +344,14 @@ class RobotLink:
 
     async def _take_image(self, camera: int, stamp: float, pixels: npt.NDArray[Any]) -> bool:
         """Publishes an image with the joints of its capture; returns whether they are known."""
-        assert self._offset is not None
-        taken = self._offset.to_ours(stamp)
-        joints = self._history.at(taken)
-        if joints is None:
+        taken = self._measured.at(stamp)
+        if taken is None:
             # The state of that moment may still be under way.
             await asyncio.sleep(2 * CYCLE + self._round_trip)
-            joints = self._history.at(taken)
-        if joints is None:
+            taken = self._measured.at(stamp)
+        if taken is None:
             return False
-        n = len(BODY_JOINTS)
-        self._mailbox.write_image(camera, taken, pixels, joints[:n], joints[n:])
+        self._mailbox.write_image(camera, taken.time, pixels, taken.positions, taken.base_pose)
         return True
 
     # The end.
@@ -415,9 +372,9 @@ class RobotLink:
             await asyncio.sleep(CYCLE)
 
     def _measured_arm(self) -> Vector:
-        newest = self._history.newest()
+        newest = self._measured.newest
         assert newest is not None
-        return newest[1][body_indices(arm_joints(self._config.arm))]
+        return newest.positions[body_indices(arm_joints(self._config.arm))]
 
     async def _let_go(self) -> None:
         """Holds if it can and stops the base; a lost robot's base stops by itself."""
@@ -436,10 +393,10 @@ class RobotLink:
             self._hold()
 
     def _publish(self, phase: str = "running") -> None:
-        newest = self._history.newest()
+        newest = self._measured.newest
         fields: dict[str, Any] = {
             "round_trip": self._round_trip,
-            "clock_bound": self._offset.bound if self._offset else np.inf,
+            "clock_bound": self._shortest_trip / 2,
             "states": self._states,
             "late": self._late,
             "phase": phase,
@@ -447,13 +404,41 @@ class RobotLink:
         }
         if newest is not None:
             fields |= {
-                "time": newest[0],
-                "positions": newest[1][: len(BODY_JOINTS)],
-                "base_pose": newest[1][len(BODY_JOINTS) :],
+                "time": newest.time,
+                "positions": newest.positions,
+                "base_pose": newest.base_pose,
             }
         if self._fault is not None:
             fields |= {"fault": self._fault.word, "detail": str(self._fault)[:240]}
         self._mailbox.state.write(**fields)
+
+
+def streamed_targets(
+    names: Sequence[str], position: Vector, velocity: Vector, ahead: float, limits: CommandLimits
+) -> tuple[Vector, float]:
+    """Returns what `setAngles` is given so that joints follow a path.
+
+    Args:
+        names: Joints (n).
+        position: Where the path is now (n,) [rad].
+        velocity: Its velocity now (n,) [rad/s].
+        ahead: The lookahead [s].
+        limits: Of the joints.
+
+    Returns:
+        Targets within all limits (n,) [rad], and the one fraction of the largest speed.
+    """
+    step = np.clip(velocity, -limits.velocity, limits.velocity) * ahead
+    targets = within_limits(names, position + step, limits)
+    streamed = streamed_command(names, targets - step, targets, ahead, limits.velocity)
+    return targets, min(HEADROOM * streamed.fraction, LARGEST_FRACTION)
+
+
+def within_limits(names: Sequence[str], positions: Vector, limits: CommandLimits) -> Vector:
+    """Returns positions (n,) [rad] moved into their limits, the yaw-coupled ones included."""
+    inside = np.clip(positions, limits.position_lower, limits.position_upper)
+    clamped = clamp_coupled_limits(dict(zip(names, inside, strict=True)))
+    return np.array([clamped[name] for name in names])
 
 
 def base_segment(velocity: Vector) -> Vector | None:

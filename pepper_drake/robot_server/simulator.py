@@ -27,6 +27,8 @@ LARGEST_IMAGE = 1280 * 960 * 4
 """Bytes kept for an image."""
 SLOWEST_SHOWN = 0.98
 """Rate of the robot's clock below which it is said to be slow."""
+_LATENCY = 0.9
+"""Share of the time between two images after which one is out."""
 _HAND_SPEED = 1.5
 """Rate at which a hand opens and closes, whole ways a second [1/s]; assumed."""
 _PALMS = {"l_wrist": "LHand/Touch/Back", "r_wrist": "RHand/Touch/Back"}
@@ -106,7 +108,10 @@ class SimulatedPepper:
         self._command = SharedRecord(COMMAND, names.command)
         self._images = [SharedRecord(IMAGE, name) for name in names.images]
         station_config = StationConfig(
-            seed=config.seed, camera_period=config.camera_period, camera_latency=0.0
+            seed=config.seed,
+            camera_period=config.camera_period,
+            # Until then an image may be rendered beside the simulation, which must not wait.
+            camera_latency=_LATENCY * config.camera_period,
         )
         self._station = PepperStation(config.scene, station_config, shared_control_model())
         self._simulator = Simulator(self._station)

@@ -39,6 +39,7 @@ def test_no_reader_sees_half_a_record(records):
         while not stop.is_set():
             mine.write(numbers=number)
             number += 1
+            time.sleep(1e-4)
 
     thread = threading.Thread(target=write)
     thread.start()
