@@ -48,6 +48,8 @@ FROZEN = 1.0
 """Time without an answer after which the robot is taken for frozen [s]."""
 HOLD_FRACTION = 0.1
 """Fraction of the largest speed with which the arm goes back to where it is, to hold."""
+_BEHIND = 0.05
+"""Distance from the path at which a joint may catch up, with the same fraction [rad]."""
 HEADROOM = 1.5
 """Fraction sent over that which the fastest joint needs. With it all joints run one lookahead less
 one cycle ahead of the plan, whatever their speeds, to 0.3 mrad; without, each is somewhere in
@@ -194,6 +196,8 @@ class RobotLink:
                 return
             self._check_link()
             self._ask_state()
+            if mode != STREAM:
+                self._measured.excuse(_REACTION)
             if mode == HAND_OVER and self._fault is None:
                 await self._let_down()
             elif mode == STREAM:
@@ -287,7 +291,13 @@ class RobotLink:
         if self._fault is not None or (self._sending is not None and not self._sending.done()):
             return
         self._holding = False
-        self._send(*streamed_targets(self._config.joints, position, velocity, ahead, self._limits))
+        targets, fraction = streamed_targets(
+            self._config.joints, position, velocity, ahead, self._limits
+        )
+        if np.max(np.abs(position - newest.positions[self._rows])) > _BEHIND:
+            # After a pause; the path's own speed, which may be zero, would never close the gap.
+            fraction = max(fraction, HOLD_FRACTION)
+        self._send(targets, fraction)
 
     def _judge(self, measured: Vector, position: Vector, velocity: Vector, now: float) -> None:
         """Finds a frozen state and an arm that does not follow."""

@@ -130,6 +130,8 @@ class SimulatedPepper:
         """Advances slice by slice, in step with the wall's clock if the config says so."""
         self._obey(self._measured_as_command())
         self._simulator.Initialize()
+        if self._station.renderer is not None:
+            self._station.renderer.wait_until_ready()
         self._publish(1.0)
         rate, slice_count = self._config.rate, 0
         begin, shown_rate = time.monotonic(), 1.0
@@ -222,9 +224,12 @@ class SimulatedPepper:
             self._publish_image(k, name)
 
     def _publish_image(self, camera: int, name: str) -> None:
-        stamp = float(self._eval(f"{name}.time_stamp")[0])
-        if not math.isfinite(stamp) or stamp <= self._stamps[camera]:
-            return
+        system = self._station.GetSubsystemByName(name)
+        frame = system.last_frame(system.GetMyContextFromRoot(self._context))
+        stamp = float(frame.time)
+        is_new = math.isfinite(stamp) and stamp > self._stamps[camera]
+        if not is_new or not frame.image.future.done():
+            return  # One that is still being rendered must not stop the robot's clock.
         pixels = self._station.GetOutputPort(f"{name}.image").Eval(self._context).data
         if pixels.size == 0:
             return
