@@ -224,6 +224,7 @@ def reach_with_hardware(options: Namespace) -> int:
                 should_stop,
                 lambda line: None if options.quiet else print(line, flush=True),
                 options.hold_at_end,
+                options.clock_rate,
             ),
         )
         interrupted = should_stop()

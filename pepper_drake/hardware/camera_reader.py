@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.hardware.link_clock import LinkClock
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.transport import Transport
 from pepper_drake.naoqi.clock import join_time
@@ -38,7 +39,7 @@ class CameraReader:
         name: str,
         rate: float,
         take: TakeImage,
-        clock: Callable[[], float],
+        clock: LinkClock,
     ) -> None:
         """Subscribes to nothing yet.
 
@@ -49,11 +50,11 @@ class CameraReader:
             rate: Images [1/s].
             take: Given camera, robot's time [s] and pixels, (height, width, 3) RGB or
                 (height, width) of depths [mm]; tells whether it could use them.
-            clock: Tells the time [s].
+            clock: The clock by which the robot is led.
         """
         self._transport, self._camera, self._rate = transport, camera, rate
         self._name = f"{name}_{camera}"
-        self._take, self._clock = take, clock
+        self._take, self._clock, self._time = take, clock.now, clock
         self._handle = ""
 
     async def run(self, wanted: Callable[[], bool]) -> None:
@@ -67,7 +68,7 @@ class CameraReader:
             while True:
                 if not wanted():
                     await self._unsubscribe()
-                    await asyncio.sleep(_IDLE)
+                    await self._time.pause(_IDLE)
                     continue
                 begin = self._clock()
                 if not self._handle:
@@ -84,7 +85,7 @@ class CameraReader:
                     await self._take(self._camera, taken, self._pixels(reply))
                 elif self._clock() - changed > FROZEN_SECONDS:
                     raise LinkFault("camera_frozen", self._title)
-                await asyncio.sleep(max(begin + 1 / self._rate - self._clock(), 0.0))
+                await self._time.pause(max(begin + 1 / self._rate - self._clock(), 0.0))
         finally:
             await self._unsubscribe()
 
@@ -112,7 +113,7 @@ class CameraReader:
 
     async def _reply(self) -> Any:
         try:
-            async with asyncio.timeout(_ANSWER_SECONDS):
+            async with asyncio.timeout(_ANSWER_SECONDS / self._time.rate):
                 reply = await self._call("getImageRemote", self._handle)
         except TimeoutError:
             raise LinkFault("camera_missing", f"{self._title} does not answer") from None

@@ -1,7 +1,7 @@
 """The end of a run: the arm is held, lowered if it is up, and only then made softer."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from pepper_drake.models.pepper import arm_group
 from pepper_drake.naoqi.constants import CHAINS
 
 Vector = npt.NDArray[np.float64]
+Pause = Callable[[float], Awaitable[None]]
 
 HELD = 1.0
 """Time that the arm is held before anything else happens [s]."""
@@ -30,21 +31,24 @@ _RESTS = 0.12
 _POLL = 0.05
 
 
-async def hand_over(transport: Transport, arm: str, measured: Callable[[], Vector]) -> None:
+async def hand_over(
+    transport: Transport, arm: str, measured: Callable[[], Vector], pause: Pause = asyncio.sleep
+) -> None:
     """Holds, lowers and relaxes an arm. One that meets something on its way down is left stiff.
 
     Args:
         transport: The robot.
         arm: "left" or "right".
         measured: Returns the arm's joint positions now (5,) [rad].
+        pause: Waits for a time [s].
 
     Raises:
         LinkFault: The robot answered with an error, or is gone.
     """
     names = list(arm_joints(arm))
     await transport.call("ALMotion", "setAngles", names, measured().tolist(), 0.1)
-    await asyncio.sleep(HELD)
-    if not await _lower(transport, names[0], measured):
+    await pause(HELD)
+    if not await _lower(transport, names[0], measured, pause):
         raise LinkFault(
             "arm_stalled", f"the {arm} arm met something on its way down and was left stiff"
         )
@@ -52,7 +56,9 @@ async def hand_over(transport: Transport, arm: str, measured: Callable[[], Vecto
     await transport.call("ALMotion", "stiffnessInterpolation", chain, SOFT, RELAXING)
 
 
-async def _lower(transport: Transport, shoulder: str, measured: Callable[[], Vector]) -> bool:
+async def _lower(
+    transport: Transport, shoulder: str, measured: Callable[[], Vector], pause: Pause
+) -> bool:
     """Lets the upper arm hang; returns whether it does."""
     target = float(measured()[0])
     while float(measured()[0]) < DOWN - _RESTS:
@@ -62,5 +68,5 @@ async def _lower(transport: Transport, shoulder: str, measured: Callable[[], Vec
             return False
         target = min(target + _LOWERING_SPEED * _POLL, DOWN)
         await transport.call("ALMotion", "setAngles", [shoulder], [target], _FRACTION)
-        await asyncio.sleep(_POLL)
+        await pause(_POLL)
     return True

@@ -6,8 +6,7 @@ tens of milliseconds. All its calls are made from one asyncio loop.
 
 import asyncio
 import contextlib
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -17,6 +16,7 @@ import numpy.typing as npt
 
 from pepper_drake.hardware.camera_reader import CameraReader
 from pepper_drake.hardware.hand_over import hand_over
+from pepper_drake.hardware.link_clock import LinkClock
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.mailbox import (
     CAMERA_NAMES,
@@ -80,12 +80,14 @@ class LinkConfig:
         cameras: Those of `CAMERA_NAMES` that may be asked for images.
         camera_rate: Images of each camera [1/s].
         name: Under which the robot lists our subscriptions.
+        clock_rate: Rate of the robot's clock; 1 but for a served robot that was told otherwise.
     """
 
     arm: str
     cameras: tuple[str, ...] = CAMERA_NAMES
     camera_rate: float = 5.0
     name: str = "pepper_drake"
+    clock_rate: float = 1.0
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -104,7 +106,7 @@ class RobotLink:
         transport: Transport,
         mailbox: Mailbox,
         config: LinkConfig,
-        clock: Callable[[], float] = time.monotonic,
+        clock: LinkClock | None = None,
     ) -> None:
         """Makes a link that does nothing yet.
 
@@ -112,14 +114,11 @@ class RobotLink:
             transport: A connected one.
             mailbox: Shared with the station.
             config: How the robot is led.
-            clock: Tells the time [s].
+            clock: The clock by which the robot is led; the machine's if left out.
         """
-        self._transport, self._mailbox, self._config, self._clock = (
-            transport,
-            mailbox,
-            config,
-            clock,
-        )
+        self._transport, self._mailbox, self._config = transport, mailbox, config
+        self._time = clock or LinkClock()
+        self._clock = self._time.now
         self._rows = body_indices(config.joints)
         self._limits: CommandLimits = shared_control_model().command_limits(config.joints)
         self._columns = [BODY.index(name) for name in BODY_JOINTS]
@@ -130,7 +129,7 @@ class RobotLink:
         self._asked = 0.0
         self._sending: asyncio.Task[None] | None = None
         self._states = self._late = 0
-        self._followed = clock()
+        self._followed = self._clock()
         self._fault: LinkFault | None = None
         self._slowed_until = -np.inf
         self._holding = False
@@ -158,7 +157,7 @@ class RobotLink:
                         self._config.name,
                         self._config.camera_rate,
                         self._take_image,
-                        self._clock,
+                        self._time,
                     )
                     tasks.append(self._start(reader.run(partial(self._wants, number))))
             tasks += [
@@ -211,7 +210,7 @@ class RobotLink:
                 skipped = int((now - due) / CYCLE)
                 self._late += skipped
                 due += skipped * CYCLE
-            await asyncio.sleep(max(due - now, 0.0))
+            await self._time.pause(max(due - now, 0.0))
 
     # Measuring.
 
@@ -256,7 +255,7 @@ class RobotLink:
         """Sees that the arm's motors stay stiff while they are commanded."""
         names = list(arm_joints(self._config.arm))
         while True:
-            await asyncio.sleep(_STIFFNESS_PERIOD)
+            await self._time.pause(_STIFFNESS_PERIOD)
             if int(self._mailbox.command.read()["mode"]) != STREAM:
                 continue
             stiffnesses = await self._transport.call("ALMotion", "getStiffnesses", names)
@@ -280,6 +279,7 @@ class RobotLink:
         if now - newest.time > FRESH or now - command["time"] > FRESH:
             # The station or the robot may come back; until then the arm stands.
             self._measured.excuse(_REACTION)
+            self._followed = now
             self._hold()
             return
         position = np.array(command["positions"])[self._rows]
@@ -342,7 +342,7 @@ class RobotLink:
             may = int(command["mode"]) == STREAM and is_fresh and self._fault is None
             segment = base_segment(np.array(command["base_velocity"])) if may else None
             if segment is None:
-                await asyncio.sleep(CYCLE)
+                await self._time.pause(CYCLE)
                 continue
             await self._transport.call("ALMotion", "moveTo", *map(float, segment))
 
@@ -357,7 +357,7 @@ class RobotLink:
         taken = self._measured.at(stamp)
         if taken is None:
             # The state of that moment may still be under way.
-            await asyncio.sleep(2 * CYCLE + self._round_trip)
+            await self._time.pause(2 * CYCLE + self._round_trip)
             taken = self._measured.at(stamp)
         if taken is None:
             return False
@@ -369,17 +369,17 @@ class RobotLink:
     async def _let_down(self) -> None:
         self._publish("handing over")
         hand_over_task = self._start(
-            hand_over(self._transport, self._config.arm, self._measured_arm)
+            hand_over(self._transport, self._config.arm, self._measured_arm, self._time.pause)
         )
         while not hand_over_task.done():
             self._check_link()
             self._ask_state()
             self._publish("handing over")
-            await asyncio.sleep(CYCLE)
+            await self._time.pause(CYCLE)
         self._holding = True
         self._publish("handed over")
         while int(self._mailbox.command.read()["mode"]) == HAND_OVER and not self._ended:
-            await asyncio.sleep(CYCLE)
+            await self._time.pause(CYCLE)
 
     def _measured_arm(self) -> Vector:
         newest = self._measured.newest

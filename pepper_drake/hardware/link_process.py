@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.hardware.link import LinkConfig, RobotLink
+from pepper_drake.hardware.link_clock import LinkClock
 from pepper_drake.hardware.link_fault import LINK_FAULTS, LinkFault
 from pepper_drake.hardware.mailbox import END, HAND_OVER, HOLD, Mailbox, MailboxNames
 from pepper_drake.hardware.preflight import PreflightOptions, check_robot
@@ -47,7 +48,7 @@ async def _linked(
     await transport.connect()
     try:
         await check_robot(transport, config.arm, options)
-        link = RobotLink(transport, mailbox, config)
+        link = RobotLink(transport, mailbox, config, LinkClock(config.clock_rate))
         watch = asyncio.ensure_future(_watch_parent(link))
         try:
             await link.run()
@@ -70,6 +71,7 @@ class LinkProcess:
 
     Attributes:
         mailbox: Shared with the process.
+        clock: The clock by which the robot is led.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class LinkProcess:
             options: What is checked before.
         """
         self.mailbox = Mailbox()
+        self.clock = LinkClock(config.clock_rate)
         self._process = multiprocessing.get_context("spawn").Process(
             target=run_link,
             args=(access, config, options or PreflightOptions(), self.mailbox.names),
@@ -133,12 +136,12 @@ class LinkProcess:
 
     def command(self, **fields: Any) -> None:
         """Writes a command; see `mailbox.COMMAND`."""
-        self.mailbox.command.write(time=time.monotonic(), **fields)
+        self.mailbox.command.write(time=self.clock.now(), **fields)
 
     def hand_over(self) -> None:
         """Holds the arm, lowers and relaxes it, and waits until that is done."""
         self.command(mode=HAND_OVER)
-        end = time.monotonic() + _HAND_OVER_SECONDS
+        end = time.monotonic() + _HAND_OVER_SECONDS / self.clock.rate
         while time.monotonic() < end and self._process.is_alive():
             state = self.state()
             if str(state["phase"]) in ("handed over", "ended") or str(state["fault"]):
@@ -148,7 +151,7 @@ class LinkProcess:
     def close(self) -> None:
         """Holds, ends the process and lets the memory go."""
         self.command(mode=HOLD)
-        time.sleep(0.1)
+        self.clock.sleep(0.1)
         self.command(mode=END)
         self._process.join(_END_SECONDS)
         if self._process.is_alive():

@@ -1,6 +1,6 @@
 """Options of apps that lead a robot."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 
 from pepper_drake.errors import InputError
@@ -22,6 +22,13 @@ def add_robot_options(parser: ArgumentParser, *, required: bool = False) -> None
             choices=("simulated", "naoqi"),
             default="simulated",
             help="what is moved: the simulation, or the robot at --robot (default: %(default)s)",
+        )
+        parser.add_argument(
+            "--clock-rate",
+            type=clock_rate,
+            default=1.0,
+            metavar="RATE",
+            help="for a served robot on a slow machine: as serve_naoqi.py --rate (default: 1)",
         )
     parser.add_argument(
         "--robot",
@@ -46,6 +53,17 @@ def add_robot_options(parser: ArgumentParser, *, required: bool = False) -> None
         action="store_true",
         help="switch the robot's autonomous life off where it is on, which would move the arms",
     )
+
+
+def clock_rate(text: str) -> float:
+    """Reads the rate of a clock from the command line."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.01 <= value <= 1.0:
+        raise ArgumentTypeError(f'"{text}" is no rate; give a number from 0.01 to 1')
+    return value
 
 
 def robot_access(options: Namespace) -> RobotAccess:

@@ -1,6 +1,5 @@
 """One reach of a robot: checked before, paced by the clock, and handed over at the end."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -74,6 +73,7 @@ class HardwareRun:
         should_stop: Asked before each step; when it says so the arm is handed over.
         say: Takes a line for people.
         holds: Whether the arm stays where it is at the end, stiff, and is not handed over.
+        clock_rate: Rate of the robot's clock; see `LinkConfig`.
     """
 
     access: RobotAccess
@@ -81,6 +81,7 @@ class HardwareRun:
     should_stop: Callable[[], bool] = lambda: False
     say: Callable[[str], None] = lambda _: None
     holds: bool = False
+    clock_rate: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,21 +117,25 @@ def reach_with_robot(
     Raises:
         LinkFault: The robot cannot be reached, or is not ready; nothing was moved.
     """
-    with LinkProcess(run.access, LinkConfig(scene.arm), run.preflight) as link:
+    with LinkProcess(
+        run.access, LinkConfig(scene.arm, clock_rate=run.clock_rate), run.preflight
+    ) as link:
         link.wait_until_ready()
         scene = _where_it_stands(scene, link)
-        start = time.monotonic()
+        start = link.clock.now()
         config = replace(config, log_period=_LOG_PERIOD)
         station = HardwareStation(link, shared_control_model(), start)
         reaching = Reaching(scene, primitive, coupling, config, station)
         simulator = Simulator(reaching)
         # Building took a moment; the diagram's time begins now.
         simulator.get_mutable_context().SetTime(
-            CONTROL_PERIOD * int((time.monotonic() - start) / CONTROL_PERIOD)
+            CONTROL_PERIOD * int((link.clock.now() - start) / CONTROL_PERIOD)
         )
         simulator.Initialize()
         progress = _Progress(reaching, simulator, link, run)
-        pacing = run_paced(simulator, start, progress.is_over)
+        pacing = run_paced(
+            simulator, start, progress.is_over, wall=link.clock.now, sleep=link.clock.sleep
+        )
         report = progress.report(pacing)
         run.say(report.summary())
         if not run.holds and not report.fault:

@@ -1,6 +1,5 @@
 """HardwareStation: a real robot with the ports of `PepperStation`, less the ground truth."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -111,15 +110,14 @@ class RobotInterface(LeafSystem):
     unrestricted update to read, a periodic publish to command.
     """
 
-    def __init__(self, link: LinkProcess, wall: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, link: LinkProcess) -> None:
         """Declares the ports.
 
         Args:
             link: A link that is ready.
-            wall: Tells the time of the link's clock [s].
         """
         super().__init__()
-        self._link, self._wall = link, wall
+        self._link, self._wall = link, link.clock.now
         n = len(BODY_JOINTS)
         self._command = self.DeclareVectorInputPort("joint_position_command", n)
         self._base = self.DeclareVectorInputPort("base_velocity_command", 3)
@@ -388,7 +386,7 @@ class HardwareStation(Diagram):
         """
         super().__init__()
         self.link, self.control_model = link, model
-        self.start = time.monotonic() if start is None else start
+        self.start = link.clock.now() if start is None else start
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
         self.obstacle_parameters = ObstacleParameters()
         self.scene_models: SceneModels = NO_SCENE

@@ -50,9 +50,12 @@ def test_a_robot_is_named_with_its_password(tmp_path):
 )
 def test_what_makes_no_sense_is_refused_in_one_sentence(words, text):
     options = parsed(*words)
+
+    def read():
+        return check_station(options, {"live": False}) and robot_access(options)
+
     with pytest.raises(InputError, match=text):
-        if check_station(options, {"live": False}):
-            robot_access(options)
+        read()
 
 
 def test_a_password_file_without_a_password(tmp_path):
