@@ -9,6 +9,7 @@ import argparse
 import json
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,10 +41,12 @@ from pepper_drake.learning.dmp.primitive import (
     DEFAULT_APPROXIMATOR,
     DEFAULT_NUM_BASIS,
     DEFAULT_SCALING,
+    FIT_TOLERANCE,
 )
 from pepper_drake.learning.dmp.scaling import SCALINGS
 from pepper_drake.reporting.demonstration_figure import draw_demonstration
 from pepper_drake.reporting.learning_figure import draw_learning
+from pepper_drake.results.folder import whole_results
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -230,7 +233,7 @@ def main() -> int:
     )
     fit_seconds = time.perf_counter() - started
 
-    rows = []
+    rows: list[dict[str, Any]] = []
     for demo in demonstrations:
         own = primitive.rollout(
             start=demo.positions[0],
@@ -239,6 +242,7 @@ def main() -> int:
             start_velocity=demo.velocities[0],
         )
         position, velocity = distances(demo, own)
+        leaves = primitive.distance(demo)
         rows.append(
             {
                 "demonstration": demo.name,
@@ -247,6 +251,7 @@ def main() -> int:
                 "derivatives": demo.derivation,
                 "position_distance": position,
                 "velocity_distance": velocity,
+                "largest_position_distance": leaves,
             }
         )
     report = {
@@ -259,10 +264,12 @@ def main() -> int:
         "demonstrations": rows,
         "checks": [check.to_data() for check in checks],
     }
-    primitive.save(arguments.output / "primitive.yaml")
-    write_atomically(arguments.output / "report.json", json.dumps(report, indent=2) + "\n")
     figure = draw_learning(primitive, demonstrations, primitive.rollout())
-    figure.savefig(arguments.output / "learn.png", dpi=110)
+    names = ("primitive.yaml", "learn.png", "report.json")
+    with whole_results(arguments.output, names) as folder:
+        primitive.save(folder / "primitive.yaml")
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+        figure.savefig(folder / "learn.png", dpi=110)
 
     if not arguments.quiet:
         for check in checks:
@@ -276,6 +283,11 @@ def main() -> int:
                 f"  given back to {row['position_distance']:.2g} m and"
                 f" {row['velocity_distance']:.2g} m/s (equation 4.1)"
             )
+            if row["largest_position_distance"] > FIT_TOLERANCE:
+                print(
+                    f"  warning: the motion leaves it by {row['largest_position_distance']:.2g} m"
+                    " at most; learn a shorter part, or with more basis functions (--num-basis)"
+                )
         parts = ["translation"]
         parts += ["orientation"] if primitive.orientation else []
         parts += ["joints"] if primitive.posture else []

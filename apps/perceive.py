@@ -23,7 +23,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from pydrake.geometry import Meshcat
 from tqdm import tqdm
 
 from pepper_drake import cli
@@ -45,6 +44,11 @@ from pepper_drake.reporting.perception_figures import (
     save_goal_figure,
     save_images_figure,
 )
+from pepper_drake.results.folder import whole_results
+from pepper_drake.web.drake_page import open_meshcat
+
+RESULTS = ("report.json", "images.png", "clouds.png", "goal.png", "clouds.html")
+"""The files that a run leaves."""
 
 _DISTANCES = (0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2)
 """From where the marker is looked at [m]."""
@@ -109,12 +113,13 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--live", action="store_true", help="show the clouds in a browser, and stay open"
     )
+    cli.add_host_option(parser)
     return parser
 
 
 def main() -> int:
     """Runs the app."""
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
     if options.image or options.depth or options.cloud:
         return _perceive_own(options)
     for name in ("camera", "marker", "size", "scale"):
@@ -134,8 +139,6 @@ def main() -> int:
     samples = _look_at_marker(study, options)
     wrong_goals = count_false_positives(study, options.wrong_goal_frames, options.seed)
 
-    folder: Path = options.output
-    folder.mkdir(parents=True, exist_ok=True)
     report = make_report(clouds, samples)
     report["depth"]["over_poses"] = {
         "poses": options.poses,
@@ -148,19 +151,20 @@ def main() -> int:
         "seed": options.seed,
         "texture": options.texture,
     }
-    (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-    save_images_figure(clouds, folder)
-    save_clouds_figure(clouds, folder)
-    save_goal_figure(samples, folder)
-    meshcat = Meshcat()
-    draw_clouds(meshcat, clouds)
-    (folder / "clouds.html").write_text(meshcat.StaticHtml())
-    if not options.quiet:
-        print(summary(report))
-        print(f"Results are in {folder}")
-    if options.live:
-        print(f"Watch it at {meshcat.web_url()}", flush=True)
-        cli.wait_for_interrupt("Press Ctrl-C to end.")
+    with open_meshcat(page=options.live, host=options.host) as (meshcat, url):
+        draw_clouds(meshcat, clouds)
+        with whole_results(options.output, RESULTS) as folder:
+            (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+            save_images_figure(clouds, folder)
+            save_clouds_figure(clouds, folder)
+            save_goal_figure(samples, folder)
+            (folder / "clouds.html").write_text(meshcat.StaticHtml())
+        if not options.quiet:
+            print(summary(report))
+            print(f"Results are in {options.output}")
+        if options.live:
+            print(f"Watch it at {url}", flush=True)
+            cli.wait_for_interrupt("Press Ctrl-C to end.")
     return cli.EXIT_DONE
 
 

@@ -53,6 +53,7 @@ def make_parser() -> ArgumentParser:
         metavar="FORM",
         help="write a file for another tool: tum, csv, choregraphe, lerobot, mcap or rosbag2",
     )
+    cli.add_host_option(parser)
     add("--stop", action="store_true", help="end the server that play.py started, and its window")
     return parser
 
@@ -70,7 +71,7 @@ def show_in_window(options: Namespace) -> "tuple[list[Frames], str]":
     """Draws the runs into the server's window; returns them and the browser's address."""
     started: Popen[bytes] | None = None
     if not server.is_listening(options.zmq_url):
-        started = server.start_server(options.zmq_url)
+        started = server.start_server(options.zmq_url, options.host)
     try:
         runs = load(options.runs, from_arm=options.from_arm)
         from pepper_drake.playback.drawing import draw
@@ -104,7 +105,7 @@ def write_files(options: Namespace) -> "list[Frames]":
 def main() -> int:
     """Runs the app."""
     begin = time.perf_counter()
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
     if options.stop:
         server.quit_server(options.zmq_url)
         return cli.EXIT_DONE

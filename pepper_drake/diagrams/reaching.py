@@ -1,10 +1,9 @@
 """Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
-import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from pepper_drake.diagrams.arm_controller import ArmController
@@ -13,8 +12,8 @@ from pepper_drake.diagrams.compliance import (
     add_hand_force,
     add_pushes,
 )
+from pepper_drake.diagrams.head_perception import HeadPerception
 from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
-from pepper_drake.hardware.station import HardwareStation
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.models.control_model import (
@@ -25,15 +24,15 @@ from pepper_drake.models.control_model import (
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group
 from pepper_drake.models.scene import Scene
-from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.goal.detection import MarkedObject
-from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
-from pepper_drake.perception.mapping.solids import RobotSolids
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.exact_distance import ExactDistance
+from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.base_position_controller import BasePositionController
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
@@ -41,12 +40,6 @@ from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 from pepper_drake.systems.robot.true_clearance import TrueClearance
-from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
-from pepper_drake.systems.sensing.gaze_controller import GazeController
-from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
-
-_IMAGE_POLL = 0.05
-"""Time between looks for new images [s]: they come every 0.2 s, and each look copies the state."""
 
 
 @dataclass
@@ -57,6 +50,8 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
+    contact: ContactParams = field(default_factory=ContactParams)
+    """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
     """How the reaching arm gives way when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
@@ -66,7 +61,7 @@ class ReachingConfig:
 class Reaching(Diagram):
     """The whole loop, from the cameras' images to the joints' commands.
 
-    It is simulated, or with `robot` performed by a robot, from where that stands.
+    It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
 
     Attributes:
         station: Pepper in its scene; another station with the same ports may take its place.
@@ -80,15 +75,17 @@ class Reaching(Diagram):
         primitive: MovementPrimitive,
         coupling: Coupling | None,
         config: ReachingConfig,
-        robot: HardwareStation | None = None,
+        robot: Diagram | None = None,
     ) -> None:
         super().__init__()
         self.scene, self.primitive, self.config = scene, primitive, config
         self._builder = builder = DiagramBuilder()
         model = shared_control_model()
-        self.geometry = ArmGeometry(model, scene.arm)
+        self.shapes = ExactDistance(model, arm_kinematics(model, scene.arm))
         # A robot's station has the same ports, less those of the truth.
-        station = cast(PepperStation, robot) if robot else PepperStation(scene, config.station, model)
+        station = (
+            cast(PepperStation, robot) if robot else PepperStation(scene, config.station, model)
+        )
         self.station: PepperStation = builder.AddNamedSystem("station", station)
         self.logs: dict[str, VectorLogSink] = {}
 
@@ -101,7 +98,7 @@ class Reaching(Diagram):
         if robot is None:
             builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
         del self._builder
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _connect(self, source: OutputPort, system: object, *names: str) -> None:
         for name in names:
@@ -109,80 +106,10 @@ class Reaching(Diagram):
 
     def _add_perception(self) -> None:
         """Goal estimator, obstacle cloud, and the head that looks at the goal."""
-        builder, station = self._builder, self.station
-        marked = MarkedObject.from_scene(self.scene.goal)
-        self.goal_estimator = builder.AddNamedSystem(
-            "goal_estimator",
-            GoalEstimator(
-                marked,
-                # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
-                parameters=GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0),
-                period=_IMAGE_POLL,
-                latency=0.04,
-                expects_noise=self.config.station.noise,
-            ),
+        self.perception = self._builder.AddNamedSystem(
+            "perception", HeadPerception(self.scene, self.station)
         )
-        for camera in ("top", "bottom"):
-            for port, name in (
-                ("image", "color_image"),
-                ("time_stamp", "time_stamp"),
-                ("pose", "X_WC"),
-            ):
-                self._connect(
-                    station.GetOutputPort(f"camera_{camera}.{port}"),
-                    self.goal_estimator,
-                    f"{name}_{camera}",
-                )
-        self.object_pose = self.goal_estimator.GetOutputPort("object_pose")
-
-        self.cloud_source = builder.AddNamedSystem(
-            "cloud_source",
-            DepthPointCloudSource(
-                RobotSolids(
-                    station.control_model.plant, station.control_model.diagram.scene_graph()
-                ),
-                marked,
-                intrinsics=station.depth_intrinsics,
-                parameters=station.obstacle_parameters,
-                period=_IMAGE_POLL,
-            ),
-        )
-        for port, name in (
-            ("image", "depth_image"),
-            ("time_stamp", "time_stamp"),
-            ("pose", "X_WC"),
-            ("position", "position"),
-        ):
-            self._connect(station.GetOutputPort(f"camera_depth.{port}"), self.cloud_source, name)
-        self._connect(self.object_pose, self.cloud_source, "object_pose")
-        self._connect(self.goal_estimator.GetOutputPort("valid"), self.cloud_source, "object_valid")
-        self._connect(
-            self.goal_estimator.GetOutputPort("velocity"), self.cloud_source, "object_velocity"
-        )
-        self._connect(station.GetOutputPort("torso_pose"), self.cloud_source, "X_WT")
-
-        self.look_at = builder.AddNamedSystem(
-            "look_at",
-            GazeController(
-                marked.X_OM.translation(),
-                secondary_camera=CAMERA_DEPTH,
-                radius=marked.marker_size / np.sqrt(2),
-                side=1.0 if self.scene.arm == "left" else -1.0,
-                max_velocity=2.5,
-                max_acceleration=8.0,
-            ),
-        )
-        for name in ("age", "velocity"):
-            self._connect(self.goal_estimator.GetOutputPort(name), self.look_at, name)
-        self._connect(self.object_pose, self.look_at, "object_pose")
-        self._connect(self.cloud_source.GetOutputPort("cloud"), self.look_at, "cloud")
-        self._connect(self.goal_estimator.GetOutputPort("valid"), self.look_at, "valid")
-        self._connect(station.GetOutputPort("torso_pose"), self.look_at, "X_WT")
-        for camera in ("top", "bottom"):
-            builder.Connect(
-                self.look_at.GetOutputPort(f"{camera}_enabled"),
-                station.GetInputPort(f"camera_{camera}.enabled"),
-            )
+        self.perception.connect(self._builder, self.station)
 
     def _add_supervisor(self, coupling: Coupling | None) -> None:
         """The supervisor with its planner, and the base that it drives."""
@@ -202,23 +129,19 @@ class Reaching(Diagram):
             "supervisor",
             ReachSupervisor(self.timed_planner, self.config.timing, arm=self.scene.arm),
         )
-        sources = {
-            "object_pose": self.object_pose,
-            "goal_valid": self.goal_estimator.GetOutputPort("valid"),
-            "goal_age": self.goal_estimator.GetOutputPort("age"),
-            "cloud": self.cloud_source.GetOutputPort("cloud"),
-            "cloud_time": self.cloud_source.GetOutputPort("time_stamp"),
-            "cloud_fault": self.cloud_source.GetOutputPort("fault"),
-            "approaching": self.cloud_source.GetOutputPort("approaching"),
-            "joint_position": station.GetOutputPort("joint_position"),
-            "base_pose": station.GetOutputPort("base_pose"),
-            "hand_pose": station.GetOutputPort(f"{self.scene.arm}_hand_pose"),
-        }
-        for name, source in sources.items():
-            self._connect(source, self.supervisor, name)
-        self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
+        for name in (
+            *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
+            *("cloud_time", "cloud_fault"),
+        ):
+            self._connect(self.perception.GetOutputPort(name), self.supervisor, name)
+        for output, name in (
+            ("joint_position", "joint_position"),
+            ("base_pose", "base_pose"),
+            (f"{self.scene.arm}_hand_pose", "hand_pose"),
+        ):
+            self._connect(station.GetOutputPort(output), self.supervisor, name)
         self.started = self.supervisor.GetOutputPort("started")
-        self._connect(self.started, self.look_at, "scan_enabled")
+        self._connect(self.started, self.perception, "scan_enabled")
 
         driver = builder.AddNamedSystem("base_driver", BasePositionController())
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
@@ -251,11 +174,12 @@ class Reaching(Diagram):
         )
         for name, source in (
             ("movement", self.supervisor.GetOutputPort("movement")),
-            ("object_pose", self.object_pose),
+            ("object_pose", self.perception.GetOutputPort("object_pose")),
             ("torso_pose", station.GetOutputPort("torso_pose")),
             ("hand_pose", station.GetOutputPort(f"{arm}_hand_pose")),
             ("arm_position", self.arm_position),
-            ("cloud", self.cloud_source.GetOutputPort("cloud_torso")),
+            ("cloud", self.perception.GetOutputPort("cloud_torso")),
+            ("predicted_cloud", self.perception.GetOutputPort("predicted_cloud_torso")),
         ):
             self._connect(source, controller, name)
         for output, name in (
@@ -285,17 +209,15 @@ class Reaching(Diagram):
                 self.scene.robot.positions(),
             ),
         )
-        self._connect(self.look_at.GetOutputPort("head_position_command"), merge, "head_command")
+        self._connect(self.perception.GetOutputPort("head_position_command"), merge, "head_command")
         self._connect(self.controller.GetOutputPort("position_command"), merge, "arm_command")
 
-        measured = station.GetOutputPort("joint_position")
-        head = select_joints(builder, measured, "head_position", JOINT_GROUPS["head"])
-        self._connect(head, self.look_at, "head_position")
-
         self.seen_clearance = builder.AddNamedSystem(
-            "seen_clearance", CloudClearance(self.geometry, time_step=0.05)
+            "seen_clearance", CloudClearance(self.shapes, time_step=0.05)
         )
-        self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud")
+        for name in ("cloud", "predicted_cloud"):
+            source = self.perception.GetOutputPort(f"{name}_torso")
+            self._connect(source, self.seen_clearance, name)
         self._connect(self.active, self.seen_clearance, "active")
         self._connect(self.arm_position, self.seen_clearance, "joint_position")
         self._connect(
@@ -308,7 +230,9 @@ class Reaching(Diagram):
             "safety_monitor",
             SafetyMonitor(
                 limits=model.command_limits(BODY_JOINTS),
+                start_position=[self.scene.robot.positions()[name] for name in BODY_JOINTS],
                 minimum_clearance=self.config.planner.clearance.stop,
+                contact=self._contact_params(),
                 time_step=self.config.ik.time_step,
             ),
         )
@@ -321,6 +245,19 @@ class Reaching(Diagram):
         builder.Connect(
             self.safety.GetOutputPort("safe_joint_position_command"),
             station.GetInputPort("joint_position_command"),
+        )
+
+    def _contact_params(self) -> ContactParams | None:
+        """When a joint counts as held, on a robot of this latency and slack."""
+        if self.config.compliance is not None:
+            return None
+        wear = self.config.station.wear
+        if wear is None:
+            return self.config.contact
+        return replace(
+            self.config.contact,
+            latency=self.config.contact.latency + wear.command_latency,
+            angle=self.config.contact.angle + 0.5 * float(wear.backlash.max()),
         )
 
     def _add_motions(self) -> None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import gc
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,42 +12,51 @@ from pydrake.geometry import GeometryId, MakeRenderEngineVtk, RenderEngineVtkPar
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     MatrixGain,
-    Multiplexer,
     TrajectorySource,
 )
 
+from pepper_drake.diagrams.robot_signals import (
+    add_camera_faults,
+    add_measurements,
+    add_servos,
+    export_triggers,
+)
 from pepper_drake.diagrams.stereo_camera import StereoCamera
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
     CONTROL_PERIOD,
     ControlModel,
+    arm_joints,
     body_indices,
 )
 from pepper_drake.models.objects import NO_SCENE, SceneModels, add_scene
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper, posture_positions
+from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.cameras.camera import (
     CAMERA_BOTTOM,
     CAMERA_DEPTH,
     CAMERA_TOP,
     CameraIntrinsics,
+    HeadCamera,
+    moved_camera,
 )
 from pepper_drake.perception.cameras.noise import ColorNoise, DepthNoise
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import STEREO_CLOUD
-from pepper_drake.systems.robot.base_velocity_controller import BaseVelocityController
-from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
+from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
 from pepper_drake.systems.sensing.async_renderer import AsyncRenderer
 from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
 from pepper_drake.systems.sensing.camera_model import CameraModel
 
 RENDERER = "vtk"
-_STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
+_STRENGTH = {"base": (40.0, 80.0), "body": (10.0, 10.0)}
 """Proportional and derivative gain of what carries the rest, over a joint's."""
 _GEAR_FRICTION = 0.3
 """Damping that is left of a limp joint [N m s/rad]."""
@@ -102,6 +112,11 @@ class StationConfig:
     """Of a joint at stiffness 1 [N m s/rad]; body and base have more. It goes with the root of the
     stiffness, so that a soft joint is damped as well as a stiff one."""
 
+    wear: RobotWear | None = None
+    """Errors of a used robot; None for one as in its model. A stereo pair has none of its own."""
+    faults: FaultSet = field(default_factory=FaultSet)
+    """Signals that fail during the run."""
+
 
 def select_joints(
     builder: DiagramBuilder, joint_position: OutputPort, name: str, joints: Sequence[str]
@@ -150,6 +165,8 @@ class PepperStation(Diagram):
         - joint_position
         - joint_velocity
         - base_pose
+        - measurement_age
+        - missing_joint
         - robot_position
         - torso_pose
         - left_hand_pose
@@ -174,11 +191,14 @@ class PepperStation(Diagram):
         - ground_truth.body_velocities
 
     The joint ports have 15 elements in the order of `BODY_JOINTS` (rad); `base_velocity_command`
-    is vx, vy, yaw rate in the base frame; `base_pose` is x, y, yaw in W by odometry. Poses are
+    is vx, vy, yaw rate in the base frame; `base_pose` is x, y, yaw in W by odometry. What is
+    measured is always a number: `measurement_age` (2) tells since when joints and base were not
+    measured [s], `missing_joint` (1) which joint it was, or -1. Poses are
     X_WT, X_TH and X_WC, from the measured joints. A camera's image, pose, time stamp (and the
     robot's positions, 18) belong together: all four are of the moment of the capture. Input
     `goal_object.desired_state` (6), the offset in m and its rate, is there when the config asks
-    for it, and so is `NAME.desired_state` of each obstacle that moves. `applied_forces` (list of
+    for it, and so is `NAME.desired_state` of each obstacle that moves; `fault_trigger` (1) where a
+    fault waits for the arm to start. `applied_forces` (list of
     ExternallyAppliedSpatialForce) is what pulls at the robot from outside. Only the ports
     `ground_truth.*` know what a real robot cannot.
 
@@ -208,6 +228,8 @@ class PepperStation(Diagram):
             positions: Where every joint starts [rad, m], by name; as in the scene if left out.
         """
         super().__init__()
+        # An earlier station takes 100 MB, but is so few objects that nobody looks for it so soon.
+        gc.collect()
         self.config = config
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
@@ -239,8 +261,26 @@ class PepperStation(Diagram):
         for name, position in positions.items():
             plant.GetJointByName(name, self.pepper).set_default_positions([position])
 
-        measured = self._add_measurements(builder)
-        self._add_actuation(builder, measured, positions)
+        true = self._add_true_state(builder)
+        gap = add_servos(
+            builder,
+            plant,
+            self.pepper,
+            true["base_pose"],
+            positions,
+            wear=config.wear,
+            period=config.command_period,
+        )
+        measured = add_measurements(
+            builder,
+            true["joint_position"],
+            true["base_pose"],
+            dict(positions),
+            gap=gap,
+            wear=config.wear,
+            faults=config.faults,
+            failing_joints=body_indices([*JOINT_GROUPS["head"], *arm_joints(self._arm(scene))]),
+        )
         self._add_motions(builder)
         add_gravity_compensation(builder, plant)
         kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model))
@@ -258,7 +298,13 @@ class PepperStation(Diagram):
             plant.get_body_spatial_velocities_output_port(), "ground_truth.body_velocities"
         )
         builder.ExportInput(plant.get_applied_spatial_force_input_port(), "applied_forces")
-        builder.BuildInto(self)
+        export_triggers(builder, config.faults)
+        build_into(builder, self)
+
+    @staticmethod
+    def _arm(scene: Scene | None) -> str:
+        """The arm that reaches."""
+        return "right" if scene is None else scene.arm
 
     def robot_geometries(self) -> set[GeometryId]:
         """Pepper's collision geometries."""
@@ -298,8 +344,8 @@ class PepperStation(Diagram):
             actuator = self.plant.GetJointActuatorByName(name, self.pepper)
             self.plant.get_mutable_joint_actuator(actuator.index()).set_controller_gains(gains)
 
-    def _add_measurements(self, builder: DiagramBuilder) -> dict[str, OutputPort]:
-        """Splits the plant's state into what joint encoders and odometry measure."""
+    def _add_true_state(self, builder: DiagramBuilder) -> dict[str, OutputPort]:
+        """Splits the plant's state into joints and base, and exports the joints' velocities."""
         plant = self.plant
         num_positions = plant.num_positions(self.pepper)
         state = plant.get_state_output_port(self.pepper)
@@ -312,53 +358,12 @@ class PepperStation(Diagram):
         ports = {}
         for name, columns in rows.items():
             selector = builder.AddNamedSystem(
-                name, MatrixGain(D=np.eye(2 * num_positions)[columns])
+                f"true_{name}", MatrixGain(D=np.eye(2 * num_positions)[columns])
             )
             builder.Connect(state, selector.get_input_port())
-            builder.ExportOutput(selector.get_output_port(), name)
             ports[name] = selector.get_output_port()
+        builder.ExportOutput(ports["joint_velocity"], "joint_velocity")
         return ports
-
-    def _add_actuation(
-        self,
-        builder: DiagramBuilder,
-        measured: dict[str, OutputPort],
-        start: Mapping[str, float],
-    ) -> None:
-        """Turns joint and base commands into the desired state of the plant's servos."""
-        plant, config = self.plant, self.config
-        joints = builder.AddNamedSystem(
-            "joint_servo", JointCommandInterpolator(len(BODY_JOINTS), config.command_period)
-        )
-        builder.ExportInput(joints.get_input_port(), "joint_position_command")
-        base = builder.AddNamedSystem(
-            "base_servo",
-            BaseVelocityController(
-                [start[name] for name in JOINT_GROUPS["base"]], time_step=config.command_period
-            ),
-        )
-        builder.ExportInput(base.velocity_input, "base_velocity_command")
-        builder.Connect(measured["base_pose"], base.base_pose_input)
-
-        n, nb = len(BODY_JOINTS), len(JOINT_GROUPS["base"])
-        names = [*BODY_JOINTS, *JOINT_GROUPS["base"]]
-        q_column = {name: k for k, name in enumerate(BODY_JOINTS)}
-        q_column |= {name: 2 * n + k for k, name in enumerate(JOINT_GROUPS["base"])}
-        offset = {name: n if name in BODY_JOINTS else nb for name in names}
-        order = [
-            plant.get_joint_actuator(index).joint().name()
-            for index in plant.GetJointActuatorIndices(self.pepper)
-        ]
-        columns = [q_column[name] for name in order]
-        columns += [q_column[name] + offset[name] for name in order]
-        merge = builder.AddNamedSystem("commands", Multiplexer([2 * n, 2 * nb]))
-        permute = builder.AddNamedSystem(
-            "actuator_order", MatrixGain(D=np.eye(2 * (n + nb))[columns])
-        )
-        builder.Connect(joints.get_output_port(), merge.get_input_port(0))
-        builder.Connect(base.get_output_port(), merge.get_input_port(1))
-        builder.Connect(merge.get_output_port(), permute.get_input_port())
-        builder.Connect(permute.get_output_port(), plant.get_desired_state_input_port(self.pepper))
 
     def _add_motions(self, builder: DiagramBuilder) -> None:
         """Moves what has a path along it."""
@@ -389,7 +394,8 @@ class PepperStation(Diagram):
         if not config.stereo:
             plan["camera_depth"] = (CAMERA_DEPTH, "depth", half)
         self.renderer = renderer = AsyncRenderer(
-            scene, {name: (camera, kind) for name, (camera, kind, _) in plan.items()}
+            scene,
+            {name: (self._worn(name, camera), kind) for name, (camera, kind, _) in plan.items()},
         )
         positions = builder.AddNamedSystem(
             "true_positions",
@@ -427,6 +433,13 @@ class PepperStation(Diagram):
         if config.stereo:
             head = plant.GetBodyFrameIdOrThrow(plant.GetBodyByName("Head").index())
             self._add_stereo(builder, kinematics, head)
+
+    def _worn(self, name: str, camera: HeadCamera) -> HeadCamera:
+        """A camera as it truly is on this robot."""
+        wear = None if self.config.wear is None else self.config.wear.cameras.get(name)
+        if wear is None:
+            return camera
+        return moved_camera(camera, wear.position, wear.rotation, wear.focal)
 
     def _add_stereo(
         self, builder: DiagramBuilder, kinematics: RobotKinematics, head: object
@@ -468,5 +481,9 @@ class PepperStation(Diagram):
         builder.Connect(kinematics.GetOutputPort("robot_position"), camera.GetInputPort("position"))
         builder.ExportInput(camera.GetInputPort("enabled"), f"{name}.enabled")
         exports = ((image, "image"), ("X_WC", "pose"), ("time_stamp", "time_stamp"))
-        for port, export in (*exports, ("position", "position")):
-            builder.ExportOutput(camera.GetOutputPort(port), f"{name}.{export}")
+        ports = {
+            export: camera.GetOutputPort(port)
+            for port, export in (*exports, ("position", "position"))
+        }
+        for export, output in add_camera_faults(builder, self.config.faults, name, ports).items():
+            builder.ExportOutput(output, f"{name}.{export}")

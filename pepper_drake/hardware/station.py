@@ -11,20 +11,20 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import (
     BasicVector,
     Context,
-    Diagram,
     DiagramBuilder,
     EventStatus,
-    LeafSystem,
     State,
 )
 from pydrake.systems.sensors import ImageDepth16U, ImageRgba8U
 
+from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.mailbox import CAMERA_NAMES, STREAM
 from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
 from pepper_drake.models.objects import NO_SCENE, SceneModels
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CameraIntrinsics
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
+from pepper_drake.systems.framework import Diagram, LeafSystem, build_into
 from pepper_drake.systems.robot.robot_kinematics import CAMERA_FRAMES, RobotKinematics
 
 Vector = npt.NDArray[np.float64]
@@ -99,13 +99,17 @@ class RobotInterface(LeafSystem):
         - joint_position
         - joint_velocity
         - base_pose
+        - measurement_age
+        - missing_joint
         - link_status
 
     Inputs: `joint_position_command` (15), rad, in the order of `BODY_JOINTS`, of which head and
     working arm are passed on; `base_velocity_command` (3), m/s, m/s, rad/s in the base's frame;
     `NAME.enabled` (1), 0 for no images of that camera; all cameras are on that nothing switches.
     Outputs: `joint_position` (15), rad; `joint_velocity` (15), rad/s, over three measurements;
-    `base_pose` (3), x, y in m and yaw in rad, by the robot's odometry; `link_status`, a LinkStatus.
+    `base_pose` (3), x, y in m and yaw in rad, by the robot's odometry; `measurement_age` (2), time
+    since joints and base were measured [s]; `missing_joint` (1), always -1: the robot measures all
+    joints at once; `link_status`, a LinkStatus.
     State: the newest measurements (abstract) and the last command (15). Events: a periodic
     unrestricted update to read, a periodic publish to command.
     """
@@ -133,6 +137,15 @@ class RobotInterface(LeafSystem):
             self.DeclareVectorOutputPort(
                 name, size, self._calc_of(calc), prerequisites_of_calc=ticket
             )
+        self.DeclareVectorOutputPort(
+            "measurement_age", 2, self._calc_age, prerequisites_of_calc=ticket
+        )
+        self.DeclareVectorOutputPort(
+            "missing_joint",
+            1,
+            lambda context, output: output.SetAtIndex(0, -1.0),
+            prerequisites_of_calc={self.nothing_ticket()},
+        )
         self.DeclareAbstractOutputPort(
             "link_status",
             lambda: Value(LinkStatus()),
@@ -196,6 +209,9 @@ class RobotInterface(LeafSystem):
             output.SetFromVector(calc(self._get(context).rows))
 
         return calc_port
+
+    def _calc_age(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector([self._get(context).status.age] * 2)
 
     def _calc_status(self, context: Context, output: Value) -> None:
         output.set_value(self._get(context).status)
@@ -342,6 +358,8 @@ class HardwareStation(Diagram):
         - joint_position
         - joint_velocity
         - base_pose
+        - measurement_age
+        - missing_joint
         - link_status
         - robot_position
         - torso_pose
@@ -372,6 +390,7 @@ class HardwareStation(Diagram):
         control_model: Pepper's kinematics.
         depth_intrinsics: Of the depth camera's images.
         obstacle_parameters: How obstacles are best seen in them.
+        config: As if it were simulated: it has cameras, and they have noise.
         scene_models: No bodies: nothing but what is seen is known of the world.
         start: Time of the link's clock at the diagram's time 0 [s].
     """
@@ -390,11 +409,15 @@ class HardwareStation(Diagram):
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
         self.obstacle_parameters = ObstacleParameters()
         self.scene_models: SceneModels = NO_SCENE
+        self.config = StationConfig()
         builder = DiagramBuilder()
         robot = builder.AddNamedSystem("robot", RobotInterface(link))
         for name in ("joint_position_command", "base_velocity_command"):
             builder.ExportInput(robot.GetInputPort(name), name)
-        for name in ("joint_position", "joint_velocity", "base_pose", "link_status"):
+        for name in (
+            *("joint_position", "joint_velocity", "base_pose"),
+            *("measurement_age", "missing_joint", "link_status"),
+        ):
             builder.ExportOutput(robot.GetOutputPort(name), name)
         kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model))
         builder.Connect(robot.GetOutputPort("joint_position"), kinematics.joint_position_input)
@@ -407,4 +430,4 @@ class HardwareStation(Diagram):
             exports = (("image", "image"), ("X_WC", "pose"), ("time_stamp", "time_stamp"))
             for port, export in (*exports, ("position", "position")):
                 builder.ExportOutput(camera.GetOutputPort(port), f"{name}.{export}")
-        builder.BuildInto(self)
+        build_into(builder, self)

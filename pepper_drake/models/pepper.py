@@ -154,6 +154,13 @@ class CoupledLimit:
         """Lower and upper limit that hold wherever the leader is [rad]."""
         return float(self.lower.max()), float(self.upper.min())
 
+    def limits_at(self, position: float) -> tuple[float, float]:
+        """Returns the follower's lower and upper limit at a position of the leader [rad]."""
+        return (
+            float(np.interp(position, self.positions, self.lower)),
+            float(np.interp(position, self.positions, self.upper)),
+        )
+
 
 def coupled_limits(names: Sequence[str]) -> tuple[CoupledLimit, ...]:
     """Returns the coupled limits whose two joints are both among `names`, as tables.

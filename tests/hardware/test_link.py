@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from served import served
 
-from pepper_drake.hardware.link import LinkConfig, RobotLink, base_segment, streamed_targets
+from pepper_drake.hardware.link import (
+    HEADROOM,
+    HOLD_FRACTION,
+    LinkConfig,
+    RobotLink,
+    base_segment,
+    streamed_targets,
+)
 from pepper_drake.hardware.mailbox import CAMERA_NAMES, END, HAND_OVER, HOLD, STREAM, Mailbox
 from pepper_drake.hardware.transport import RobotAccess, make_transport
 from pepper_drake.models.control_model import (
@@ -124,9 +131,11 @@ def test_a_streamed_path_is_followed_smoothly_and_ends_where_it_shall():
         commands = it.robot.do(lambda: [c.positions[NAOQI] for c in it.robot.robot.commands])
         path = np.array(commands[first:])
         steps = np.abs(np.diff(path, axis=0))
-        # As fast as the plan at its peak, 1.875 over the mean, and a little where it caught up.
-        peak = 1.875 * np.abs(GOAL - START) / 2.0 * 0.02
-        assert np.all(steps.max(axis=0) < 1.6 * peak)
+        # As fast as the plan at its peak, 1.875 over the mean; where it catches up after a pause of
+        # this machine, with the headroom or the fraction of a hold.
+        peak = 1.875 * np.abs(GOAL - START).max() / 2.0
+        fastest = max(HEADROOM * peak / MAX_VELOCITY[NAOQI].min(), HOLD_FRACTION)
+        assert np.all(steps.max(axis=0) < 1.05 * fastest * MAX_VELOCITY[NAOQI] * 0.02)
         assert np.all(steps <= MAX_VELOCITY[NAOQI] * 0.02 + 1e-12)
 
     led(scenario)
@@ -168,7 +177,7 @@ def test_when_the_planner_is_silent_the_arm_stops_by_itself():
 def test_nothing_moves_before_the_first_command_and_while_held():
     async def scenario(it):
         await asyncio.sleep(0.2)
-        np.testing.assert_array_equal(it.arm(), START)
+        np.testing.assert_allclose(it.arm(), START, atol=1e-6)
         it.command(GOAL, mode=HOLD)
         await asyncio.sleep(0.3)
         np.testing.assert_allclose(it.arm(), START, atol=1e-6)

@@ -14,19 +14,22 @@ import numpy.typing as npt
 import yaml
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text, write_atomically
+from pepper_drake.files import write_atomically
 from pepper_drake.learning.approximators.registry import get_approximator
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS, OrientationAttractor
 from pepper_drake.learning.dmp.posture import PostureProfile
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
+from pepper_drake.learning.dmp.primitive_check import check_movement
 from pepper_drake.learning.dmp.scaling import MotionFrame, check_scaling
 from pepper_drake.learning.dmp.transformation import TransformationModel
+from pepper_drake.yaml_files import read_yaml
 
 Array = npt.NDArray[np.float64]
 
 VERSION = 1
 
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+FILE_LIMIT = 4 * 2**20
+"""Largest file of a primitive that is read [bytes]."""
 
 
 def write_primitive(primitive: MovementPrimitive, path: Path) -> None:
@@ -83,7 +86,7 @@ def read_primitive(path: Path) -> MovementPrimitive:
         )
     if "posture" in fields.data:
         posture = fields.inner("posture").build(PostureProfile.from_data)
-    return MovementPrimitive(
+    primitive = MovementPrimitive(
         translation=read_transformation(fields.inner("translation"), approximator),
         duration=fields.positive("duration"),
         path_length=fields.value("path_length", float),
@@ -92,6 +95,7 @@ def read_primitive(path: Path) -> MovementPrimitive:
         approximator=approximator,
         name=str(fields.value("name", str)),
     )
+    return check_movement(primitive, path)
 
 
 def read_fields(path: Path) -> "Fields":
@@ -100,13 +104,7 @@ def read_fields(path: Path) -> "Fields":
     Raises:
         InputError: With file and line.
     """
-    try:
-        data = yaml.load(read_text(path), Loader=_Loader)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"{path}, line {mark.line + 1}" if mark else str(path)
-        problem = getattr(error, "problem", None) or "cannot be read"
-        raise InputError(f"{where}: not valid YAML ({problem})") from None
+    data = read_yaml(path, FILE_LIMIT)
     return Fields(data, path)
 
 
@@ -190,9 +188,9 @@ class Fields:
         values = self.value(field, list)
         try:
             vector = np.array(values, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             vector = np.empty(0)
-        if vector.shape != (size,) or not np.isfinite(vector).all():
+        if vector.shape != (size,) or not np.all(np.abs(vector) <= 1e6):
             raise InputError(
                 f"{self._path}: {self._label(field)}: {values} must be {size} finite numbers"
             )
@@ -210,7 +208,7 @@ class Fields:
             raise InputError(
                 f"{self._path}: {self._name}.{error.args[0]} is missing; add it"
             ) from None
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError, AttributeError) as error:
             raise InputError(f"{self._path}: {self._name}: {error}") from None
 
     def _label(self, field: str) -> str:
@@ -243,4 +241,8 @@ def _flow(value: Any) -> str:
         return text if "." in text or "e" not in text else text.replace("e", ".0e")
     if isinstance(value, int):
         return str(value)
-    return yaml.safe_dump(str(value), default_flow_style=True, width=10**6).splitlines()[0]
+    text = str(value)
+    # What may be a number to one reader and a text to another is quoted.
+    style = '"' if text[:1] in tuple("+-.0123456789") else None
+    dumped = yaml.safe_dump(text, default_flow_style=True, default_style=style, width=10**6)
+    return dumped.splitlines()[0]

@@ -21,15 +21,18 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text, write_atomically
+from pepper_drake.files import write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.dmp.primitive import Path3D
 from pepper_drake.learning.least_squares import ridge_solver
 from pepper_drake.learning.phase import ALPHA_Z
 from pepper_drake.learning.spring import NODES, acceleration, advance, make_step
+from pepper_drake.yaml_files import read_yaml
 
 Array = npt.NDArray[np.float64]
+
+_FILE_LIMIT = 2**20
 
 GRID = 512
 """Points around the circle on which the response to a basis function is computed."""
@@ -212,9 +215,9 @@ class RhythmicPrimitive:
         Raises:
             InputError: The file is not a rhythmic primitive.
         """
+        data = read_yaml(Path(path), _FILE_LIMIT)
         try:
-            data = yaml.safe_load(read_text(Path(path)))
-            return cls(
+            primitive = cls(
                 np.array(data["weights"], dtype=float).reshape(-1, 3),
                 float(data["concentration"]),
                 np.array(data["centre"], dtype=float).reshape(3),
@@ -223,8 +226,17 @@ class RhythmicPrimitive:
                 _optional(data, "rotation_weights", (-1, 3)),
                 _optional(data, "rotation_centre", (4,)),
             )
-        except (yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise InputError(f"{path}: not a rhythmic primitive ({error!r})") from None
+        limits = {"concentration": (0.0, 1e6), "period": (0.01, 600.0), "alpha_z": (0.1, 1e3)}
+        for name, (lower, upper) in limits.items():
+            if not lower <= getattr(primitive, name) <= upper:
+                raise InputError(f"{path}: {name} must be {lower:g} to {upper:g}")
+        size = len(primitive.weights)
+        numbers = np.concatenate((primitive.weights.ravel(), primitive.centre))
+        if not 1 <= size <= GRID or not np.all(np.abs(numbers) <= 1e6):
+            raise InputError(f"{path}: weights must be 1 to {GRID} rows of three finite numbers")
+        return primitive
 
 
 def _optional(data: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> Array | None:

@@ -333,12 +333,14 @@ class HeadCamera:
         intrinsics: The lens and sensor.
         p_HeadC: Position of the optical centre in the Head frame [m].
         tilt: Angle by which the camera looks down from the Head's x axis [rad].
+        misalignment: Small rotation of the optical frame, roll, pitch and yaw in it [rad].
     """
 
     name: str
     intrinsics: CameraIntrinsics
     p_HeadC: tuple[float, float, float]
     tilt: float
+    misalignment: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def frame_name(self) -> str:
@@ -348,9 +350,39 @@ class HeadCamera:
     @functools.cached_property
     def X_HeadC(self) -> RigidTransform:
         """Pose of the optical frame (z along the view, x right, y down) in the Head frame."""
-        return RigidTransform(RollPitchYaw(0, self.tilt, 0), self.p_HeadC) @ RigidTransform(
+        X_HeadC = RigidTransform(RollPitchYaw(0, self.tilt, 0), self.p_HeadC) @ RigidTransform(
             RollPitchYaw(-math.pi / 2, 0, -math.pi / 2), np.zeros(3)
         )
+        if not any(self.misalignment):
+            return X_HeadC
+        return X_HeadC @ RigidTransform(RollPitchYaw(self.misalignment), np.zeros(3))
+
+
+def moved_camera(
+    camera: HeadCamera,
+    position: tuple[float, float, float],
+    rotation: tuple[float, float, float],
+    focal: float,
+) -> HeadCamera:
+    """Returns a camera that is mounted and made a little differently.
+
+    Args:
+        camera: As it should be.
+        position: Offset of the optical centre in the Head frame [m].
+        rotation: Rotation of the optical frame, roll, pitch and yaw in it [rad].
+        focal: Factor of both focal lengths.
+    """
+    x, y, z = camera.p_HeadC
+    return replace(
+        camera,
+        intrinsics=replace(
+            camera.intrinsics,
+            focal_x=focal * camera.intrinsics.focal_x,
+            focal_y=focal * camera.intrinsics.focal_y,
+        ),
+        p_HeadC=(x + position[0], y + position[1], z + position[2]),
+        misalignment=rotation,
+    )
 
 
 # Distortion as calibrated on real Peppers (their driver's published calibrations); fields of view

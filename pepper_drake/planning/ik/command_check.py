@@ -19,6 +19,11 @@ class StopReason(IntEnum):
     COMMAND_TOO_FAST = 3
     LINK_TOO_CLOSE = 4
     REQUESTED = 5
+    JOINT_HELD = 6
+    JOINTS_NOT_MEASURED = 7
+    BASE_NOT_MEASURED = 8
+    BASE_HELD = 9
+    BODY_TOO_CLOSE = 10
 
 
 STOP_SENTENCES: dict[StopReason, str] = {
@@ -28,7 +33,21 @@ STOP_SENTENCES: dict[StopReason, str] = {
     StopReason.COMMAND_TOO_FAST: "a joint command asked for more than the rated velocity",
     StopReason.LINK_TOO_CLOSE: "a link of the arm came too close to an obstacle",
     StopReason.REQUESTED: "the robot was asked to stop",
+    StopReason.JOINT_HELD: "a joint did not follow its command: it is stuck, or something holds it",
+    StopReason.JOINTS_NOT_MEASURED: "a joint's encoder gave no number",
+    StopReason.BASE_NOT_MEASURED: "the base's odometry gave no number",
+    StopReason.BASE_HELD: "the base did not follow its command: it slips, or something holds it",
+    StopReason.BODY_TOO_CLOSE: "the robot's body came too close to an obstacle",
 }
+
+
+def stop_sentence(reason: StopReason, joint: str = "") -> str:
+    """Says in a sentence why the robot stopped, with the joint's name where it is known."""
+    if joint and reason == StopReason.JOINT_HELD:
+        return f"{joint} did not follow its command: it is stuck, or something holds it"
+    if joint and reason == StopReason.JOINTS_NOT_MEASURED:
+        return f"the encoder of {joint} gave no number"
+    return STOP_SENTENCES[reason]
 
 
 def check_command(

@@ -119,6 +119,18 @@ def track_joint_command(
     )
 
 
+def clamp_to_position_limits(position: Vector, limits: CommandLimits) -> Vector:
+    """The joint positions (n,) nearest to given ones within all position limits [rad].
+
+    A dependent joint is moved into the range that its leading joint leaves it.
+    """
+    clamped = np.clip(position, limits.position_lower, limits.position_upper)
+    for coupled in limits.coupled:
+        lower, upper = coupled.limits_at(float(clamped[coupled.leader]))
+        clamped[coupled.follower] = min(max(float(clamped[coupled.follower]), lower), upper)
+    return clamped
+
+
 def stopping_distance(speed: float, change: float, time_step: float) -> float:
     """Distance that a joint goes on while it brakes, in steps of `time_step` [rad].
 
@@ -193,8 +205,7 @@ def _keep_coupled(
         inside = margins(candidates).min(axis=1) >= -_ROUNDING
         best = candidates[int(np.argmax(inside))].tolist()
     else:  # From outside the limit the follower moves back in.
-        lower = float(np.interp(start[0], coupled.positions, coupled.lower))
-        upper = float(np.interp(start[0], coupled.positions, coupled.upper))
+        lower, upper = coupled.limits_at(float(start[0]))
         way = min(max(float(start[1]), lower), upper) - float(start[1])
         back = _stoppable_velocity(way, float(change[1]), time_step)
         best = [brake[0], min(max(back, lowest[pair[1]]), highest[pair[1]])]

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.models.pepper import JOINT_GROUPS
-from pepper_drake.planning.collision.sphere_model import arm_link_names, make_link_spheres
+from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.planning_scene import PlanningScene
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
@@ -46,11 +46,7 @@ class BasePlacement:
     ) -> None:
         self._model, self._arm, self._X_OG = model, arm, X_OG
         self._demonstrated_goal, self._params = demonstrated_goal, params
-        body_links = {
-            model.plant.get_body(index).name()
-            for index in model.plant.GetBodyIndices(model.model_instance)
-        } - set(arm_link_names(arm))
-        self._body_spheres = make_link_spheres(model, tuple(sorted(body_links)))
+        self.body_clearances = BodyClearance(model, body_links(model, without_arm=arm))
 
     def __call__(
         self,
@@ -146,29 +142,6 @@ class BasePlacement:
             return goal[:2]
         side = 1.0 if self._arm == "left" else -1.0
         return np.array([params.hand_x, side * params.hand_y])
-
-    def body_clearances(
-        self, base_poses: Vector, joint_position: Vector, field: PointCloudDistance
-    ) -> Vector:
-        """Least distance (N,) of the body to the obstacles for base poses (N, 3) [m]."""
-        plant, context = self._model.plant, self._model.create_context()
-        plant.SetPositions(context, self._model.positions(joint_position, np.zeros(3)))
-        frames = [plant.GetFrameByName(name) for name in self._body_spheres.link_names]
-        poses = [frame.CalcPoseInWorld(context) for frame in frames]
-        p_B = self._body_spheres.place(
-            np.array([X.rotation().matrix() for X in poses]),
-            np.array([X.translation() for X in poses]),
-        )
-        cos, sin = np.cos(base_poses[:, 2, None]), np.sin(base_poses[:, 2, None])
-        p_W = np.stack(
-            (
-                base_poses[:, 0, None] + cos * p_B[:, 0] - sin * p_B[:, 1],
-                base_poses[:, 1, None] + sin * p_B[:, 0] + cos * p_B[:, 1],
-                np.broadcast_to(p_B[:, 2], (len(base_poses), len(p_B))),
-            ),
-            axis=-1,
-        )
-        return (field.distance(p_W) - self._body_spheres.radii).min(axis=1)
 
 
 class BasePlacementPlanner:

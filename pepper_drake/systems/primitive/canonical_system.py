@@ -4,12 +4,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
+from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.learning.phase import extended_tau
 from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.systems.framework import ValueProducer, leaf_system
 
 # Parts of what is remembered beside the phase.
 _GOAL, _NUMBER = slice(1, 4), 4
@@ -40,7 +41,7 @@ class _Present(NamedTuple):
 def CanonicalSystem_(T: type) -> type:
     """Makes `CanonicalSystem` for a scalar type."""
 
-    class Impl(LeafSystem_[T]):
+    class Impl(leaf_system(LeafSystem_[T])):  # type: ignore[misc]
         """The canonical system of a primitive.
 
         .. pydrake_system::

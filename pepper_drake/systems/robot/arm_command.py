@@ -6,17 +6,11 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiscreteValues,
-    InputPort,
-    LeafSystem,
-    OutputPort,
-)
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, OutputPort
 
 from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.planning.ik.command_limits import limit_joint_command
+from pepper_drake.planning.ik.command_limits import clamp_to_position_limits, limit_joint_command
+from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
 
@@ -101,7 +95,9 @@ class ArmCommand(LeafSystem):
         self.arm_mode_input: InputPort = self.DeclareVectorInputPort("arm_mode", 1)
         self.joint_target_input: InputPort = self.DeclareVectorInputPort("joint_target", 5)
         self.stop_reason_input: InputPort = self.DeclareVectorInputPort("stop_reason", 1)
-        self._position = self.DeclareDiscreteState(self._inside(np.array(start_position)))
+        self._position = self.DeclareDiscreteState(
+            clamp_to_position_limits(np.array(start_position), limits)
+        )
         self._velocity = self.DeclareDiscreteState(5)
         self.DeclareStateOutputPort("position_command", self._position)
         self.DeclareStateOutputPort("velocity_command", self._velocity)
@@ -130,9 +126,9 @@ class ArmCommand(LeafSystem):
 
     def _follow(self, context: Context, discrete_state: DiscreteValues) -> None:
         """Puts the command to where the arm is."""
-        discrete_state.set_value(
-            self._position, self._inside(self.measured_position_input.Eval(context))
-        )
+        measured = self.measured_position_input.Eval(context)
+        position = clamp_to_position_limits(measured, self._limits)
+        discrete_state.set_value(self._position, position)
         discrete_state.set_value(self._velocity, _REST)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
@@ -161,12 +157,6 @@ class ArmCommand(LeafSystem):
             wanted: Vector = self.desired_velocity_input.Eval(context)
             return wanted
         return _REST
-
-    def _inside(self, position: Vector) -> Vector:
-        """The position, put inside the limits."""
-        limits = self._limits
-        clipped = np.clip(position, limits.position_lower, limits.position_upper)
-        return self._step(clipped, _REST)[0]
 
     def _step(
         self, position: Vector, velocity: Vector, desired_velocity: Vector = _REST

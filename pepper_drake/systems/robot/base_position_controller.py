@@ -1,10 +1,45 @@
 """Drives Pepper's base to a place on the floor."""
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BaseMotion:
+    """How the base drives."""
+
+    speed: float = 0.35
+    """Largest speed [m/s]."""
+    turning_speed: float = 1.0
+    """Largest yaw rate [rad/s]."""
+    acceleration: float = 0.3
+    """Acceleration along the floor, braking too [m/s^2]."""
+    turning_acceleration: float = 0.75
+    """Acceleration of the yaw rate [rad/s^2]."""
+    approach_rate: float = 4.0
+    """Rate at which the last of the way is made [1/s]."""
+    correction: float = 1.0
+    """How fast errors of following are corrected [1/s]. Slower than the base's own controller by
+    so much that it cannot rock."""
+    lag: float = 0.04
+    """Time by which the base is behind where it should be while all is well [s]: two control
+    periods. What it is behind by then needs no correction, which would be an overshoot later."""
+    position_tolerance: float = 0.003
+    """Distance to the goal at which the base has arrived [m]."""
+    yaw_tolerance: float = 0.005
+    """Angle to the goal at which the base has arrived [rad]."""
+    held_distance: float = 0.04
+    """Distance to where it should be at which a base counts as held by something [m]."""
+    held_angle: float = 0.08
+    """The same for its yaw [rad]."""
 
 
 def wrap_angle(angle: float) -> float:
@@ -12,71 +47,67 @@ def wrap_angle(angle: float) -> float:
     return float(-((np.pi - angle) % (2 * np.pi) - np.pi))
 
 
-def base_velocity(
-    base_pose: Vector,
-    goal: Vector,
-    previous: Vector,
-    *,
-    speed: float,
-    turning_speed: float,
-    acceleration: float,
-    turning_acceleration: float,
-    approach_rate: float,
-    time_step: float,
-) -> Vector:
-    """Velocity that brings the omnidirectional base to its goal along a straight line.
+def approach_speed(distance: float, limit: float, acceleration: float, rate: float) -> float:
+    """Speed at a distance from which a braking motion ends there.
 
-    The speed is that from which the base can still brake at `acceleration`, sqrt(2 a d) at a
-    distance d (less one period's travel), up to `speed`; over the last centimetres it is
-    `approach_rate` d, so that the base settles and does not rock. It changes by no more than
-    `acceleration`.
+    It is `rate` times the distance near the goal and sqrt(2 a (d - a / (2 rate^2))) beyond
+    a / rate^2, so that speed and deceleration are continuous and the latter is at most a.
 
     Args:
-        base_pose: x, y (m), yaw (rad) in W.
-        goal: The same.
-        previous: The velocity of the last period (3,), in the base frame B.
-        speed: m/s.
-        turning_speed: rad/s.
-        acceleration: m/s^2.
-        turning_acceleration: rad/s^2.
-        approach_rate: 1/s.
-        time_step: s.
+        distance: To the goal, zero or more [m or rad].
+        limit: Largest speed [m/s or rad/s].
+        acceleration: Largest deceleration a [m/s^2 or rad/s^2].
+        rate: Rate of the exponential approach [1/s].
+    """
+    near = acceleration / rate**2
+    if distance <= near:
+        return min(limit, rate * distance)
+    return min(limit, math.sqrt(2.0 * acceleration * (distance - 0.5 * near)))
+
+
+def step_base_reference(
+    pose: Vector, velocity: Vector, goal: Vector, motion: BaseMotion, time_step: float
+) -> tuple[Vector, Vector]:
+    """Moves the place where the base should be by one step towards its goal.
+
+    It goes straight, and starts, turns to another goal and brakes at the limited acceleration.
+
+    Args:
+        pose: Where the base should be: x, y [m], yaw [rad] in W.
+        velocity: Its velocity in W (3,) [m/s, m/s, rad/s].
+        goal: Where it is sent, like `pose`; not finite to brake.
+        motion: Speeds and accelerations.
+        time_step: Period [s].
 
     Returns:
-        vx, vy (m/s) and yaw rate (rad/s), in the base frame B.
+        Pose and velocity a step later.
     """
-    p_W = goal[:2] - base_pose[:2]
-    distance = float(np.hypot(*p_W))
-    turn = wrap_angle(goal[2] - base_pose[2])
-
-    def brake(remaining: float, limit: float, rate: float) -> float:
-        slowest = rate * time_step
-        return min(limit, np.sqrt(slowest**2 / 4 + 2 * rate * remaining) - slowest / 2)
-
-    v_W = (
-        p_W
-        / max(distance, 1e-9)
-        * min(brake(distance, speed, acceleration), approach_rate * distance)
-    )
-    yaw = base_pose[2]
-    wish = np.array(
-        [
-            np.cos(yaw) * v_W[0] + np.sin(yaw) * v_W[1],
-            -np.sin(yaw) * v_W[0] + np.cos(yaw) * v_W[1],
-            np.sign(turn)
-            * min(brake(abs(turn), turning_speed, turning_acceleration), approach_rate * abs(turn)),
-        ]
-    )
-    change = wish - previous
-    change[:2] *= min(1.0, acceleration * time_step / max(float(np.hypot(*change[:2])), 1e-12))
-    change[2] = np.clip(
-        change[2], -turning_acceleration * time_step, turning_acceleration * time_step
-    )
-    return previous + change
+    wish = np.zeros(3)
+    if np.all(np.isfinite(goal)):
+        way = goal[:2] - pose[:2]
+        distance = float(np.hypot(*way))
+        speed = approach_speed(distance, motion.speed, motion.acceleration, motion.approach_rate)
+        wish[:2] = way / max(distance, 1e-9) * min(speed, distance / time_step)
+        turn = wrap_angle(float(goal[2] - pose[2]))
+        turning = approach_speed(
+            abs(turn), motion.turning_speed, motion.turning_acceleration, motion.approach_rate
+        )
+        wish[2] = math.copysign(min(turning, abs(turn) / time_step), turn)
+    change = wish - velocity
+    most = motion.acceleration * time_step
+    change[:2] *= min(1.0, most / max(float(np.hypot(*change[:2])), 1e-12))
+    most = motion.turning_acceleration * time_step
+    change[2] = min(max(float(change[2]), -most), most)
+    after = velocity + change
+    return pose + time_step * after, after
 
 
 class BasePositionController(LeafSystem):
     """Drives the base to `base_goal` and says when it stands there.
+
+    A reference, moved by `step_base_reference`, goes ahead with a profile that brakes in time; the
+    base follows it by its velocity and by what is left between the two. As the base's own
+    controller lags, closing the loop over the measured place alone would overshoot.
 
     .. pydrake_system::
 
@@ -84,43 +115,36 @@ class BasePositionController(LeafSystem):
         input_ports:
         - base_goal
         - base_pose
+        - stop (optional)
         output_ports:
         - base_velocity_command
         - arrived
+        - held
 
     Inputs: `base_goal` and `base_pose` (3), x and y in m and yaw in rad, in W. A goal that is not
-    finite means: stay. Outputs: `base_velocity_command` (3), m/s, m/s, rad/s in the base frame B;
-    `arrived` (1), 1 when the base stands within the tolerances. State: the velocity (3), at
-    `time_step`.
+    finite means: brake and stay. `stop` (1), not zero: brake, and stay until it is zero again.
+    Outputs: `base_velocity_command` (3), m/s, m/s, rad/s in the base frame B; `arrived` (1), 1 when
+    the base stands within the tolerances; `held` (1), 1 when the base is farther from where it
+    should be than it ever is by itself.
+    State: the reference's pose and velocity in W, the command, and whether the reference is known
+    (10), at `time_step`.
     """
 
-    def __init__(
-        self,
-        *,
-        time_step: float = 0.02,
-        speed: float = 0.35,
-        turning_speed: float = 1.0,
-        acceleration: float = 0.3,
-        turning_acceleration: float = 0.75,
-        approach_rate: float = 5.0,
-        position_tolerance: float = 0.003,
-        yaw_tolerance: float = 0.005,
-    ) -> None:
+    def __init__(self, motion: BaseMotion | None = None, *, time_step: float = 0.02) -> None:
         super().__init__()
-        self._motion = {
-            "speed": speed,
-            "turning_speed": turning_speed,
-            "acceleration": acceleration,
-            "turning_acceleration": turning_acceleration,
-            "approach_rate": approach_rate,
-            "time_step": time_step,
-        }
-        self._tolerances = np.array([position_tolerance, position_tolerance, yaw_tolerance])
+        self._motion = motion = BaseMotion() if motion is None else motion
+        self._time_step = time_step
+        self._tolerances = np.array(
+            [motion.position_tolerance, motion.position_tolerance, motion.yaw_tolerance]
+        )
         self.base_goal_input: InputPort = self.DeclareVectorInputPort("base_goal", 3)
         self.base_pose_input: InputPort = self.DeclareVectorInputPort("base_pose", 3)
-        self._velocity = self.DeclareDiscreteState(3)
-        state = {self.discrete_state_ticket(self._velocity)}
-        self.DeclareStateOutputPort("base_velocity_command", self._velocity)
+        self.stop_input: InputPort = self.DeclareVectorInputPort("stop", 1)
+        self._state = self.DeclareDiscreteState(10)
+        state = {self.discrete_state_ticket(self._state)}
+        self.DeclareVectorOutputPort(
+            "base_velocity_command", 3, self._calc_command, prerequisites_of_calc=state
+        )
         self.DeclareVectorOutputPort(
             "arrived",
             1,
@@ -128,22 +152,55 @@ class BasePositionController(LeafSystem):
             prerequisites_of_calc=state
             | {self.base_goal_input.ticket(), self.base_pose_input.ticket()},
         )
+        self.DeclareVectorOutputPort(
+            "held",
+            1,
+            self._calc_held,
+            prerequisites_of_calc=state | {self.base_pose_input.ticket()},
+        )
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        base_pose = self.base_pose_input.Eval(context)
+        state = context.get_discrete_state(self._state).value().copy()
+        measured = self.base_pose_input.Eval(context)
         goal = self.base_goal_input.Eval(context)
-        previous = context.get_discrete_state(self._velocity).value()
-        if not np.all(np.isfinite(goal)):
-            goal = base_pose
-        discrete_state.set_value(
-            self._velocity, base_velocity(base_pose, goal, previous, **self._motion)
+        if not state[9]:
+            state[:3], state[9] = measured, 1.0
+        if self.stop_input.HasValue(context) and self.stop_input.Eval(context)[0] != 0.0:
+            goal = np.full(3, np.nan)
+        state[:3], state[3:6] = step_base_reference(
+            state[:3], state[3:6], goal, self._motion, self._time_step
         )
+        off = self._off(state, measured)
+        if not state[3:6].any() and not np.all(np.isfinite(goal)):
+            # A base that is to stay stays where it is, however it came there.
+            state[:3], off = measured, np.zeros(3)
+        v_W = state[3:6] + self._motion.correction * off
+        cos, sin = math.cos(measured[2]), math.sin(measured[2])
+        state[6:9] = cos * v_W[0] + sin * v_W[1], cos * v_W[1] - sin * v_W[0], v_W[2]
+        discrete_state.set_value(self._state, state)
+
+    def _off(self, state: Vector, measured: Vector) -> Vector:
+        """From where the base is to where it should be by now (3,)."""
+        off = state[:3] - self._motion.lag * state[3:6] - measured
+        off[2] = wrap_angle(float(off[2]))
+        return off
+
+    def _calc_command(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._state).value()[6:9])
 
     def _calc_arrived(self, context: Context, output: BasicVector) -> None:
-        goal = self.base_goal_input.Eval(context)
-        error = goal - self.base_pose_input.Eval(context)
+        error = self.base_goal_input.Eval(context) - self.base_pose_input.Eval(context)
         error[2] = wrap_angle(error[2])
-        velocity = context.get_discrete_state(self._velocity).value()
+        velocity = context.get_discrete_state(self._state).value()[6:9]
         there = np.all(np.abs(error) <= self._tolerances) and np.all(np.abs(velocity) < 0.01)
         output.SetAtIndex(0, float(there))
+
+    def _calc_held(self, context: Context, output: BasicVector) -> None:
+        state = context.get_discrete_state(self._state).value()
+        held = 0.0
+        if state[9]:
+            off = self._off(state, self.base_pose_input.Eval(context))
+            far = math.hypot(*off[:2]) > self._motion.held_distance
+            held = float(far or abs(off[2]) > self._motion.held_angle)
+        output.SetAtIndex(0, held)

@@ -4,7 +4,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class BaseVelocityController(LeafSystem):
@@ -22,10 +24,13 @@ class BaseVelocityController(LeafSystem):
     Inputs: `base_velocity_command` (3), m/s, m/s, rad/s in B; `base_pose` (3), where the base
     is when the first command arrives, x, y, yaw in W.
     Output: `desired_state` (6), x, y, yaw and their rates in W.
-    State: x, y, yaw, rates, and whether the first place is known (7), at `time_step`. Until it is,
-    in a context that was never initialized, the base stands at `start_pose` (x, y, yaw).
+    State: x, y, yaw, rates, whether the first place is known, and the velocity in B (10), at
+    `time_step`. Until it is known, in a context that was never initialized, the base stands at
+    `start_pose` (x, y, yaw).
 
-    Commands beyond the base's rated speeds are cut to them, and one that is not finite stops it.
+    It is the limiter of the base's commands: what is beyond the rated speeds is cut to them, one
+    that is not finite brakes, and the velocity in B changes by no more than the accelerations
+    allow [m/s^2, rad/s^2], whatever is asked for.
     """
 
     def __init__(
@@ -35,13 +40,17 @@ class BaseVelocityController(LeafSystem):
         time_step: float = 0.01,
         speed: float = 0.55,
         turning_speed: float = 2.0,
+        acceleration: float = 1.0,
+        turning_acceleration: float = 3.0,
     ) -> None:
         super().__init__()
         self._time_step = time_step
         self._limit = np.array([speed, speed, turning_speed])
+        rates = np.array([acceleration, acceleration, turning_acceleration])
+        self._change = time_step * rates
         self.velocity_input: InputPort = self.DeclareVectorInputPort("base_velocity_command", 3)
         self.base_pose_input: InputPort = self.DeclareVectorInputPort("base_pose", 3)
-        self._state = self.DeclareDiscreteState([*start_pose, 0.0, 0.0, 0.0, 0.0])
+        self._state = self.DeclareDiscreteState([*start_pose, *np.zeros(7)])
         self.DeclareVectorOutputPort(
             "desired_state",
             6,
@@ -53,7 +62,9 @@ class BaseVelocityController(LeafSystem):
 
     def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
         pose = self.base_pose_input.Eval(context)
-        discrete_state.set_value(self._state, np.concatenate((pose, np.zeros(3), [1.0])))
+        discrete_state.set_value(
+            self._state, np.concatenate((pose, np.zeros(3), [1.0], np.zeros(3)))
+        )
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         state = context.get_discrete_state(self._state).value()
@@ -63,13 +74,15 @@ class BaseVelocityController(LeafSystem):
         command = self.velocity_input.Eval(context)
         if not np.all(np.isfinite(command)):
             command = np.zeros(3)
-        vx, vy, turning = np.clip(command, -self._limit, self._limit).tolist()
+        v_B, change = state[7:], self._change
+        v_B = np.clip(np.clip(command, -self._limit, self._limit), v_B - change, v_B + change)
+        vx, vy, turning = v_B.tolist()
         # The chord of the arc that the base drives in one period.
         heading = float(state[2]) + turning * self._time_step / 2
         cos, sin = math.cos(heading), math.sin(heading)
         rates = np.array([cos * vx - sin * vy, sin * vx + cos * vy, turning])
         discrete_state.set_value(
-            self._state, np.concatenate((state[:3] + self._time_step * rates, rates, [1.0]))
+            self._state, np.concatenate((state[:3] + self._time_step * rates, rates, [1.0], v_B))
         )
 
     def _calc_desired_state(self, context: Context, output: BasicVector) -> None:

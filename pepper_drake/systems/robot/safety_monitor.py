@@ -1,26 +1,29 @@
-"""The last check before the robot: only commands that it may be given pass."""
+"""The last system before the robot: only commands that it may be given pass."""
+
+from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.common.value import Value
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiscreteValues,
-    InputPort,
-    LeafSystem,
-    ValueProducer,
-)
+from pydrake.systems.framework import BasicVector, Context, EventStatus, InputPort, State
 
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.ik.command_check import StopReason, check_command
+from pepper_drake.planning.ik.contact_detection import ContactParams
+from pepper_drake.planning.ik.safe_command import SafeCommand, slowed
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
+
+_NOT_MEASURED = (StopReason.JOINTS_NOT_MEASURED, StopReason.BASE_NOT_MEASURED)
 
 
 class SafetyMonitor(LeafSystem):
-    """Passes joint commands that are safe, else holds the last safe one and says why.
+    """Passes joint commands inside every limit; stops the robot, and says why, when it must.
 
-    A stop is latched: from then on the last safe command is held. Stops come from the command
-    itself (`planning.command_check.check_command`), from a link closer to an obstacle than
-    `minimum_clearance`, and from `stop_request`.
+    A stop is latched. The joints brake within their acceleration limits and stay; a joint that
+    did not follow its command sends all of them back to where they were a moment before. Stops
+    come from the command itself (`planning.ik.command_check.check_command`), from a link closer to
+    an obstacle than `minimum_clearance`, from a joint that does not follow
+    (`planning.ik.contact_detection`), from measurements that do not come, and from `stop_request`.
 
     .. pydrake_system::
 
@@ -28,107 +31,147 @@ class SafetyMonitor(LeafSystem):
         input_ports:
         - joint_position_command
         - joint_position
-        - clearance
-        - stop_request
+        - clearance (optional)
+        - body_clearance (optional)
+        - measurement_age (optional)
+        - base_held (optional)
+        - stop_request (optional)
         output_ports:
         - safe_joint_position_command
         - stop_reason
+        - stop_joint
 
-    Inputs: `joint_position_command` and `joint_position`, measured (n) [rad]; `clearance` (1), m,
-    optional; `stop_request` (1), 0 or 1, optional.
-    Outputs: `safe_joint_position_command` (n) [rad]; `stop_reason` (1), a `StopReason`.
-    State: the last safe command (n), whether it is known, and the reason (n + 2), at `time_step`.
-    Before the first tick the last safe command is the measured position.
+    Inputs: `joint_position_command` and `joint_position`, measured (n) [rad]; `clearance` (1), the
+    arm's, and `body_clearance` (1), the rest of the robot's [m]; `measurement_age` (2), time since
+    joints and base were last measured [s]; `base_held` (1), 0 or 1; `stop_request` (1), 0 or 1.
+    Outputs: `safe_joint_position_command` (n) [rad]; `stop_reason` (1), a `StopReason`;
+    `stop_joint` (1), the index of the joint that it is about, or -1.
+    State: a `SafeCommand` (abstract), at `time_step`; from the measured position when the diagram
+    is initialized, in a context that never was from the first command that is within the limits.
+
+    Args:
+        limits: Of the joints.
+        start_position: Where the joints are before all that (n,) [rad].
+        minimum_clearance: Distance of a link to an obstacle at which the robot stops [m].
+        contact: What counts as a joint that does not follow; None for joints that may be moved by
+            hand.
+        longest_gap: How long measurements may fail to come [s].
+        time_step: Control period [s].
     """
 
     def __init__(
         self,
         *,
         limits: CommandLimits,
+        start_position: npt.ArrayLike,
         minimum_clearance: float = 0.0,
+        contact: ContactParams | None = None,
+        longest_gap: float = 0.1,
         time_step: float = 0.01,
     ) -> None:
         super().__init__()
         n = len(limits.velocity)
-        self._num_joints = n
         self._limits, self._time_step = limits, time_step
-        self._minimum_clearance = minimum_clearance
+        self._contact = contact
+        self._limits_back = limits if contact is None else slowed(limits, contact.back_off_speed)
+        self._minimum_clearance, self._longest_gap = minimum_clearance, longest_gap
         self.command_input: InputPort = self.DeclareVectorInputPort("joint_position_command", n)
         self.measured_input: InputPort = self.DeclareVectorInputPort("joint_position", n)
         self.clearance_input: InputPort = self.DeclareVectorInputPort("clearance", 1)
+        self.body_clearance_input: InputPort = self.DeclareVectorInputPort("body_clearance", 1)
+        self.measurement_age_input: InputPort = self.DeclareVectorInputPort("measurement_age", 2)
+        self.base_held_input: InputPort = self.DeclareVectorInputPort("base_held", 1)
         self.stop_request_input: InputPort = self.DeclareVectorInputPort("stop_request", 1)
-        self._state = self.DeclareDiscreteState(n + 2)
-        sources = {
-            self.discrete_state_ticket(self._state),
-            self.command_input.ticket(),
-            self.clearance_input.ticket(),
-            self.stop_request_input.ticket(),
-        }
-        self._verdict = self.DeclareCacheEntry(
-            "stop reason of the present command",
-            ValueProducer(allocate=lambda: Value[object](StopReason.NONE), calc=self._calc_verdict),
-            prerequisites_of_calc=sources,
+        start = replace(SafeCommand.at_rest(np.asarray(start_position, dtype=float)), known=False)
+        self._state = self.DeclareAbstractState(Value[object](start))
+        state = self.abstract_state_ticket(self._state)
+        # The measured position is read at the ticks alone: it changes with every step of a plant.
+        self._next = self.DeclareCacheEntry(
+            "command of the present tick",
+            ValueProducer(allocate=lambda: Value[object](start), calc=self._calc_next),
+            prerequisites_of_calc={
+                state,
+                self.command_input.ticket(),
+                self.clearance_input.ticket(),
+                self.body_clearance_input.ticket(),
+                self.measurement_age_input.ticket(),
+                self.base_held_input.ticket(),
+                self.stop_request_input.ticket(),
+            },
         )
         self.DeclareVectorOutputPort(
             "safe_joint_position_command",
             n,
             self._calc_command,
-            prerequisites_of_calc={self._verdict.ticket()},
+            prerequisites_of_calc={self._next.ticket()},
         )
         self.DeclareVectorOutputPort(
-            "stop_reason",
-            1,
-            self._calc_reason,
-            prerequisites_of_calc={self._verdict.ticket()},
+            "stop_reason", 1, self._calc_reason, prerequisites_of_calc={self._next.ticket()}
         )
-        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
-        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+        self.DeclareVectorOutputPort(
+            "stop_joint", 1, self._calc_joint, prerequisites_of_calc={self._next.ticket()}
+        )
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
 
-    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+    def _command(self, context: Context) -> SafeCommand:
+        return context.get_abstract_state(int(self._state)).get_value()
+
+    def _initialize(self, context: Context, state: State) -> EventStatus:
         measured = self.measured_input.Eval(context)
-        discrete_state.set_value(self._state, np.concatenate((measured, [1.0, StopReason.NONE])))
+        if not np.isfinite(measured).all():
+            return EventStatus.DidNothing()
+        at_rest = SafeCommand.at_rest(measured.copy())
+        state.get_mutable_abstract_state(int(self._state)).set_value(at_rest)
+        return EventStatus.Succeeded()
 
-    def _calc_verdict(self, context: Context, status: Value) -> None:
-        status.set_value(self._judge(context))
+    def _scalar(self, context: Context, port: InputPort, otherwise: float) -> float:
+        """The first value at an optional port."""
+        return float(port.Eval(context)[0]) if port.HasValue(context) else otherwise
 
-    def _judge(self, context: Context) -> StopReason:
-        n = self._num_joints
-        state = context.get_discrete_state(self._state).value()
-        if state[n + 1]:
-            return StopReason(int(state[n + 1]))
-        if self.stop_request_input.HasValue(context) and (
-            self.stop_request_input.Eval(context)[0] > 0.5
-        ):
+    def _judge(self, context: Context, command: SafeCommand) -> StopReason:
+        """The reason why the robot has to stop now, if there is one."""
+        if self._scalar(context, self.stop_request_input, 0.0) > 0.5:
             return StopReason.REQUESTED
-        if self.clearance_input.HasValue(context) and (
-            self.clearance_input.Eval(context)[0] < self._minimum_clearance
-        ):
+        if self.measurement_age_input.HasValue(context):
+            ages = self.measurement_age_input.Eval(context)
+            for age, reason in zip(ages.tolist(), _NOT_MEASURED, strict=True):
+                if not age <= self._longest_gap:
+                    return reason
+        if not self._scalar(context, self.clearance_input, np.inf) >= self._minimum_clearance:
             return StopReason.LINK_TOO_CLOSE
-        command = self.command_input.Eval(context)
-        previous = state[:n] if state[n] else command
-        return check_command(command, previous, self._limits, time_step=self._time_step)
+        if not self._scalar(context, self.body_clearance_input, np.inf) >= self._minimum_clearance:
+            return StopReason.BODY_TOO_CLOSE
+        if self._scalar(context, self.base_held_input, 0.0) > 0.5:
+            return StopReason.BASE_HELD
+        wish = self.command_input.Eval(context)
+        previous = wish if command.wish is None else command.wish
+        return check_command(wish, previous, self._limits, time_step=self._time_step)
 
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        n = self._num_joints
-        state = context.get_discrete_state(self._state).value().copy()
-        if not state[n]:
-            self._initialize(context, discrete_state)
-            return
-        status = self._verdict.Eval(context)
-        if status == StopReason.NONE:
-            state[:n] = self.command_input.Eval(context)
-        state[n + 1] = status
-        discrete_state.set_value(self._state, state)
+    def _calc_next(self, context: Context, following: Value) -> None:
+        command, wish = self._command(context), self.command_input.Eval(context)
+        if not command.known:
+            first = check_command(wish, wish, self._limits, time_step=self._time_step)
+            command = SafeCommand.at_rest(
+                command.position if first != StopReason.NONE else wish.copy()
+            )
+        if command.reason == StopReason.NONE:
+            command = command.stopped(self._judge(context, command))
+        limits = self._limits_back if command.reason == StopReason.JOINT_HELD else self._limits
+        following.set_value(command.advanced(wish.copy(), limits, self._time_step))
+
+    def _update(self, context: Context, state: State) -> None:
+        command = self._next.Eval(context)
+        if self._contact is not None:
+            measured = self.measured_input.Eval(context).copy()
+            command = command.compared(measured, self._contact, self._time_step)
+        state.get_mutable_abstract_state(int(self._state)).set_value(command)
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
-        n = self._num_joints
-        state = context.get_discrete_state(self._state).value()
-        if self._verdict.Eval(context) == StopReason.NONE:
-            output.SetFromVector(self.command_input.Eval(context))
-        elif state[n]:
-            output.SetFromVector(state[:n])
-        else:
-            output.SetFromVector(self.measured_input.Eval(context))
+        output.SetFromVector(self._next.Eval(context).position)
 
     def _calc_reason(self, context: Context, output: BasicVector) -> None:
-        output.SetAtIndex(0, float(self._verdict.Eval(context)))
+        output.SetAtIndex(0, float(self._next.Eval(context).reason))
+
+    def _calc_joint(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, float(self._next.Eval(context).joint))

@@ -3,41 +3,82 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from pepper_drake.models.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.ik.command_check import StopReason
+from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason, stop_sentence
+from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 
 START = np.array([1.0, -0.5, 0.5, 0.8, 0.1])
 
 
+TIME_STEP = 0.02
+
+
 class Rig:
-    def __init__(self):
-        limits = shared_control_model().command_limits(arm_joints("right"))
-        self.monitor = SafetyMonitor(limits=limits, minimum_clearance=0.005)
+    """A safety monitor before an arm that goes where it is sent, but for what holds it."""
+
+    def __init__(self, contact=None):
+        self.limits = shared_control_model().command_limits(arm_joints("right"))
+        self.monitor = SafetyMonitor(
+            limits=self.limits,
+            start_position=START,
+            minimum_clearance=0.005,
+            contact=contact,
+            time_step=TIME_STEP,
+        )
         self.simulator = Simulator(self.monitor)
         self.context = self.simulator.get_mutable_context()
         self.monitor.measured_input.FixValue(self.context, START)
         self.command(START)
+        self.simulator.Initialize()
+        self.passed_commands = [START, START]
+        self.wish, self.speed, self.ticks = START, np.zeros(5), 0
 
     def command(self, command):
         self.monitor.command_input.FixValue(self.context, command)
 
-    def advance(self, duration):
-        self.simulator.AdvanceTo(self.context.get_time() + duration)
+    def advance(self, duration=TIME_STEP, blocked=None):
+        """Goes on; joints follow the last command, `blocked` up to a position."""
+        for _ in range(round(duration / TIME_STEP)):
+            passed = self.passed()
+            self.passed_commands.append(passed)
+            measured = passed.copy()
+            if blocked is not None:
+                joint, end = blocked
+                measured[joint] = min(measured[joint], end)
+            self.monitor.measured_input.FixValue(self.context, measured)
+            # To the middle between two ticks, so that rounding does not decide what is in between.
+            self.simulator.AdvanceTo((self.ticks + 0.5) * TIME_STEP)
+            self.ticks += 1
 
     def passed(self):
         return self.monitor.GetOutputPort("safe_joint_position_command").Eval(self.context)
 
+    def accelerations(self):
+        return np.abs(np.diff(self.passed_commands, n=2, axis=0)) / TIME_STEP**2
+
+    def drive(self, velocity, duration, blocked=None):
+        """Commands a steady velocity, reached at the rate that the limits allow."""
+        change = self.limits.acceleration * TIME_STEP
+        for _ in range(round(duration / TIME_STEP)):
+            self.speed = self.speed + np.clip(velocity - self.speed, -change, change)
+            self.wish = self.wish + TIME_STEP * self.speed
+            self.command(self.wish)
+            self.advance(blocked=blocked)
+
     def reason(self):
         return StopReason(int(self.monitor.GetOutputPort("stop_reason").Eval(self.context)[0]))
+
+    def joint(self):
+        return int(self.monitor.GetOutputPort("stop_joint").Eval(self.context)[0])
 
 
 def test_safe_commands_pass_in_the_same_tick():
     rig = Rig()
     for k in range(5):
-        command = START + 0.01 * k
+        command = START + 0.002 * k**2
         rig.command(command)
         np.testing.assert_array_equal(rig.passed(), command)
-        rig.advance(0.01)
+        rig.advance()
     assert rig.reason() == StopReason.NONE
 
 
@@ -46,41 +87,53 @@ def test_safe_commands_pass_in_the_same_tick():
     [
         (np.full(5, np.nan), StopReason.COMMAND_NOT_FINITE),
         (START + np.array([0, 1.0, 0, 0, 0]), StopReason.COMMAND_OUTSIDE_LIMITS),
-        (START + np.array([0.2, 0, 0, 0, 0]), StopReason.COMMAND_TOO_FAST),
+        (START + np.array([0.3, 0, 0, 0, 0]), StopReason.COMMAND_TOO_FAST),
     ],
 )
-def test_an_unsafe_command_never_passes_and_the_last_safe_one_is_held(command, reason):
+def test_an_unsafe_command_never_passes_and_the_robot_brakes(command, reason):
     rig = Rig()
-    rig.advance(0.01)
-    safe = START + 0.01
-    rig.command(safe)
-    rig.advance(0.01)
+    rig.drive(np.full(5, 0.5), 0.2)
     rig.command(command)
-    np.testing.assert_array_equal(rig.passed(), safe)
-    rig.advance(0.05)
+    rig.advance(0.1)
     assert rig.reason() == reason
-    rig.command(safe)
-    rig.advance(0.05)
+    held = rig.passed_commands[-1]
+    assert np.abs(held - START).max() < 0.2
+    rig.command(START)
+    rig.advance(0.2)
     assert rig.reason() == reason, "a stop is latched"
-    np.testing.assert_array_equal(rig.passed(), safe)
+    np.testing.assert_array_equal(rig.passed(), held)
+    assert rig.accelerations().max() <= 10.0 + 1e-9
+
+
+@pytest.mark.parametrize("speed", [0.3, 1.0, 3.0])
+def test_a_stop_brakes_at_the_acceleration_limit(speed):
+    rig = Rig()
+    rig.drive(np.array([-speed, 0, 0, 0, 0]), 0.06)
+    before = (rig.passed_commands[-1] - rig.passed_commands[-2]) / TIME_STEP
+    begin = rig.passed_commands[-1]
+    rig.monitor.stop_request_input.FixValue(rig.context, [1.0])
+    rig.advance(0.5)
+    assert rig.accelerations().max() <= 10.0 + 1e-9
+    travelled = rig.passed() - begin
+    assert np.abs(travelled).max() <= np.abs(before).max() ** 2 / 20 + 1e-9
 
 
 def test_a_close_link_stops_the_robot():
     rig = Rig()
-    rig.advance(0.01)
+    rig.advance()
     rig.monitor.clearance_input.FixValue(rig.context, [0.006])
     assert rig.reason() == StopReason.NONE
     rig.monitor.clearance_input.FixValue(rig.context, [0.004])
     assert rig.reason() == StopReason.LINK_TOO_CLOSE
-    rig.command(START + 0.01)
+    rig.command(START + 0.001)
     np.testing.assert_array_equal(rig.passed(), START)
 
 
 def test_a_stop_can_be_asked_for():
     rig = Rig()
-    rig.advance(0.01)
+    rig.advance()
     rig.monitor.stop_request_input.FixValue(rig.context, [1.0])
-    rig.advance(0.02)
+    rig.advance()
     assert rig.reason() == StopReason.REQUESTED
 
 
@@ -91,3 +144,71 @@ def test_without_a_first_tick_nothing_moves():
     rig.monitor.command_input.FixValue(context, np.full(5, np.inf))
     port = rig.monitor.GetOutputPort("safe_joint_position_command")
     np.testing.assert_array_equal(port.Eval(context), START)
+
+
+@pytest.mark.parametrize("speed", [0.45, 0.6, 1.5])
+def test_a_joint_that_is_held_is_noticed_within_a_tenth_of_a_second_and_goes_back(speed):
+    rig = Rig(contact=ContactParams())
+    velocity = np.array([speed, 0, 0, 0, 0])
+    rig.drive(velocity, 0.5)
+    assert rig.reason() == StopReason.NONE
+    end = rig.passed_commands[-1][0]
+    rig.drive(velocity, 0.1, blocked=(0, end))
+    assert rig.reason() == StopReason.JOINT_HELD
+    assert rig.joint() == 0
+    rig.advance(1.0, blocked=(0, end))
+    assert rig.passed()[0] < end - 0.01, "it backs off"
+    assert rig.accelerations().max() <= 10.0 + 1e-9
+
+
+def test_joints_that_follow_are_never_held():
+    rig = Rig(contact=ContactParams())
+    rig.drive(np.array([-3.0, 0.3, 2.0, 1.0, -2.0]), 0.3)
+    assert rig.reason() == StopReason.NONE
+
+
+def test_a_stopped_robot_does_not_go_on_pressing():
+    rig = Rig(contact=ContactParams())
+    rig.drive(np.array([0.5, 0, 0, 0, 0]), 0.3)
+    rig.monitor.clearance_input.FixValue(rig.context, [0.0])
+    end = rig.passed_commands[-1][0] - 0.03
+    rig.advance(1.0, blocked=(0, end))
+    assert rig.reason() == StopReason.LINK_TOO_CLOSE
+    assert rig.passed()[0] == pytest.approx(end, abs=1e-9)
+    assert rig.accelerations().max() <= 10.0 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("ages", "reason"),
+    [
+        ([0.0, 0.0], StopReason.NONE),
+        ([0.08, 0.0], StopReason.NONE),
+        ([0.2, 0.0], StopReason.JOINTS_NOT_MEASURED),
+        ([0.0, np.nan], StopReason.BASE_NOT_MEASURED),
+    ],
+)
+def test_measurements_that_do_not_come_stop_the_robot(ages, reason):
+    rig = Rig()
+    rig.monitor.measurement_age_input.FixValue(rig.context, ages)
+    rig.advance()
+    assert rig.reason() == reason
+
+
+@pytest.mark.parametrize(
+    ("port", "value", "reason"),
+    [
+        ("clearance", [np.nan], StopReason.LINK_TOO_CLOSE),
+        ("body_clearance", [0.001], StopReason.BODY_TOO_CLOSE),
+        ("base_held", [1.0], StopReason.BASE_HELD),
+    ],
+)
+def test_each_watcher_has_its_name(port, value, reason):
+    rig = Rig()
+    rig.monitor.GetInputPort(port).FixValue(rig.context, value)
+    assert rig.reason() == reason
+
+
+def test_every_reason_has_its_sentence_and_names_the_joint():
+    assert set(STOP_SENTENCES) == set(StopReason)
+    assert "RElbowRoll" in stop_sentence(StopReason.JOINT_HELD, "RElbowRoll")
+    assert "RElbowRoll" in stop_sentence(StopReason.JOINTS_NOT_MEASURED, "RElbowRoll")

@@ -1,0 +1,247 @@
+"""The signals between a simulated robot and its controllers: wear, faults, and their guard."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import Adder, ConstantVectorSource, MatrixGain, Multiplexer
+
+from pepper_drake.models.control_model import BODY_JOINTS
+from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.models.robot_wear import RobotWear
+from pepper_drake.systems.faults.fault_injector import FaultSet, Role
+from pepper_drake.systems.robot.base_velocity_controller import BaseVelocityController
+from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
+from pepper_drake.systems.robot.measurement_guard import MeasurementGuard
+from pepper_drake.systems.robot.worn_joints import CommandLatency, JointBacklash
+
+
+def add_offset(
+    builder: DiagramBuilder, name: str, port: OutputPort, offset: Sequence[float]
+) -> OutputPort:
+    """Adds a constant (n,) to a vector port."""
+    constant = builder.AddNamedSystem(f"{name}_offset", ConstantVectorSource(offset))
+    adder = builder.AddNamedSystem(name, Adder(2, len(offset)))
+    builder.Connect(port, adder.get_input_port(0))
+    builder.Connect(constant.get_output_port(), adder.get_input_port(1))
+    return adder.get_output_port()
+
+
+def add_servos(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    pepper: ModelInstanceIndex,
+    base_pose: OutputPort,
+    start: Mapping[str, float],
+    *,
+    wear: RobotWear | None,
+    period: float,
+) -> OutputPort | None:
+    """Turns joint and base commands into the desired state of the plant's servos.
+
+    Args:
+        builder: Of the station; it exports `joint_position_command` and `base_velocity_command`.
+        plant: The plant with Pepper.
+        pepper: Pepper's model instance.
+        base_pose: True x, y [m], yaw [rad] of the base in W.
+        start: Positions of all joints by name at the start.
+        wear: The robot's errors; None for none.
+        period: The control period [s].
+
+    Returns:
+        How far the motors are ahead of the joints (15) [rad], if they have slack.
+    """
+    joints = builder.AddNamedSystem(
+        "joint_servo", JointCommandInterpolator(len(BODY_JOINTS), period)
+    )
+    add_motor_commands(
+        builder, joints.get_input_port(), [start[name] for name in BODY_JOINTS], wear, period
+    )
+    joint_state, gap = add_slack(builder, joints.get_output_port(), wear, period)
+    base = builder.AddNamedSystem(
+        "base_servo",
+        BaseVelocityController([start[name] for name in JOINT_GROUPS["base"]], time_step=period),
+    )
+    builder.ExportInput(base.velocity_input, "base_velocity_command")
+    builder.Connect(base_pose, base.base_pose_input)
+
+    n, nb = len(BODY_JOINTS), len(JOINT_GROUPS["base"])
+    q_column = {name: k for k, name in enumerate(BODY_JOINTS)}
+    q_column |= {name: 2 * n + k for k, name in enumerate(JOINT_GROUPS["base"])}
+    order = [
+        plant.get_joint_actuator(index).joint().name()
+        for index in plant.GetJointActuatorIndices(pepper)
+    ]
+    columns = [q_column[name] for name in order]
+    columns += [q_column[name] + (n if name in BODY_JOINTS else nb) for name in order]
+    merge = builder.AddNamedSystem("commands", Multiplexer([2 * n, 2 * nb]))
+    permute = builder.AddNamedSystem("actuator_order", MatrixGain(D=np.eye(2 * (n + nb))[columns]))
+    builder.Connect(joint_state, merge.get_input_port(0))
+    builder.Connect(base.get_output_port(), merge.get_input_port(1))
+    builder.Connect(merge.get_output_port(), permute.get_input_port())
+    builder.Connect(permute.get_output_port(), plant.get_desired_state_input_port(pepper))
+    return gap
+
+
+def add_motor_commands(
+    builder: DiagramBuilder,
+    commands: InputPort,
+    start: Sequence[float],
+    wear: RobotWear | None,
+    period: float,
+) -> None:
+    """Leads joint commands from outside to what moves the joints, by way of a worn robot's motors.
+
+    Args:
+        builder: Of the station; it exports `joint_position_command`.
+        commands: Where they arrive (15).
+        start: The joints at the start (15,) [rad].
+        wear: The robot's errors; None for none.
+        period: The control period [s].
+    """
+    if wear is None:
+        builder.ExportInput(commands, "joint_position_command")
+        return
+    steps = round(wear.command_latency / period)
+    latency = builder.AddNamedSystem(
+        "command_latency", CommandLatency(start, max(steps, 1), period)
+    )
+    builder.ExportInput(latency.command_input, "joint_position_command")
+    truly = add_offset(
+        builder,
+        "encoder_command",
+        latency.get_output_port(),
+        (-wear.encoder_offset).tolist(),
+    )
+    builder.Connect(truly, commands)
+
+
+def add_slack(
+    builder: DiagramBuilder, motors: OutputPort, wear: RobotWear | None, period: float
+) -> tuple[OutputPort, OutputPort | None]:
+    """Puts a worn robot's slack behind its motors.
+
+    Args:
+        builder: Of the station.
+        motors: Desired positions and velocities of the motors (30) [rad, rad/s].
+        wear: The robot's errors; None for none.
+        period: The control period [s].
+
+    Returns:
+        Desired state of the joints (30), and how far the motors are ahead of them (15), if they
+        have slack.
+    """
+    if wear is None:
+        return motors, None
+    # After each of the interpolator's two ticks a period.
+    slack = builder.AddNamedSystem(
+        "joint_backlash",
+        JointBacklash(wear.backlash, time_step=0.5 * period, offset=0.25 * period),
+    )
+    builder.Connect(motors, slack.motor_input)
+    return slack.GetOutputPort("joint_state"), slack.GetOutputPort("gap")
+
+
+def add_measurements(
+    builder: DiagramBuilder,
+    joints: OutputPort,
+    base: OutputPort,
+    start: dict[str, float],
+    *,
+    gap: OutputPort | None,
+    wear: RobotWear | None,
+    faults: FaultSet,
+    failing_joints: Sequence[int],
+) -> dict[str, OutputPort]:
+    """Leads the true state of joints and base to what is known of it.
+
+    Args:
+        builder: Of the station; it exports `measurement_age` and `missing_joint`.
+        joints: True joint positions (15) [rad].
+        base: True x, y [m], yaw [rad] of the base in W.
+        start: Positions of all joints by name at the start.
+        gap: How far the motors, which the encoders measure, are ahead of the joints (15) [rad].
+        wear: The robot's errors; None for none.
+        faults: Faults of encoders and odometry.
+        failing_joints: Indices of the joints of which one fails if an encoder fails.
+
+    Returns:
+        The ports `joint_position` (15) and `base_pose` (3); always finite numbers.
+    """
+    if wear is not None:
+        joints = add_offset(builder, "encoders", joints, wear.encoder_offset.tolist())
+        if gap is not None:
+            ahead = builder.AddNamedSystem("motor_encoders", Adder(2, len(BODY_JOINTS)))
+            builder.Connect(joints, ahead.get_input_port(0))
+            builder.Connect(gap, ahead.get_input_port(1))
+            joints = ahead.get_output_port()
+        # The way since the start is measured too long or too short.
+        origin = np.array([start[name] for name in JOINT_GROUPS["base"]])
+        slip = builder.AddNamedSystem("odometry_slip", MatrixGain(D=np.diag(1.0 + wear.odometry)))
+        builder.Connect(base, slip.get_input_port())
+        base = add_offset(
+            builder, "odometry", slip.get_output_port(), (-wear.odometry * origin).tolist()
+        )
+    joints = faults.tap(
+        builder, "encoders", {"position": (Role.VALUE, joints)}, elements=failing_joints
+    )["position"]
+    base = faults.tap(builder, "base_pose", {"pose": (Role.VALUE, base)})["pose"]
+    ports, ages, missing = {}, [], None
+    for name, port, names in (
+        ("joint_position", joints, BODY_JOINTS),
+        ("base_pose", base, JOINT_GROUPS["base"]),
+    ):
+        guard = builder.AddNamedSystem(
+            f"{name}_guard", MeasurementGuard([start[joint] for joint in names])
+        )
+        builder.Connect(port, guard.measured_input)
+        ports[name] = guard.GetOutputPort("measured")
+        ages.append(guard.GetOutputPort("age"))
+        missing = guard.GetOutputPort("missing") if missing is None else missing
+        builder.ExportOutput(ports[name], name)
+    both = builder.AddNamedSystem("measurement_age", Multiplexer([1, 1]))
+    for k, age in enumerate(ages):
+        builder.Connect(age, both.get_input_port(k))
+    builder.ExportOutput(both.get_output_port(), "measurement_age")
+    assert missing is not None
+    builder.ExportOutput(missing, "missing_joint")
+    return ports
+
+
+def add_camera_faults(
+    builder: DiagramBuilder,
+    faults: FaultSet,
+    name: str,
+    ports: dict[str, OutputPort],
+) -> dict[str, OutputPort]:
+    """Puts the faults of a camera and of all time stamps behind a camera's ports.
+
+    Args:
+        builder: Of the station.
+        faults: The run's faults.
+        name: The camera's, as in "camera_depth".
+        ports: Its ports `image`, `pose`, `time_stamp` and `position`.
+
+    Returns:
+        The ports to export instead, by the same names.
+    """
+    roles = {"image": Role.VALUE, "time_stamp": Role.STAMP}
+    signal = name.removeprefix("camera_")
+    carried = {key: (roles.get(key, Role.CARRIED), port) for key, port in ports.items()}
+    ports = faults.tap(builder, signal, carried)
+    # A stamp by itself is a value.
+    stamps = {"time_stamp": (Role.VALUE, ports["time_stamp"])}
+    return ports | faults.tap(builder, "stamps", stamps, suffix=f"_{signal}")
+
+
+def export_triggers(builder: DiagramBuilder, faults: FaultSet) -> None:
+    """Exports `fault_trigger` for the faults among the builder's systems that wait for the arm."""
+    port = None
+    for injector in faults.waiting(builder):
+        trigger = injector.GetInputPort("trigger")
+        if port is None:
+            port = builder.ExportInput(trigger, "fault_trigger")
+        else:
+            builder.ConnectInput(port, trigger)

@@ -1,0 +1,104 @@
+"""How a used robot differs from its model: slack, offsets, mountings, slip and latency."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.models.pepper import BODY_JOINTS
+
+Vector = npt.NDArray[np.float64]
+
+ROBOTS = ("ideal", "worn")
+"""Robots by name: as in the model, and used."""
+
+HEAD_CAMERAS = ("camera_top", "camera_bottom", "camera_depth")
+
+
+@dataclass(frozen=True)
+class WearSizes:
+    """Largest errors; each is drawn evenly between plus and minus that, but for the slack."""
+
+    backlash: float = np.radians(1.0)
+    """Slack of each joint's gear from end to end [rad]: as the service reports of real Peppers."""
+    encoder_offset: float = np.radians(0.5)
+    """Offset of each joint's encoder [rad]."""
+    camera_angle: float = np.radians(1.0)
+    """Angle by which each camera is mounted wrongly [rad], about an axis that is drawn."""
+    camera_position: float = 0.005
+    """Distance by which each camera is mounted wrongly [m], in a direction that is drawn."""
+    focal: float = 0.01
+    """Relative error of each focal length."""
+    odometry: float = 0.03
+    """Relative error of the base's measured way and turn: its wheels slip."""
+    command_latency: float = 0.04
+    """Time from a joint command to the motor [s]; not drawn."""
+
+
+@dataclass(frozen=True)
+class CameraWear:
+    """A camera's true place and lens against the model's.
+
+    Attributes:
+        position: Offset of the optical centre in the Head frame (3,) [m].
+        rotation: Small rotation of the optical frame, roll, pitch, yaw in it (3,) [rad].
+        focal: True focal length over the model's.
+    """
+
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    focal: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class RobotWear:
+    """The errors of one robot.
+
+    Attributes:
+        backlash: Slack of each joint from end to end (15,) [rad], in the order of BODY_JOINTS.
+        encoder_offset: What each encoder says too much (15,) [rad].
+        cameras: By the station's name of each camera.
+        odometry: True way times one plus this is what the odometry says: x, y, yaw (3,).
+        command_latency: Time from a joint command to the motor [s].
+    """
+
+    backlash: Vector = field(default_factory=lambda: np.zeros(len(BODY_JOINTS)))
+    encoder_offset: Vector = field(default_factory=lambda: np.zeros(len(BODY_JOINTS)))
+    cameras: dict[str, CameraWear] = field(default_factory=dict)
+    odometry: Vector = field(default_factory=lambda: np.zeros(3))
+    command_latency: float = 0.0
+
+    @classmethod
+    def draw(cls, seed: int, sizes: WearSizes | None = None) -> "RobotWear":
+        """Draws the errors of a robot; the same seed gives the same robot."""
+        sizes = WearSizes() if sizes is None else sizes
+        rng = np.random.default_rng((seed, 0x3A))
+        n = len(BODY_JOINTS)
+
+        def direction() -> Vector:
+            vector = rng.normal(size=3)
+            return np.asarray(vector / np.linalg.norm(vector))
+
+        def around(size: float, number: int) -> Vector:
+            return rng.uniform(-size, size, number)
+
+        cameras = {}
+        for name in HEAD_CAMERAS:
+            position = sizes.camera_position * rng.random() * direction()
+            rotation = sizes.camera_angle * rng.random() * direction()
+            cameras[name] = CameraWear(
+                (float(position[0]), float(position[1]), float(position[2])),
+                (float(rotation[0]), float(rotation[1]), float(rotation[2])),
+                1.0 + float(around(sizes.focal, 1)[0]),
+            )
+        return cls(
+            backlash=np.full(n, sizes.backlash),
+            encoder_offset=around(sizes.encoder_offset, n),
+            cameras=cameras,
+            odometry=around(sizes.odometry, 3),
+            command_latency=sizes.command_latency,
+        )
+
+    def calibrated(self, encoder_offset: Vector) -> "RobotWear":
+        """What is left when offsets (15,) [rad] that were found are taken off the encoders."""
+        return replace(self, encoder_offset=self.encoder_offset - encoder_offset)

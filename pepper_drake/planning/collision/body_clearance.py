@@ -1,0 +1,85 @@
+"""How near the robot's body is to what was seen, from wherever its base stands."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+from pepper_drake.models.control_model import ControlModel
+from pepper_drake.planning.collision.sphere_model import arm_link_names, make_link_spheres
+
+Vector = npt.NDArray[np.float64]
+
+
+def body_links(model: ControlModel, without_arm: str | None = None) -> tuple[str, ...]:
+    """Names of Pepper's links, all or all but those of one arm ("left" or "right")."""
+    names = {
+        model.plant.get_body(index).name()
+        for index in model.plant.GetBodyIndices(model.model_instance)
+    }
+    left_out = set() if without_arm is None else set(arm_link_names(without_arm))
+    return tuple(sorted(names - left_out))
+
+
+class BodyClearance:
+    """Distances of some of Pepper's links, as spheres, to a cloud.
+
+    Args:
+        model: Pepper.
+        links: Names of the links.
+    """
+
+    def __init__(self, model: ControlModel, links: Sequence[str]) -> None:
+        self._model = model
+        self._spheres = make_link_spheres(model, tuple(links))
+        self._frames = [model.plant.GetFrameByName(name) for name in self._spheres.link_names]
+        self._context = model.create_context()
+
+    def centers(self, joint_position: Vector) -> Vector:
+        """Centres (S, 3) of the spheres in the base frame B for `BODY_JOINTS` angles (15,) [m]."""
+        context = self._context.Clone()
+        positions = self._model.positions(joint_position, np.zeros(3))
+        self._model.plant.SetPositions(context, positions)
+        poses = [frame.CalcPoseInWorld(context) for frame in self._frames]
+        return self._spheres.place(
+            np.array([X.rotation().matrix() for X in poses]),
+            np.array([X.translation() for X in poses]),
+        )
+
+    def __call__(
+        self, base_poses: Vector, joint_position: Vector, field: PointCloudDistance
+    ) -> Vector:
+        """Least distance (N,) [m] of the links to obstacles.
+
+        Args:
+            base_poses: x, y [m], yaw [rad] of the base in W (N, 3).
+            joint_position: The joints (15,) [rad].
+            field: The obstacles, in W.
+        """
+        p_B = self.centers(joint_position)
+        cos, sin = np.cos(base_poses[:, 2, None]), np.sin(base_poses[:, 2, None])
+        p_W = np.stack(
+            (
+                base_poses[:, 0, None] + cos * p_B[:, 0] - sin * p_B[:, 1],
+                base_poses[:, 1, None] + sin * p_B[:, 0] + cos * p_B[:, 1],
+                np.broadcast_to(p_B[:, 2], (len(base_poses), len(p_B))),
+            ),
+            axis=-1,
+        )
+        return np.asarray((field.distance(p_W) - self._spheres.radii).min(axis=1))
+
+
+def drive_poses(start: Vector, goal: Vector, spacing: float = 0.03) -> Vector:
+    """Base poses (N, 3) on the straight way from one to another, turning evenly.
+
+    Args:
+        start: x, y [m], yaw [rad].
+        goal: The same.
+        spacing: Distance [m] or a third of the angle [rad] between two at most.
+    """
+    way = goal - start
+    way[2] = (way[2] + np.pi) % (2.0 * np.pi) - np.pi
+    length = max(float(np.hypot(way[0], way[1])), abs(float(way[2])) / 3.0)
+    shares = np.linspace(0.0, 1.0, 2 + int(length / spacing))
+    return start + shares[:, None] * way

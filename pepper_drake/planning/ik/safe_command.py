@@ -1,0 +1,123 @@
+"""Joint commands that the robot may be given, and what happens at a stop.
+
+A stop is a course of its own: the joints brake within their acceleration limits; after a contact
+they go back to where they came from; whatever presses afterwards makes the command give way to the
+measured position. All of it passes the one limiter (`planning.ik.command_limits`).
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.models.control_model import CommandLimits
+from pepper_drake.planning.ik.command_check import StopReason
+from pepper_drake.planning.ik.command_limits import track_joint_command
+from pepper_drake.planning.ik.contact_detection import (
+    ContactParams,
+    excess_error,
+    following_error,
+)
+
+Vector = npt.NDArray[np.float64]
+
+_SAME = 1e-12
+"""A command that is so near to what was wished for is that wish, to the last bit [rad]."""
+_RETAKEN = 10
+"""A command at rest gives way after so many control periods of a joint off it."""
+
+
+@dataclass(frozen=True, eq=False)
+class SafeCommand:
+    """State of the commands to some joints.
+
+    Attributes:
+        position: The command (n,) [rad].
+        velocity: Its velocity (n,) [rad/s].
+        wish: What was wished for last (n,) [rad]; None before the first wish.
+        known: Whether the position is more than a guess.
+        reason: Why the robot stops, if it does; a stop lasts.
+        joint: Index of the joint that the reason is about, -1 for none.
+        target: Where a stopped robot goes (n,) [rad]; None to brake and stay.
+        sent: The last commands, oldest first, as many as may be on their way.
+        measured: The last measured positions, oldest first, for the way back.
+        held: For how many control periods each joint has been off its command (n,).
+    """
+
+    position: Vector
+    velocity: Vector
+    wish: Vector | None = None
+    known: bool = True
+    reason: StopReason = StopReason.NONE
+    joint: int = -1
+    target: Vector | None = None
+    sent: tuple[Vector, ...] = ()
+    measured: tuple[Vector, ...] = ()
+    held: npt.NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+
+    @classmethod
+    def at_rest(cls, position: Vector) -> "SafeCommand":
+        """A robot that stands at measured positions (n,) [rad]."""
+        held = np.zeros(len(position), dtype=np.intp)
+        return cls(position, np.zeros(len(position)), held=held)
+
+    def __deepcopy__(self, memo: dict) -> "SafeCommand":
+        """Returns itself: Drake copies the state at each event, and this never changes."""
+        return self
+
+    def stopped(self, reason: StopReason, joint: int = -1) -> "SafeCommand":
+        """The same robot, stopped for a reason; the first reason stays."""
+        if self.reason != StopReason.NONE:
+            return self
+        return replace(self, reason=reason, joint=joint)
+
+    def advanced(self, wish: Vector, limits: CommandLimits, time_step: float) -> "SafeCommand":
+        """The commands one control period later, inside every limit.
+
+        Args:
+            wish: Positions wished for (n,) [rad]; a stopped robot does not listen.
+            limits: Of the joints.
+            time_step: The control period [s].
+        """
+        if self.reason == StopReason.NONE:
+            before = wish if self.wish is None else self.wish
+        else:
+            wish = before = np.full(len(wish), np.nan) if self.target is None else self.target
+        position, velocity = track_joint_command(
+            self.position, self.velocity, wish, before, limits=limits, time_step=time_step
+        )
+        if self.reason == StopReason.NONE:
+            position = np.where(np.abs(position - wish) < _SAME, wish, position)
+        return replace(self, position=position, velocity=velocity, wish=wish)
+
+    def compared(self, measured: Vector, params: ContactParams, time_step: float) -> "SafeCommand":
+        """The state after a measurement: a joint that is held stops the robot and sends it back.
+
+        Args:
+            measured: Joint positions at the end of the last command's period (n,) [rad].
+            params: What counts as held.
+            time_step: The control period [s].
+        """
+        on_their_way = 1 + round(params.latency / time_step)
+        sent = (*self.sent, self.position)[-on_their_way:]
+        error = following_error(sent, measured)
+        excess = excess_error(error, self.velocity, params)
+        held = np.where(excess > 1.0, self.held + 1, 0)
+        memory = 1 + round(params.back_off / time_step)
+        known = (*self.measured, measured)[-memory:]
+        state = replace(self, sent=sent, measured=known, held=held)
+        if self.reason == StopReason.NONE:
+            if np.any(held >= params.steps):
+                joint = int(np.argmax(np.where(held >= params.steps, excess, 0.0)))
+                stopped = state.stopped(StopReason.JOINT_HELD, joint)
+                return replace(stopped, target=known[0], held=np.zeros_like(held))
+            return state
+        if np.any(held >= _RETAKEN) and not self.velocity.any():
+            # What still presses is not pressed against.
+            return replace(state, target=measured, held=np.zeros_like(held))
+        return state
+
+
+def slowed(limits: CommandLimits, speed: float) -> CommandLimits:
+    """The same limits with no joint faster than a speed [rad/s]."""
+    return replace(limits, velocity=np.minimum(limits.velocity, speed))

@@ -1,0 +1,112 @@
+"""Watches the whole body against what was seen: head, torso, tablet, base, and arms at rest."""
+
+import math
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.perception import PointCloud
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
+
+from pepper_drake.models.control_model import BODY_JOINTS, ControlModel
+from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
+from pepper_drake.systems.framework import LeafSystem
+from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
+
+
+class BodyWatch(LeafSystem):
+    """Least distance of the body to the cloud, now and at the end of a braking drive.
+
+    .. pydrake_system::
+
+        name: BodyWatch
+        input_ports:
+        - cloud
+        - predicted_cloud (optional)
+        - joint_position
+        - base_pose
+        - base_velocity_command
+        - active
+        output_ports:
+        - clearance
+        - stop_base
+
+    Inputs: `cloud` and `predicted_cloud`, PointClouds in W; `joint_position` (15) [rad];
+    `base_pose` (3), x, y in m and yaw in rad; `base_velocity_command` (3) in the base frame B;
+    `active` (1), not zero while the reaching arm is watched by itself.
+    Outputs: `clearance` (1) [m], now, infinite before the first tick and for an empty cloud;
+    `stop_base` (1), 1 while something is nearer than `stop_distance` to where the base would come
+    to a stand, and nearer than it is to where it stands.
+    State: the two, every `time_step`. The spheres are the body's; they bulge out by up to 1 cm.
+
+    Args:
+        model: Pepper.
+        arm: The reaching arm, "left" or "right": it belongs to the body while it rests.
+        stop_distance: Clearance at which the base does not go on [m].
+        acceleration: With which the base brakes along the floor [m/s^2].
+        turning_acceleration: With which it stops turning [rad/s^2].
+        delay: Until it begins to brake [s].
+        time_step: Period [s].
+    """
+
+    def __init__(
+        self,
+        model: ControlModel,
+        arm: str,
+        *,
+        stop_distance: float = 0.01,
+        acceleration: float = 0.3,
+        turning_acceleration: float = 0.75,
+        delay: float = 0.1,
+        time_step: float = 0.05,
+    ) -> None:
+        super().__init__()
+        self._resting = BodyClearance(model, body_links(model))
+        self._reaching = BodyClearance(model, body_links(model, without_arm=arm))
+        self._stop_distance = stop_distance
+        self._deceleration = acceleration, turning_acceleration
+        self._delay = delay
+        self._ports: dict[str, InputPort] = {
+            name: self.DeclareAbstractInputPort(name, Value(PointCloud()))
+            for name in ("cloud", "predicted_cloud")
+        }
+        self._field = ObstacleFieldCache(
+            self, self._ports["cloud"], self._ports["predicted_cloud"], extension=0.0
+        )
+        for name, size in (
+            ("joint_position", len(BODY_JOINTS)),
+            ("base_pose", 3),
+            ("base_velocity_command", 3),
+            ("active", 1),
+        ):
+            self._ports[name] = self.DeclareVectorInputPort(name, size)
+        self._state = self.DeclareDiscreteState([np.inf, 0.0])
+        state = {self.discrete_state_ticket(self._state)}
+        for index, name in enumerate(("clearance", "stop_base")):
+            self._declare_part(name, index, state)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+
+    def _declare_part(self, name: str, index: int, state: set) -> None:
+        def calc(context: Context, output: BasicVector) -> None:
+            output.SetAtIndex(0, context.get_discrete_state(self._state).value()[index])
+
+        self.DeclareVectorOutputPort(name, 1, calc, prerequisites_of_calc=state)
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        pose = self._ports["base_pose"].Eval(context)
+        v_B = self._ports["base_velocity_command"].Eval(context)
+        active = self._ports["active"].Eval(context)[0] > 0.5
+        speed, turning = math.hypot(*v_B[:2].tolist()), abs(float(v_B[2]))
+        drives = speed > 1e-3 or turning > 1e-3
+        # Half and all of the way on which the base comes to a stand.
+        way = np.zeros(3)
+        braking = self._delay + 0.5 * speed / self._deceleration[0]
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        way[:2] = braking * np.array([cos * v_B[0] - sin * v_B[1], sin * v_B[0] + cos * v_B[1]])
+        way[2] = v_B[2] * (self._delay + 0.5 * turning / self._deceleration[1])
+        poses = pose + np.outer([0.0, 0.5, 1.0] if drives else [0.0], way)
+        body = self._reaching if active else self._resting
+        joints = self._ports["joint_position"].Eval(context)
+        clearances = body(poses, joints, self._field.eval(context))
+        now, ahead = float(clearances[0]), float(clearances.min())
+        stop = drives and ahead < self._stop_distance and ahead < now - 1e-4
+        discrete_state.set_value(self._state, [now, float(stop)])

@@ -1,0 +1,72 @@
+"""Measurements that are not numbers are caught where they enter."""
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
+
+from pepper_drake.systems.framework import LeafSystem
+
+
+class MeasurementGuard(LeafSystem):
+    """Passes a measured vector on; what is not a finite number is replaced by what came last.
+
+    .. pydrake_system::
+
+        name: MeasurementGuard
+        input_ports:
+        - measured
+        output_ports:
+        - measured
+        - age
+        - missing
+
+    Input: `measured` (n). Outputs: `measured` (n), each element the present one if it is finite,
+    else the last that was; `age` (1), time since all were finite at a tick [s], 0 while they are;
+    `missing` (1), the index of the first that is not, or -1.
+    State: the last finite values (n), their age and the index (n + 2), at `time_step`.
+
+    Args:
+        start: The values before any was measured (n,).
+        time_step: Period at which values are remembered [s].
+    """
+
+    def __init__(self, start: npt.ArrayLike, *, time_step: float = 0.02) -> None:
+        super().__init__()
+        first = np.atleast_1d(np.asarray(start, dtype=float))
+        n = len(first)
+        self._size, self._time_step = n, time_step
+        self.measured_input: InputPort = self.DeclareVectorInputPort("measured", n)
+        self._state = self.DeclareDiscreteState(np.concatenate((first, [0.0, -1.0])))
+        state = self.discrete_state_ticket(self._state)
+        self.DeclareVectorOutputPort(
+            "measured",
+            n,
+            self._calc_measured,
+            prerequisites_of_calc={state, self.measured_input.ticket()},
+        )
+        for name, index in (("age", n), ("missing", n + 1)):
+            self._declare_part(name, index)
+        self.DeclareInitializationDiscreteUpdateEvent(self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+
+    def _declare_part(self, name: str, index: int) -> None:
+        def calc(context: Context, output: BasicVector) -> None:
+            output.SetAtIndex(0, context.get_discrete_state(self._state).value()[index])
+
+        self.DeclareVectorOutputPort(
+            name, 1, calc, prerequisites_of_calc={self.discrete_state_ticket(self._state)}
+        )
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state = context.get_discrete_state(self._state).value().copy()
+        measured = self.measured_input.Eval(context)
+        finite = np.isfinite(measured)
+        state[: self._size][finite] = measured[finite]
+        state[self._size] = 0.0 if finite.all() else state[self._size] + self._time_step
+        state[self._size + 1] = -1.0 if finite.all() else float(np.argmin(finite))
+        discrete_state.set_value(self._state, state)
+
+    def _calc_measured(self, context: Context, output: BasicVector) -> None:
+        measured = self.measured_input.Eval(context)
+        last = context.get_discrete_state(self._state).value()[: self._size]
+        output.SetFromVector(np.where(np.isfinite(measured), measured, last))

@@ -1,0 +1,124 @@
+"""What lies between a joint command and the joint of a used robot: latency and slack."""
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
+
+from pepper_drake.systems.framework import LeafSystem
+
+
+class CommandLatency(LeafSystem):
+    """Hands commands on a number of control periods later.
+
+    Drake's DiscreteTimeDelay gives zeros at first, which for joints is a command.
+
+    .. pydrake_system::
+
+        name: CommandLatency
+        input_ports:
+        - command
+        output_ports:
+        - delayed_command
+
+    Input and output: (n). State: the commands that are on their way (steps n), at `time_step`;
+    those of the start are the first command, in a context that was never initialized `start`.
+
+    Args:
+        start: A command (n,).
+        steps: Number of periods, one or more.
+        time_step: The control period [s].
+    """
+
+    def __init__(self, start: npt.ArrayLike, steps: int, time_step: float) -> None:
+        super().__init__()
+        first = np.asarray(start, dtype=float)
+        self._size, self._steps = len(first), steps
+        self.command_input: InputPort = self.DeclareVectorInputPort("command", len(first))
+        self._queue = self.DeclareDiscreteState(np.tile(first, steps))
+        self.DeclareVectorOutputPort(
+            "delayed_command",
+            len(first),
+            self._calc,
+            prerequisites_of_calc={self.discrete_state_ticket(self._queue)},
+        )
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        command = self.command_input.Eval(context)
+        discrete_state.set_value(self._queue, np.tile(command, self._steps))
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        queue = context.get_discrete_state(self._queue).value()
+        following = np.concatenate((queue[self._size :], self.command_input.Eval(context)))
+        discrete_state.set_value(self._queue, following)
+
+    def _calc(self, context: Context, output: BasicVector) -> None:
+        queue = context.get_discrete_state(self._queue).value()
+        output.SetFromVector(queue[: self._size])
+
+
+class JointBacklash(LeafSystem):
+    """Slack between motors and joints: the play operator, with its hysteresis.
+
+    A joint stays where it is until the motor has crossed the slack, then goes with it half of the
+    slack behind (Nordin and Gutman 2002, doi 10.1016/S0005-1098(02)00047-X).
+
+    .. pydrake_system::
+
+        name: JointBacklash
+        input_ports:
+        - motor_state
+        output_ports:
+        - joint_state
+        - gap
+
+    Input: `motor_state` (2 n), the desired positions and velocities of the motors [rad, rad/s].
+    Outputs: `joint_state` (2 n), those of the joints: with no velocity while the slack is crossed;
+    `gap` (n), by how much the motors are ahead of the joints [rad].
+    State: the joints' positions (n) and whether they are known, at `time_step`.
+
+    Args:
+        backlash: Slack from end to end (n,) [rad].
+        time_step: Period at which the positions are remembered [s].
+        offset: Of the first update [s].
+    """
+
+    def __init__(
+        self, backlash: npt.ArrayLike, *, time_step: float = 0.01, offset: float = 0.005
+    ) -> None:
+        super().__init__()
+        self._half = 0.5 * np.asarray(backlash, dtype=float)
+        n = self._size = len(self._half)
+        self.motor_input: InputPort = self.DeclareVectorInputPort("motor_state", 2 * n)
+        self._state = self.DeclareDiscreteState(n + 1)
+        ready = {self.discrete_state_ticket(self._state), self.motor_input.ticket()}
+        self.DeclareVectorOutputPort(
+            "joint_state", 2 * n, self._calc_joints, prerequisites_of_calc=ready
+        )
+        self.DeclareVectorOutputPort("gap", n, self._calc_gap, prerequisites_of_calc=ready)
+        self.DeclareInitializationDiscreteUpdateEvent(self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, offset, self._update)
+
+    def _joints(self, context: Context) -> npt.NDArray[np.float64]:
+        """Where the joints go now (n,)."""
+        motors = self.motor_input.Eval(context)[: self._size]
+        state = context.get_discrete_state(self._state).value()
+        if not state[-1]:
+            return np.asarray(motors)
+        return np.clip(state[:-1], motors - self._half, motors + self._half)
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        discrete_state.set_value(self._state, np.concatenate((self._joints(context), [1.0])))
+
+    def _calc_joints(self, context: Context, output: BasicVector) -> None:
+        motors, joints = self.motor_input.Eval(context), self._joints(context)
+        behind = motors[: self._size] - joints
+        velocity = motors[self._size :]
+        # Only a motor that leans on the side to which it turns takes the joint along.
+        pushes = (np.abs(behind) >= self._half - 1e-9) & (behind * velocity >= 0.0)
+        output.SetFromVector(np.concatenate((joints, np.where(pushes, velocity, 0.0))))
+
+    def _calc_gap(self, context: Context, output: BasicVector) -> None:
+        motors = self.motor_input.Eval(context)[: self._size]
+        output.SetFromVector(motors - self._joints(context))
