@@ -27,6 +27,8 @@ LARGEST_IMAGE = 1280 * 960 * 4
 """Bytes kept for an image."""
 SLOWEST_SHOWN = 0.98
 """Rate of the robot's clock below which it is said to be slow."""
+_LATENCY = 0.9
+"""Share of the time between two images after which one is out."""
 _HAND_SPEED = 1.5
 """Rate at which a hand opens and closes, whole ways a second [1/s]; assumed."""
 _LIMP_JOINTS = tuple(
@@ -110,7 +112,10 @@ class SimulatedPepper:
         self._command = SharedRecord(COMMAND, names.command)
         self._images = [SharedRecord(IMAGE, name) for name in names.images]
         station_config = StationConfig(
-            seed=config.seed, camera_period=config.camera_period, camera_latency=0.0
+            seed=config.seed,
+            camera_period=config.camera_period,
+            # Until then an image may be rendered beside the simulation, which must not wait.
+            camera_latency=_LATENCY * config.camera_period,
         )
         self._station = PepperStation(config.scene, station_config, shared_control_model())
         self._simulator = Simulator(self._station)
@@ -130,6 +135,8 @@ class SimulatedPepper:
         """Advances slice by slice, in step with the wall's clock if the config says so."""
         self._obey(self._measured_as_command())
         self._simulator.Initialize()
+        if self._station.renderer is not None:
+            self._station.renderer.wait_until_ready()
         self._publish(1.0)
         rate, slice_count = self._config.rate, 0
         begin, shown_rate = time.monotonic(), 1.0
@@ -234,9 +241,12 @@ class SimulatedPepper:
             self._publish_image(k, name)
 
     def _publish_image(self, camera: int, name: str) -> None:
-        stamp = float(self._eval(f"{name}.time_stamp")[0])
-        if not math.isfinite(stamp) or stamp <= self._stamps[camera]:
-            return
+        system = self._station.GetSubsystemByName(name)
+        frame = system.last_frame(system.GetMyContextFromRoot(self._context))
+        stamp = float(frame.time)
+        is_new = math.isfinite(stamp) and stamp > self._stamps[camera]
+        if not is_new or not frame.image.future.done():
+            return  # One that is still being rendered must not stop the robot's clock.
         pixels = self._station.GetOutputPort(f"{name}.image").Eval(self._context).data
         if pixels.size == 0:
             return
