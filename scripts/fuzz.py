@@ -364,7 +364,7 @@ def fuzz(name: str, count: int, seed: int) -> collections.Counter[str]:
         there.close()
         reading, began = -1, time.monotonic()
         try:
-            while here.poll(60.0 if reading < 0 else LONGEST + 1.0):
+            while here.poll(300.0 if reading < 0 else LONGEST + 1.0):
                 number, outcome, words = here.recv()
                 if outcome == "begins":
                     reading, began = number, time.monotonic()

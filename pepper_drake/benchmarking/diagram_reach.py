@@ -29,7 +29,7 @@ from pepper_drake.models.control_model import (
     shared_control_model,
 )
 from pepper_drake.models.scene import Scene
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
@@ -174,6 +174,6 @@ def interpolate_held(positions: Array, held: int) -> Array:
 
 def commanded_hand(joint_commands: Array, arm: str) -> Array:
     """The hand's positions (N, 3) in T [m] for commands (N, 15) of all joints [rad]."""
-    geometry = ArmGeometry(shared_control_model(), arm)
+    kinematics = arm_kinematics(shared_control_model(), arm)
     joints = joint_commands[:, body_indices(arm_joints(arm))]
-    return np.array([geometry.hand_pose(q).translation() for q in joints])
+    return np.array([kinematics.hand_pose(q).translation() for q in joints])

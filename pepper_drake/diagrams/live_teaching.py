@@ -21,7 +21,8 @@ from pepper_drake.models.control_model import (
 )
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.models.scene import Scene
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
 )
@@ -264,7 +265,8 @@ class LiveTeaching(Diagram):
             self.station.GetInputPort("joint_position_command"),
         )
         clearance = builder.AddNamedSystem(
-            "seen_clearance", CloudClearance(ArmGeometry(self._model, self.arm))
+            "seen_clearance",
+            CloudClearance(ExactDistance(self._model, arm_kinematics(self._model, self.arm))),
         )
         for name in ("cloud", "predicted_cloud"):
             self._connect(self.perception.GetOutputPort(f"{name}_torso"), clearance, name)

@@ -38,7 +38,7 @@ from pepper_drake.models.marker_script import FACING, MarkerScript
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP, make_render_cameras
 from pepper_drake.perception.cameras.noise import ColorNoise
 from pepper_drake.perception.goal.detection import MarkedObject
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.kinematic_simulation import ArmState, HandPath, KinematicSimulator
 from pepper_drake.systems.framework import build
@@ -210,18 +210,18 @@ def _followed(
 ) -> tuple[Demonstration, Vector, float]:
     """The wanted motion, joints that follow it, and how far the hand is from it at most [m]."""
     model = shared_control_model()
-    geometry = ArmGeometry(model, arm)
-    X_TH = geometry.hand_pose(start)
+    kinematics = arm_kinematics(model, arm)
+    X_TH = kinematics.hand_pose(start)
     wanted = workspace.apply(shown, X_TH.translation(), X_TH.rotation().ToQuaternion().wxyz())
     assert wanted.rotations is not None
     count = len(wanted.times)
     nominal = np.tile(start, (count, 1))
     ik = DifferentialIkParams(time_step=float(wanted.times[1] - wanted.times[0]))
-    rehearsal = KinematicSimulator(model, geometry, ik, settle=0.0)
+    rehearsal = KinematicSimulator(model, kinematics, ik, settle=0.0)
     joints = rehearsal.track(
         ArmState(start, np.zeros(5)),
         HandPath(wanted.positions, wanted.rotations, nominal, count - 1),
         OUT_OF_REACH,
     )
-    hands = geometry.kinematics.poses(joints).hand_position
+    hands = kinematics.poses(joints).hand_position
     return wanted, joints, float(np.linalg.norm(hands - wanted.positions, axis=1).max())

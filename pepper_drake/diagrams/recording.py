@@ -24,7 +24,7 @@ from pepper_drake.models.pad_script import PadScript
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.models.scene import make_pose
 from pepper_drake.models.teaching_script import TeachingScript
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.systems.framework import Diagram, build
 from pepper_drake.systems.guiding.gamepad_velocity import GamepadState, GamepadVelocity
 from pepper_drake.systems.guiding.scripted_gamepad import ScriptedGamepad
@@ -178,8 +178,10 @@ def record_joints(script: JointScript, options: RecordOptions | None = None) -> 
     drag_joints(builder, teaching, path)
     session = Session(build(builder), teaching, options)
     recorded, motion, stopped = session.run(path.end_time() + script.rest, script.name)
-    geometry = ArmGeometry(shared_control_model(), script.arm)
-    dragged = [geometry.hand_pose(path.value(time)[:, 0]).translation() for time in recorded.times]
+    kinematics = arm_kinematics(shared_control_model(), script.arm)
+    dragged = [
+        kinematics.hand_pose(path.value(time)[:, 0]).translation() for time in recorded.times
+    ]
     return measured_recording(recorded, motion, stopped, np.array(dragged))
 
 

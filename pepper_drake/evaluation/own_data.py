@@ -8,7 +8,6 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 from pepper_drake.errors import InputError
@@ -25,6 +24,7 @@ from pepper_drake.perception.mapping.cloud import (
 )
 from pepper_drake.perception.mapping.cloud_files import load_cloud
 from pepper_drake.perception.mapping.cloud_points import make_cloud
+from pepper_drake.web.drake_page import offline_meshcat
 
 _POINT_SIZE = 0.004
 """Of the points in the page [m]."""
@@ -155,9 +155,9 @@ def report_depth(
         "points": len(surface.positions),
     }
     np.savez_compressed(folder / "cloud.npz", positions=surface.positions, normals=surface.normals)
-    meshcat = Meshcat()
-    meshcat.SetObject("cloud", to_point_cloud(surface), point_size=_POINT_SIZE)
-    (folder / "cloud.html").write_text(meshcat.StaticHtml())
+    with offline_meshcat() as meshcat:
+        meshcat.SetObject("cloud", to_point_cloud(surface), point_size=_POINT_SIZE)
+        (folder / "cloud.html").write_text(meshcat.StaticHtml())
     _write(report, folder)
     line = f"  {100 * share:.0f} % measured, {report['points']} points"
     if measured.size:
@@ -184,9 +184,9 @@ def report_cloud(path: Path, folder: Path, *, scale: float = 1.0) -> tuple[dict[
         "lowest": low.tolist(),
         "highest": high.tolist(),
     }
-    meshcat = Meshcat()
-    meshcat.SetObject("cloud", make_cloud(points), point_size=_POINT_SIZE)
-    (folder / "cloud.html").write_text(meshcat.StaticHtml())
+    with offline_meshcat() as meshcat:
+        meshcat.SetObject("cloud", make_cloud(points), point_size=_POINT_SIZE)
+        (folder / "cloud.html").write_text(meshcat.StaticHtml())
     _write(report, folder)
     sides = " x ".join(f"{side:.2f}" for side in high - low)
     return report, f"  {len(points)} points in a box of {sides} m"

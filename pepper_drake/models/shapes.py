@@ -43,7 +43,11 @@ def mesh_path(mesh: str) -> Path:
     path = Path(mesh)
     if path.parent == Path():
         path = MESHES_DIR / path
-    if path.suffix.lower() != ".obj" or not path.is_file():
+    try:
+        is_there = path.is_file()
+    except (OSError, ValueError):  # A name that no file can have.
+        is_there = False
+    if path.suffix.lower() != ".obj" or not is_there:
         shipped = ", ".join(sorted(p.name for p in MESHES_DIR.glob("*.obj")))
         raise InputError(f'mesh is "{mesh}", which is no OBJ file here; shipped are {shipped}')
     check_obj(path)

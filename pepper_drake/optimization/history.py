@@ -17,6 +17,8 @@ from pepper_drake.optimization.problem import total_costs
 
 Array = npt.NDArray[np.float64]
 
+_MOST_UPDATES = 100_000
+
 _KEEP_PERIOD = 0.8
 """Wall time from when a history was kept until it is kept again [s]."""
 
@@ -123,6 +125,8 @@ class History:
     @classmethod
     def _of(cls, data: dict[str, Array], name: str) -> Self:
         """Makes a history of what `save` wrote, or raises ValueError, KeyError or TypeError."""
+        if data["means"].ndim and len(data["means"]) > _MOST_UPDATES:
+            raise ValueError("more updates than any search makes")
         updates = sum(key.startswith("costs_") for key in data)
         history = cls(
             settings=parse_json(str(data["settings"]), name),
