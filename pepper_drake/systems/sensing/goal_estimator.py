@@ -117,6 +117,32 @@ class GoalEstimator(LeafSystem):
         latency: How long it takes to look at an image [s]; at zero the simulation waits.
         expects_noise: Whether equal images mean that the camera hangs; set to False only when the
             images are rendered without noise.
+
+    Examples:
+        >>> import cv2
+        >>> from pydrake.systems.analysis import Simulator
+        >>> marked = MarkedObject(marker_id=7, marker_size=0.06, X_OM=RigidTransform())
+        >>> estimator = GoalEstimator(marked, expects_noise=False)
+        >>> simulator = Simulator(estimator)
+        >>> context = simulator.get_mutable_context()
+        >>> camera = CAMERA_TOP.intrinsics
+        >>> image = ImageRgba8U(camera.width, camera.height)
+        >>> image.mutable_data[:] = 255
+        >>> book = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+        >>> marker = cv2.aruco.generateImageMarker(book, 7, 96)
+        >>> top, left = (camera.height - 96) // 2, (camera.width - 96) // 2
+        >>> image.mutable_data[top : top + 96, left : left + 96, :3] = marker[:, :, None]
+        >>> for time in (0.0, 0.2, 0.4):
+        ...     _ = simulator.AdvanceTo(time)
+        ...     for name, value in (
+        ...         ("color_image", image), ("time_stamp", [time]), ("X_WC", RigidTransform())
+        ...     ):
+        ...         _ = estimator.GetInputPort(f"{name}_top").FixValue(context, value)
+        >>> _ = simulator.AdvanceTo(0.45)
+        >>> X_WO = estimator.GetOutputPort("object_pose").Eval(context)
+        >>> distance = camera.focal_x * 0.06 / 96  # Camera at W's origin, along W's z axis.
+        >>> bool(np.abs(X_WO.translation() - [0.0, 0.0, distance]).max() < 0.005)
+        True
     """
 
     def __init__(
