@@ -9,6 +9,7 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --push 0 0 5                 somebody pushes the hand on its way
   reach.py --no-avoidance               what happens without the obstacle coupling
   reach.py --live                       watch it in a browser, in real time
+  reach.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
 
 Results: report.json, log.npz, recording.html (open it in any browser), path.png, timeline.png,
 scene.png. While it runs, what there is of it is kept in interrupted/. Exit code 0: reached; 1: not
@@ -35,6 +36,9 @@ from pepper_drake.diagrams.reach_simulation import (
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
+from pepper_drake.hardware.options import add_robot_options, check_station, robot_access
+from pepper_drake.hardware.preflight import PreflightOptions
+from pepper_drake.hardware.reach_run import HardwareRun, reach_with_robot
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.scene_picture import save_scene_picture
 from pepper_drake.results.folder import INTERRUPTED, whole_results
@@ -51,6 +55,16 @@ RESULTS = (
     "scene.png",
 )
 """The files that a run leaves."""
+
+SIMULATED_ONLY: dict[str, object] = {
+    "goal_motion": None,
+    "moving": False,
+    "push": None,
+    "no_avoidance": False,
+    "unvetted": False,
+    "live": False,
+}
+"""Options that a robot does not take, and their defaults."""
 
 PUSH_DURATION = 0.5
 """How long the hand is pushed [s]."""
@@ -108,6 +122,12 @@ def make_parser() -> ArgumentParser:
         "--live", action="store_true", help="show it in a browser in real time, and stay open"
     )
     cli.add_host_option(parser)
+    add_robot_options(parser)
+    parser.add_argument(
+        "--hold-at-end",
+        action="store_true",
+        help="leave a robot's arm stiff at the goal; without it the arm is lowered and relaxed",
+    )
     parser.add_argument(
         "--no-recording", action="store_true", help="leave recording.html out, which is faster"
     )
@@ -151,7 +171,10 @@ def compliance(options: Namespace) -> ComplianceConfig | None:
 def main() -> int:
     """Runs the app."""
     options = cli.parse(make_parser())
+    is_robot = check_station(options, SIMULATED_ONLY)
     cli.quiet_libraries()
+    if is_robot:
+        return reach_with_hardware(options)
     reaching = build(options)
     with open_meshcat(page=options.live, host=options.host) as (meshcat, url):
         if options.live:
@@ -179,6 +202,37 @@ def main() -> int:
             return cli.EXIT_INTERRUPTED
         if options.live:
             cli.wait_for_interrupt("Press Ctrl-C to end.")
+    return cli.EXIT_DONE if result.report.outcome == "reached" else cli.EXIT_FAILED
+
+
+def reach_with_hardware(options: Namespace) -> int:
+    """Reaches with the robot that the options name."""
+    access = robot_access(options)
+    scene = prepare_scene(chosen_scene(options), arm=options.arm)
+    if options.coupling is not None:
+        scene.coupling = options.coupling
+    config = ReachingConfig(station=StationConfig(seed=options.seed))
+    with cli.stop_on_interrupt() as should_stop:
+        result = reach_with_robot(
+            scene,
+            make_primitive(options.demo, scene.arm),
+            make_coupling(scene.coupling),
+            config,
+            HardwareRun(
+                access,
+                PreflightOptions(disable_life=options.disable_life),
+                should_stop,
+                lambda line: None if options.quiet else print(line, flush=True),
+                options.hold_at_end,
+                options.clock_rate,
+            ),
+        )
+        interrupted = should_stop()
+    result.save(options.output)
+    if not options.quiet:
+        print(f"Results are in {options.output}")
+    if interrupted:
+        return cli.EXIT_INTERRUPTED
     return cli.EXIT_DONE if result.report.outcome == "reached" else cli.EXIT_FAILED
 
 

@@ -17,6 +17,7 @@ ROOMS = (
     "diagrams",
     "models",
     "optimization",
+    "hardware",
     "robot_server",
 )
 

@@ -74,36 +74,49 @@ def test_systems_made_for_a_scalar_type_have_their_section(reference):
 
 
 @cache
-def functions_of_command_line():
-    """The functions that several apps take their options from."""
-    found = {}
-    for path in (ROOT / "pepper_drake").glob("cli*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.FunctionDef):
-                found[node.name] = node
-    return found
+def parsed(path):
+    return ast.parse(path.read_text())
 
 
-def options_declared(tree, seen=()):
-    """The options that some code adds to a parser, itself or by a function of `cli`."""
+def options_declared(body, path):
+    """The options that some code adds to a parser, itself or by functions that it imports.
+
+    Args:
+        body: The syntax tree of the code.
+        path: The file that it is in.
+    """
+    imported = {
+        alias.asname or alias.name: (node.module, alias.name)
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("pepper_drake")
+        for alias in node.names
+    }
     options = set()
-    for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
-        name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+    for call in (node for node in ast.walk(body) if isinstance(node, ast.Call)):
+        function = call.func
+        name = getattr(function, "attr", getattr(function, "id", ""))
         if name in ("add", "add_argument"):
             words = (word.value for word in call.args if isinstance(word, ast.Constant))
             options |= {word for word in words if str(word).startswith("--")}
-        elif name in functions_of_command_line() and name not in seen:
-            options |= options_declared(functions_of_command_line()[name], (*seen, name))
+        elif re.fullmatch(r"add_\w+_options?", name):
+            module, taken = imported.get(name, ("pepper_drake.cli", name))
+            other = ROOT.joinpath(*module.split(".")).with_suffix(".py")
+            options |= options_declared(function_of(other, taken), other)
     return options
+
+
+def function_of(path, name):
+    (found,) = (node for node in parsed(path).body if getattr(node, "name", "") == name)
+    return found
 
 
 @cache
 def options_of(app):
     """The options of an app, read from its source."""
-    path = ROOT / "apps" / f"{app}.py"
+    path, cli = ROOT / "apps" / f"{app}.py", ROOT / "pepper_drake" / "cli.py"
     assert path.exists(), f"there is no app {app}"
-    common = options_declared(functions_of_command_line()["make_parser"])
-    return options_declared(ast.parse(path.read_text())) | common | {"--help"}
+    common = options_declared(function_of(cli, "make_parser"), cli)
+    return options_declared(parsed(path), path) | common | {"--help"}
 
 
 def named_options(text, *, whole_page=False):
@@ -139,7 +152,7 @@ def test_options_are_found_where_they_are_named():
     assert set(named_options(text, whole_page=True)) == expected
     assert ("reach", "--arm") not in set(named_options(text))
     assert "--no-such-option" not in options_of("reach")
-    assert {"--scene", "--host", "--seed", "--goal-motion"} <= options_of("reach")
+    assert {"--scene", "--host", "--seed", "--goal-motion", "--station"} <= options_of("reach")
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))

@@ -1,5 +1,7 @@
 """THE perception: the goal object, the obstacles as clouds, and the head that looks there."""
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
@@ -20,6 +22,7 @@ from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import head_search_pattern
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.body_pose import BodyPose
@@ -29,8 +32,6 @@ from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
 _EVER = 1e9
 """Longer than any simulation [s]."""
-_IMAGE_POLL = 0.05
-"""Time between looks for new images [s]: they come every 0.2 s, and each look copies the state."""
 _CAMERAS = {
     "camera_top": {
         "image": "color_image_top",
@@ -61,6 +62,27 @@ _CLOUD = {
     "fault": "cloud_fault",
 }
 """Output ports of the systems inside, and their names outside."""
+
+
+@dataclass
+class PerceptionConfig:
+    """How goal and obstacles are seen."""
+
+    image_poll_period: float = 0.05
+    """Time between looks for new images [s]: they come every 0.2 s, and each look copies the
+    state."""
+    goal: GoalFilterParameters = field(
+        # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
+        default_factory=lambda: GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0)
+    )
+    goal_latency: float = 0.04
+    """Time from an image's arrival to the estimate made of it [s]: detection takes 25 ms."""
+    obstacles: ObstacleParameters = field(default_factory=ObstacleParameters)
+    """Of the depth camera; a stereo pair in its place has its own."""
+    head_velocity: float = 2.5
+    """Fastest motion of a head joint [rad/s], a third of the rated speed."""
+    head_acceleration: float = 8.0
+    """Of a head joint [rad/s²]."""
 
 
 class HeadPerception(Diagram):
@@ -100,14 +122,18 @@ class HeadPerception(Diagram):
     Without cameras the goal's true pose is known and there are no obstacles.
     """
 
-    def __init__(self, scene: Scene, station: PepperStation) -> None:
+    def __init__(
+        self, scene: Scene, station: PepperStation, config: PerceptionConfig | None = None
+    ) -> None:
         """Makes the perception.
 
         Args:
             scene: What the goal object is, and which arm reaches for it.
             station: The station to which it will be connected, for its cameras.
+            config: How it sees.
         """
         super().__init__()
+        self._config = config = config or PerceptionConfig()
         self._has_cameras = station.config.cameras
         self._builder = builder = DiagramBuilder()
         marked = MarkedObject.from_scene(scene.goal)
@@ -119,8 +145,8 @@ class HeadPerception(Diagram):
                 radius=marked.marker_size / np.sqrt(2),
                 side=1.0 if scene.arm == "left" else -1.0,
                 search=head_search_pattern,
-                max_velocity=2.5,
-                max_acceleration=8.0,
+                max_velocity=config.head_velocity,
+                max_acceleration=config.head_acceleration,
             ),
         )
         if self._has_cameras:
@@ -173,10 +199,9 @@ class HeadPerception(Diagram):
             "goal_estimator",
             GoalEstimator(
                 marked,
-                # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
-                parameters=GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0),
-                period=_IMAGE_POLL,
-                latency=0.04,
+                parameters=self._config.goal,
+                period=self._config.image_poll_period,
+                latency=self._config.goal_latency,
                 expects_noise=station.config.noise,
             ),
         )
@@ -188,8 +213,8 @@ class HeadPerception(Diagram):
                 ),
                 marked,
                 intrinsics=station.depth_intrinsics,
-                parameters=station.obstacle_parameters,
-                period=_IMAGE_POLL,
+                parameters=station.obstacle_parameters(self._config.obstacles),
+                period=self._config.image_poll_period,
             ),
         )
         for camera, ports in _CAMERAS.items():

@@ -1,6 +1,7 @@
 """Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
 
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
@@ -11,7 +12,7 @@ from pepper_drake.diagrams.compliance import (
     add_hand_force,
     add_pushes,
 )
-from pepper_drake.diagrams.head_perception import HeadPerception
+from pepper_drake.diagrams.head_perception import HeadPerception, PerceptionConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
@@ -49,6 +50,7 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
@@ -59,6 +61,8 @@ class ReachingConfig:
 
 class Reaching(Diagram):
     """The whole loop, from the cameras' images to the joints' commands.
+
+    It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
 
     Attributes:
         station: Pepper in its scene; another station with the same ports may take its place.
@@ -72,14 +76,18 @@ class Reaching(Diagram):
         primitive: MovementPrimitive,
         coupling: Coupling | None,
         config: ReachingConfig,
+        robot: Diagram | None = None,
     ) -> None:
         super().__init__()
         self.scene, self.primitive, self.config = scene, primitive, config
         self._builder = builder = DiagramBuilder()
         model = shared_control_model()
         self.shapes = ExactDistance(model, arm_kinematics(model, scene.arm))
-        station = builder.AddNamedSystem("station", PepperStation(scene, config.station, model))
-        self.station: PepperStation = station
+        # A robot's station has the same ports, less those of the truth.
+        station = (
+            cast(PepperStation, robot) if robot else PepperStation(scene, config.station, model)
+        )
+        self.station: PepperStation = builder.AddNamedSystem("station", station)
         self.logs: dict[str, VectorLogSink] = {}
 
         self._add_perception()
@@ -88,7 +96,8 @@ class Reaching(Diagram):
         self._add_commands(coupled=coupling is not None)
         self._add_motions()
         self._add_logs()
-        builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
+        if robot is None:
+            builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
         del self._builder
         build_into(builder, self)
 
@@ -99,7 +108,7 @@ class Reaching(Diagram):
     def _add_perception(self) -> None:
         """Goal estimator, obstacle cloud, and the head that looks at the goal."""
         self.perception = self._builder.AddNamedSystem(
-            "perception", HeadPerception(self.scene, self.station)
+            "perception", HeadPerception(self.scene, self.station, self.config.perception)
         )
         self.perception.connect(self._builder, self.station)
 
@@ -265,23 +274,24 @@ class Reaching(Diagram):
     def _add_logs(self) -> None:
         """Logs what the report and the figures need, and watches the true clearance."""
         builder, station = self._builder, self.station
-        self.clearance = builder.AddNamedSystem(
-            "clearance_monitor",
-            TrueClearance(
-                robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
-            ),
-        )
-        self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
         sources = {
-            "state": station.GetOutputPort("ground_truth.state"),
             "joint_position": station.GetOutputPort("joint_position"),
             "joint_command": self.safety.GetOutputPort("safe_joint_position_command"),
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
             "mode": self.supervisor.GetOutputPort("mode"),
-            "clearance": self.clearance.get_output_port(),
             "seen_clearance": self.seen_clearance.get_output_port(),
         }
+        if station.HasOutputPort("ground_truth.query"):
+            self.clearance = builder.AddNamedSystem(
+                "clearance_monitor",
+                TrueClearance(
+                    robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
+                ),
+            )
+            self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
+            sources["state"] = station.GetOutputPort("ground_truth.state")
+            sources["clearance"] = self.clearance.get_output_port()
         for name in ("desired_position", "goal_position", "phase", "tau", "coupling"):
             sources[name] = self.controller.GetOutputPort(name)
         for name, source in sources.items():
