@@ -104,6 +104,26 @@ class DepthPointCloudSource(LeafSystem):
             arm's reach.
         period: Time between looks for a new image [s].
         offset: Time of the first look [s]; after the camera's.
+
+    Examples:
+        >>> from pydrake.math import RollPitchYaw
+        >>> from pydrake.systems.analysis import Simulator
+        >>> source = DepthPointCloudSource()
+        >>> simulator = Simulator(source)
+        >>> context = simulator.get_mutable_context()
+        >>> camera = CAMERA_DEPTH.intrinsics
+        >>> wall = ImageDepth16U(camera.width, camera.height)
+        >>> wall.mutable_data[:] = 1000  # mm
+        >>> wall.mutable_data[0, 0] = 0  # An image all of one value is a broken camera's.
+        >>> forward = RollPitchYaw(-np.pi / 2, 0.0, -np.pi / 2)
+        >>> _ = source.GetInputPort("depth_image").FixValue(context, wall)
+        >>> _ = source.GetInputPort("time_stamp").FixValue(context, [0.0])
+        >>> X_WC = RigidTransform(forward, [0.0, 0.0, 1.0])
+        >>> _ = source.GetInputPort("X_WC").FixValue(context, X_WC)
+        >>> _ = simulator.AdvanceTo(0.05)
+        >>> points = source.GetOutputPort("cloud").Eval(context).xyzs()
+        >>> print(points[0].min(), points[0].max())
+        1.0 1.0
     """
 
     def __init__(
