@@ -108,9 +108,9 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
         goal_estimate_error=report.goal_estimate_error,
         realtime_factor=report.realtime_factor,
     )
-    if not moving.any() or report.planning_seconds is None:
+    if not moving.any() or report.planning_delay is None:
         return measured
-    measured.first_motion_seconds = first_motion(log, moving, arm, report.planning_seconds)
+    measured.first_motion_seconds = first_motion(log, moving, arm, report.planning_delay)
     if measured.outcome == "reached":
         first = int(np.argmax(moving))
         rested = int(np.argmax(log.mode == ReachMode.HOLDING))
@@ -141,18 +141,18 @@ def outcome_of(report_outcome: str, clearance: float, started: bool) -> str:
     return "failed" if started else "refused"
 
 
-def first_motion(log: ReachLog, moving: npt.NDArray[np.bool_], arm: str, planning: float) -> float:
-    """Time from when the arm may start to its first command [s].
+def first_motion(log: ReachLog, moving: npt.NDArray[np.bool_], arm: str, delay: float) -> float:
+    """Time from when the robot has settled to its first command [s].
 
-    The computer's time to plan, while the robot waits, and then the robot's time until a joint of
-    the arm is commanded to move.
+    The simulated time for which the arm waits for its plan, and then the time until a joint of the
+    arm is commanded to move.
     """
     first = int(np.argmax(moving))
     commands = log.joint_command_rad[:, body_indices(arm_joints(arm))]
     away = np.abs(commands[first:] - commands[first]).max(axis=1) > _STARTED
     if not away.any():
         return float("nan")
-    return planning + float(log.time_s[first + int(np.argmax(away))] - log.time_s[first])
+    return delay + float(log.time_s[first + int(np.argmax(away))] - log.time_s[first])
 
 
 def interpolate_held(positions: Array, held: int) -> Array:

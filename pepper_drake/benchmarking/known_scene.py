@@ -27,7 +27,7 @@ from pepper_drake.models.pepper import (
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.collision.sphere_model import arm_link_names
 from pepper_drake.planning.reach.base_placement import BasePlacement
-from pepper_drake.planning.reach.reach_plan import ReachPlannerParams
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.systems.robot.true_clearance import TrueClearance
 
 Array = npt.NDArray[np.float64]

@@ -26,6 +26,7 @@ from pepper_drake.models.pepper import hand_frame
 from pepper_drake.models.scene import Scene, save_scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points, make_cloud
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
@@ -282,13 +283,16 @@ class ReachSimulation:
             seed=reaching.config.station.seed,
             cloud=self._cloud_report,
             simulated_seconds=root.get_time(),
-            planning_seconds=progress.planning_seconds,
             wall_seconds=wall,
             realtime_factor=root.get_time() / wall,
             minimum_clearance=float(log.clearance_m.min()),
             contacts=int(np.count_nonzero(log.clearance_m[::2] <= 0.0)),
             versions={name: version(name) for name in ("pepper-drake", "drake", "numpy")},
         )
+        if np.isfinite(progress.started):
+            arrived, started = progress.arrived, progress.started
+            report.planning_seconds = reaching.timed_planner.seconds(arrived, started)
+            report.planning_delay = started - arrived - reaching.config.timing.settling
         report.closest_pair = self._closest_pair(log)
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
         estimator = reaching.goal_estimator.GetMyContextFromRoot(root)
@@ -316,7 +320,7 @@ class ReachSimulation:
 
     def _judge(self, report: ReachReport, mode: ReachMode, reason: str, message: str) -> None:
         """Fills in outcome and reason: what the robot says of itself, then what is true."""
-        tolerance = self.reaching.config.timing.accepted_position
+        tolerance = self.reaching.config.planner.tolerance.accept
         if self._fault:
             report.reason, report.message = "simulation_failed", self._fault
         elif mode == ReachMode.FAILED:
@@ -333,6 +337,8 @@ class ReachSimulation:
         elif report.final_position_error is None or report.final_position_error > tolerance:
             report.reason = "not_at_goal"
             report.message = "the hand is farther from the true goal than the robot believes"
+        elif reason == UNCONFIRMED:
+            report.outcome, report.reason, report.message = UNCONFIRMED, reason, message
         else:
             report.outcome = "reached"
 

@@ -30,8 +30,9 @@ from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.planning.collision.arm_geometry import ArmGeometry
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
-from pepper_drake.planning.reach.reach_planner import ReachPlanner, ReachPlannerParams
-from pepper_drake.planning.reach.reach_state import ReachTiming
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.planning.reach.reach_planner import ReachPlanner
+from pepper_drake.planning.reach.timed_planner import TimedPlanner
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.base_position_controller import BasePositionController
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
@@ -55,8 +56,6 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
-    minimum_clearance: float = 0.002
-    """Distance of the arm to the cloud at which the safety monitor stops it [m]."""
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
@@ -194,8 +193,10 @@ class Reaching(Diagram):
             params=self.config.planner,
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
+        self.timed_planner = TimedPlanner(self.planner)
         self.supervisor = builder.AddNamedSystem(
-            "supervisor", ReachSupervisor(self.planner, self.config.timing)
+            "supervisor",
+            ReachSupervisor(self.timed_planner, self.config.timing, arm=self.scene.arm),
         )
         sources = {
             "object_pose": self.object_pose,
@@ -203,7 +204,6 @@ class Reaching(Diagram):
             "goal_age": self.goal_estimator.GetOutputPort("age"),
             "cloud": self.cloud_source.GetOutputPort("cloud"),
             "cloud_time": self.cloud_source.GetOutputPort("time_stamp"),
-            "cloud_age": self.cloud_source.GetOutputPort("age"),
             "cloud_fault": self.cloud_source.GetOutputPort("fault"),
             "approaching": self.cloud_source.GetOutputPort("approaching"),
             "joint_position": station.GetOutputPort("joint_position"),
@@ -213,6 +213,8 @@ class Reaching(Diagram):
         for name, source in sources.items():
             self._connect(source, self.supervisor, name)
         self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
+        self.started = self.supervisor.GetOutputPort("started")
+        self._connect(self.started, self.look_at, "scan_enabled")
 
         driver = builder.AddNamedSystem("base_driver", BasePositionController())
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
@@ -260,13 +262,12 @@ class Reaching(Diagram):
             ("velocity_command", "arm_velocity_command"),
         ):
             self._connect(controller.GetOutputPort(output), self.supervisor, name)
-        self._connect(self.active, self.look_at, "scan_enabled")
         if compliance is not None:
             station.set_stiffness(arm_group(arm), compliance.stiffness)
             force = add_hand_force(
                 builder, station.plant, arm, station.GetInputPort("applied_forces")
             )
-            push = add_pushes(builder, compliance.pushes, self.active, force)
+            push = add_pushes(builder, compliance.pushes, self.started, force)
             self.logs["push"] = LogVectorOutput(push, builder, self.config.log_period)
 
     def _add_commands(self, *, coupled: bool) -> None:
@@ -304,7 +305,7 @@ class Reaching(Diagram):
             SafetyMonitor(
                 limits=model.command_limits(BODY_JOINTS),
                 start_position=[self.scene.robot.positions()[name] for name in BODY_JOINTS],
-                minimum_clearance=self.config.minimum_clearance,
+                minimum_clearance=self.config.planner.clearance.stop,
                 contact=self._contact_params(),
                 time_step=self.config.ik.time_step,
             ),
@@ -340,7 +341,7 @@ class Reaching(Diagram):
             if self.station.HasInputPort(port):
                 name = "goal_motion" if moving.name == GOAL_OBJECT else f"{moving.name}_motion"
                 path = self._builder.AddNamedSystem(name, TriggeredTrajectory(moving.path))
-                self._builder.Connect(self.active, path.trigger_input)
+                self._builder.Connect(self.started, path.trigger_input)
                 self._connect(path.get_output_port(), self.station, port)
 
     def _add_logs(self) -> None:

@@ -30,7 +30,7 @@ class ReachReport:
     """Contents of `report.json`. Errors are against the truth, in m, rad and s."""
 
     outcome: str = "failed"
-    """"reached" or "failed"."""
+    """"reached", "reached_unconfirmed" (at the goal, which was not seen recently) or "failed"."""
     reason: str = ""
     """In one word why it failed; empty when it did not."""
     message: str = ""
@@ -55,6 +55,8 @@ class ReachReport:
     """Root mean square distance between the hand and the primitive's position during the reach."""
     planning_seconds: float | None = None
     """Computing time between the robot's arrival and the arm's start."""
+    planning_delay: float | None = None
+    """Simulated time that the arm waited for its plan after the robot had settled."""
     cloud: CloudReport = field(default_factory=CloudReport)
     simulated_seconds: float = 0.0
     wall_seconds: float = 0.0

@@ -19,7 +19,7 @@ from pepper_drake.diagrams.reach_simulation import ReachSimulation
 from pepper_drake.diagrams.reaching import ReachingConfig
 from pepper_drake.models.scene import load_scene, save_scene
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.reach_state import ReachTiming
+from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.results.reach_log import ReachLog
 
 APP = Path(__file__).parents[2] / "apps" / "reach.py"

@@ -1,4 +1,4 @@
-"""Where the robot may stand to reach a goal."""
+"""Base placement: candidate base poses, and the best plan from any of them."""
 
 from collections.abc import Callable, Iterable, Iterator
 
@@ -6,29 +6,38 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.models.pepper import JOINT_GROUPS
-from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
-from pepper_drake.planning.reach.reach_plan import ReachPlannerParams
+from pepper_drake.planning.collision.body_clearance import (
+    BodyClearance,
+    body_links,
+    drive_poses,
+)
+from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.planning_scene import PlanningScene
+from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
+from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
 
 Vector = npt.NDArray[np.float64]
 
 HasRoom = Callable[[Vector], npt.NDArray[np.bool_]]
-"""Says at which of some places (N, 3) the body has room, (N,)."""
+"""Says at which of some base poses (N, 3) the body has room, (N,)."""
 
-_AHEAD = 12
-"""How many places are looked at for room at once."""
+_BATCH = 12
+"""Base poses that are checked for room together."""
 
 
 class BasePlacement:
-    """Finds places to stand.
+    """Candidate base poses, ranked by how comfortably the arm reaches the goal from them.
 
     Args:
         model: Pepper.
         arm: "left" or "right".
         X_OG: The hand's pre-grasp pose in the goal object's frame.
-        shown_goal: (3,) where the demonstration ended, in T [m].
-        params: What counts as good.
+        demonstrated_goal: (3,) where the demonstration ended, in T [m].
+        params: Criteria of a good reach.
     """
 
     def __init__(
@@ -36,12 +45,13 @@ class BasePlacement:
         model: ControlModel,
         arm: str,
         X_OG: RigidTransform,
-        shown_goal: Vector,
+        demonstrated_goal: Vector,
         params: ReachPlannerParams,
     ) -> None:
         self._model, self._arm, self._X_OG = model, arm, X_OG
-        self._shown_goal, self._params = shown_goal, params
+        self._demonstrated_goal, self._params = demonstrated_goal, params
         self.body_clearances = BodyClearance(model, body_links(model, without_arm=arm))
+        self._resting_clearances = BodyClearance(model, body_links(model))
 
     def __call__(
         self,
@@ -50,13 +60,13 @@ class BasePlacement:
         X_WO: RigidTransform,
         has_room: HasRoom,
     ) -> Iterator[Vector]:
-        """Places (3,) from which a reach is tried, x, y, yaw in W, the most comfortable first.
+        """Yields base poses (3,) from which a reach is tried, the most comfortable first.
 
         Args:
-            base_pose: Where the base is.
-            joint_position: (15,) rad.
+            base_pose: (3,) where the base is, x, y, yaw in W [m, rad].
+            joint_position: (15,) in the order of `BODY_JOINTS` [rad].
             X_WO: The goal object's pose.
-            has_room: Says at which of some places the body has room.
+            has_room: Says at which of some base poses the body has room.
         """
         params = self._params
         for slack, count in ((params.slack, params.places_with_slack), (0.0, params.places_tried)):
@@ -70,7 +80,7 @@ class BasePlacement:
         X_WO: RigidTransform,
         has_room: HasRoom,
     ) -> Iterator[Vector]:
-        """Places all around, comfortable or not; see `__call__`."""
+        """Yields base poses all around, comfortable or not; see `__call__`."""
         places = np.array(list(self.within_reach(base_pose, joint_position, X_WO, 0.0)))
         yield from _spread(_free(places, has_room), self._params.places_searched)
 
@@ -86,9 +96,9 @@ class BasePlacement:
     def within_reach(
         self, base_pose: Vector, joint_position: Vector, X_WO: RigidTransform, slack: float
     ) -> Iterator[tuple[float, float, float]]:
-        """Places to stand with the goal within the arm's reach, the most comfortable first.
+        """Yields base poses with the goal within the arm's reach, the most comfortable first.
 
-        With some slack, places from which the goal may move away by that much [m] come first.
+        With some slack, poses from which the goal may move away by that much [m] come first.
         """
         params = self._params
         side = 1.0 if self._arm == "left" else -1.0
@@ -132,22 +142,160 @@ class BasePlacement:
 
     def _preferred_goal(self, p_TS: Vector) -> Vector:
         """Where the demonstration ended, x and y (2,) in T, if the arm can reach there."""
-        params, goal = self._params, self._shown_goal
+        params, goal = self._params, self._demonstrated_goal
         if np.linalg.norm(goal - p_TS) <= params.reach + 0.02 and goal[0] > 0.1:
             return goal[:2]
         side = 1.0 if self._arm == "left" else -1.0
         return np.array([params.hand_x, side * params.hand_y])
 
+    def drive_clearances(
+        self,
+        base_pose: Vector,
+        places: Vector,
+        joint_position: Vector,
+        field: PointCloudDistance,
+    ) -> Vector:
+        """Least distance (N,) [m] of the body, its arms at rest, on the straight ways to places.
+
+        Args:
+            base_pose: Where the base stands, x, y [m], yaw [rad] in W.
+            places: Where it may go (N, 3).
+            joint_position: The joints on the way (15,) [rad].
+            field: The obstacles, in W.
+        """
+        ways = [drive_poses(base_pose, place) for place in places]
+        if not ways:
+            return np.zeros(0)
+        clearances = self._resting_clearances(np.concatenate(ways), joint_position, field)
+        ends = np.cumsum([len(way) for way in ways])[:-1]
+        return np.array([part.min() for part in np.split(clearances, ends)])
+
+
+class BasePlacementPlanner:
+    """Simulates reaches from candidate base poses and returns the best.
+
+    Args:
+        evaluator: Simulates, judges and adapts movements.
+        places: The candidates.
+    """
+
+    def __init__(self, evaluator: ReachEvaluator, places: BasePlacement) -> None:
+        self._evaluator, self._places = evaluator, places
+
+    def plan(self, observation: Observation) -> ReachPlan:
+        """Returns the best plan from any place where the base can stand; see `Planner`."""
+        params = self._evaluator.params
+        field = PointCloudDistance(observation.obstacles, extension=params.solid_depth)
+        seen = (observation.base_pose, observation.joint_position, observation.X_WO)
+        if not self._places.is_reachable(*seen):
+            return ReachPlan(
+                PlanStatus.OUT_OF_REACH,
+                "the goal is higher or lower than the arm can reach",
+                observation.base_pose,
+            )
+
+        def has_room(places: Vector) -> npt.NDArray[np.bool_]:
+            room = self._places.body_clearances(places, observation.joint_position, field)
+            free = room >= params.body_clearance
+            drive = self._places.drive_clearances(
+                observation.base_pose, places[free], observation.joint_position, field
+            )
+            free[free] = drive >= params.drive_clearance
+            return free
+
+        scenes = self._evaluator.scenes
+        obstacles = scenes.obstacle_field(observation)
+        usual, wide = (
+            (
+                scenes(observation.from_base_pose(pose), obstacles)
+                for pose in candidates(*seen, has_room)
+            )
+            for candidates in (self._places, self._places.wide_candidates)
+        )
+        best: ReachPlan | None = None
+        for plan in self._plans(usual, wide):
+            best = plan if best is None else max(best, plan, key=self._evaluator.quality)
+            if self._evaluator.is_good(plan) and self._is_brisk(plan):
+                break
+        if best is None:
+            return ReachPlan(
+                PlanStatus.NO_STANDING_ROOM,
+                "nowhere near the goal is there room for the robot to stand",
+                observation.base_pose,
+            )
+        return best
+
+    def _plans(
+        self, usual: Iterator[PlanningScene], wide: Iterator[PlanningScene]
+    ) -> Iterator[ReachPlan]:
+        """Yields plans from several places, the most promising first.
+
+        With adaptation the first of the usual places is tried with the demonstrated movement, and
+        adapted to; then those of the others with the cheapest goal configurations; and if there is
+        no path from any, those of the wide candidates.
+        """
+        evaluator, far_allowance = self._evaluator, self._evaluator.params.far_allowance
+        if evaluator.adapter is None:
+            for scene in usual:
+                yield evaluator.evaluate(scene, evaluator.demonstrated, far_allowance)
+            return
+        first = next(usual, None)
+        if first is None:
+            return
+        demonstrated = evaluator.evaluate(first, evaluator.demonstrated, far_allowance)
+        yield demonstrated
+        found = self._is_clear_from_near(demonstrated)
+        for plan in evaluator.adapted(
+            first, demonstrated.joint_path, plan=False, allowance=far_allowance
+        ):
+            found |= self._is_clear_from_near(plan)
+            yield plan
+        easiest: list[PlanningScene] = []
+        for scenes, allowance in ((usual, far_allowance), (wide, 0.0)):
+            if scenes is wide and found:
+                return
+            easiest = self._easiest(scenes, allowance)
+            for scene in easiest:
+                for plan in evaluator.adapted(scene, plan=False, allowance=allowance):
+                    found |= self._is_clear_from_near(plan)
+                    yield plan
+        for scene in easiest[:1] if not found else ():
+            yield from evaluator.adapted(scene)
+
+    def _easiest(self, scenes: Iterator[PlanningScene], allowance: float) -> list[PlanningScene]:
+        """Returns the few with the cheapest clear goal configurations, the cheapest first."""
+        ease = [(self._ease(one, allowance), number, one) for number, one in enumerate(scenes)]
+        easiest = sorted(item for item in ease if np.isfinite(item[0]))
+        return [scene for _, _, scene in easiest[: self._evaluator.params.places_adapted]]
+
+    def _ease(self, scene: PlanningScene, allowance: float) -> float:
+        """Returns the least cost of a clear goal configuration; infinite if there is none."""
+        adapter = self._evaluator.adapter
+        assert adapter is not None
+        X_TG = scene.X_TO @ self._evaluator.demonstrated.X_OG
+        _, cost = adapter.goal_postures(X_TG, scene.checker, allowance=allowance)
+        return float(cost.min(initial=np.inf))
+
+    def _is_clear_from_near(self, plan: ReachPlan) -> bool:
+        """Whether a plan is clear without the allowance for plans from a distance."""
+        start = self._evaluator.params.clearance.start
+        return plan.status == PlanStatus.CLEAR and plan.clearance >= start
+
+    def _is_brisk(self, plan: ReachPlan) -> bool:
+        evaluator = self._evaluator
+        longest = evaluator.params.slowest * evaluator.demonstrated.primitive.duration
+        return plan.movement is not None and plan.movement.primitive.duration <= longest
+
 
 def _free(places: Vector, has_room: HasRoom) -> Iterator[Vector]:
-    """Those of some places (N, 3) where there is room, a few looked at ahead."""
-    for first in range(0, len(places), _AHEAD):
-        some = places[first : first + _AHEAD]
+    """Yields those of some base poses (N, 3) where there is room, checked in batches."""
+    for first in range(0, len(places), _BATCH):
+        some = places[first : first + _BATCH]
         yield from some[has_room(some)]
 
 
 def _spread(poses: Iterable[Vector], count: int) -> Iterator[Vector]:
-    """The first pose, then each next one that differs from all before it, up to `count`."""
+    """Yields the first pose, then each that differs from all before it, up to `count`."""
     taken: list[Vector] = []
     for pose in poses:
         scaled = pose * [1.0, 1.0, 0.15]

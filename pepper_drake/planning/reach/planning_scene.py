@@ -1,4 +1,4 @@
-"""What a reach is played through in: the arm, the goal object, and what is around them."""
+"""Planning scene: arm state, goal pose and obstacles at one moment."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,26 +17,27 @@ from pepper_drake.planning.collision.arm_geometry import ArmGeometry
 from pepper_drake.planning.collision.self_clearance import SelfClearance
 from pepper_drake.planning.collision.solid_set import sample_surface
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
-from pepper_drake.planning.reach.reach_plan import ReachPlannerParams
+from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.support_surface import extrapolate_support_surface
 
 Vector = npt.NDArray[np.float64]
 
 _NEAR = 1.0
-"""What is farther from the torso's frame than this cannot be touched [m]."""
+"""Obstacles farther from the torso's frame than this are out of the arm's reach [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlanningScene:
-    """What a reach is played through in.
+    """Arm state, goal pose and obstacles at one moment.
 
     Attributes:
-        base_pose: (3,) x, y, yaw in W.
-        arm: Where the arm is.
+        base_pose: (3,) x, y, yaw in W [m, rad].
+        arm: Command from which a movement starts [rad, rad/s].
         X_TO: The goal object's pose.
         body: A context of the model's plant with the body's joints.
-        cloud_T: (P, 3) what was seen near the arm [m].
-        surroundings: The same and all else that the arm must not touch.
+        cloud_T: (P, 3) seen obstacles near the arm [m].
+        checker: Distances of the arm to everything that it must not touch.
     """
 
     base_pose: Vector
@@ -44,23 +45,23 @@ class PlanningScene:
     X_TO: RigidTransform
     body: Context
     cloud_T: Vector
-    surroundings: ArmCollisionChecker
+    checker: ArmCollisionChecker
 
     @cached_property
     def field(self) -> PointCloudDistance:
-        """What the coupling knows of obstacles, in T."""
+        """The obstacles that the coupling sees, in T."""
         return PointCloudDistance(self.cloud_T)
 
 
 class PlanningSceneBuilder:
-    """Makes situations of what was seen.
+    """Makes planning scenes of observations.
 
     Args:
         model: Pepper.
         geometry: Of the arm.
         self_clearance: Of the arm to the body.
         goal_solids: The goal object's shapes in its frame.
-        params: What counts as good.
+        params: Criteria of a good reach.
     """
 
     def __init__(
@@ -77,42 +78,37 @@ class PlanningSceneBuilder:
         self._arm_in_body = body_indices(arm_joints(geometry.arm))
         self._body_layers: dict[tuple[float, ...], Vector] = {}
 
-    def with_extrapolated_surface(
-        self, cloud_W: Vector, X_WO: RigidTransform, base_pose: Vector
-    ) -> PointCloudDistance:
-        """What was seen and what is supposed to be there as well, solid as it is taken to be."""
-        beside = extrapolate_support_surface(cloud_W, X_WO.translation(), base_pose)
+    def obstacle_field(self, observation: Observation) -> PointCloudDistance:
+        """Returns distances to the cloud and to the part of the table that was not seen, in W.
+
+        Both are taken to be solid down to `solid_depth`.
+        """
+        cloud = observation.obstacles
+        beside = extrapolate_support_surface(cloud, observation.p_WO, observation.base_pose)
         return PointCloudDistance(
-            np.concatenate((cloud_W, beside)), extension=self._params.solid_depth
+            np.concatenate((cloud, beside)), extension=self._params.solid_depth
         )
 
     def __call__(
-        self,
-        base_pose: Vector,
-        joint_position: Vector,
-        X_WO: RigidTransform,
-        cloud_W: Vector,
-        field_W: PointCloudDistance,
-        arm_velocity: Vector | None = None,
+        self, observation: Observation, field_W: PointCloudDistance | None = None
     ) -> PlanningScene:
-        """What a reach from a place is played through in.
+        """Returns the planning scene of an observation.
 
         Args:
-            base_pose: (3,) the place, x, y, yaw in W.
-            joint_position: (15,) rad.
-            X_WO: The goal object's pose.
-            cloud_W: (P, 3) what was seen [m].
-            field_W: The same with what is supposed, of `with_extrapolated_surface`.
-            arm_velocity: (5,) of the arm's commands [rad/s]; left out, it is at rest.
+            observation: What is known.
+            field_W: Distances to obstacles, of `obstacle_field`; for an observation from another
+                base pose that of the original one.
         """
+        field_W = self.obstacle_field(observation) if field_W is None else field_W
+        joint_position, base_pose = observation.joint_position, observation.base_pose
         context = self._model.create_context()
         self._model.plant.SetPositions(context, self._model.positions(joint_position, base_pose))
         X_WT = self._model.pose(context, "torso")
         X_TW = X_WT.inverse()
-        X_TO = X_TW @ X_WO
-        cloud_T = cloud_W @ X_TW.rotation().matrix().T + X_TW.translation()
+        X_TO = X_TW @ observation.X_WO
+        cloud_T = observation.obstacles @ X_TW.rotation().matrix().T + X_TW.translation()
         object_T = self._object_points @ X_TO.rotation().matrix().T + X_TO.translation()
-        surroundings = ArmCollisionChecker(
+        checker = ArmCollisionChecker(
             self._geometry.shapes,
             self._geometry.kinematics,
             field_W,
@@ -123,14 +119,11 @@ class PlanningSceneBuilder:
         )
         return PlanningScene(
             base_pose,
-            ArmState(
-                joint_position[self._arm_in_body],
-                np.zeros(5) if arm_velocity is None else arm_velocity,
-            ),
+            observation.arm,
             X_TO,
             context,
             cloud_T[np.linalg.norm(cloud_T, axis=1) < _NEAR],
-            surroundings,
+            checker,
         )
 
     def _body_layer(self, joint_position: Vector) -> Vector:

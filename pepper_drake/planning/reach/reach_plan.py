@@ -1,18 +1,23 @@
-"""What the reach planner is asked for, and what it answers."""
+"""Questions to the reach planner, and its answers."""
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.models.control_model import CONTROL_PERIOD, CommandLimits
+from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 
 Vector = npt.NDArray[np.float64]
 
 
 class PlanStatus(StrEnum):
-    """What playing the reach through says of it."""
+    """Result of simulating a reach."""
 
     CLEAR = "clear"
     OUT_OF_REACH = "out_of_reach"
@@ -22,75 +27,20 @@ class PlanStatus(StrEnum):
     NO_STANDING_ROOM = "no_standing_room"
 
 
-@dataclass
-class ReachPlannerParams:
-    """What counts as a good reach, m and rad."""
-
-    hand_x: float = 0.26
-    """Where the hand's goal should be in the torso frame, ahead, if the demonstration's own end is
-    not a place that the arm can reach (because it was recorded in another frame)."""
-    hand_y: float = 0.20
-    """The same to the arm's side."""
-    reach: float = 0.39
-    """Farthest distance of the hand from the shoulder."""
-    slack: float = 0.08
-    """How far the goal may move away and should still be within reach, if that can be had."""
-    body_clearance: float = 0.02
-    """Between the body (all but the reaching arm) and the cloud."""
-    wanted_clearance: float = 0.016
-    """Between the arm and the cloud: with this a place to stand is taken at once."""
-    least_clearance: float = 0.006
-    """With less the arm does not start."""
-    object_clearance: float = 0.001
-    """Between an adapted movement and the goal object."""
-    far_allowance: float = 0.008
-    """How much less is enough to drive up to a place: from near the same is seen better, and is
-    checked again before the arm starts."""
-    withdrawal_clearance: float = 0.06
-    """Where the arm waits for what came in its way to go."""
-    position_tolerance: float = 0.006
-    """Of the hand at the end of the motion played through."""
-    following_error: float = 0.12
-    """Farthest distance of the hand to the primitive's path on the way."""
-    self_clearance: float = -0.012
-    """Between the arm's spheres and the body (see `SelfClearance`)."""
-    solid_depth: float = 0.03
-    """How far what is seen is taken to reach down, for clearances."""
-    settle: float = 0.4
-    """How long the motion played through goes on after its end, in tau."""
-    places_with_slack: int = 3
-    """How many places with slack are played through at most."""
-    places_tried: int = 8
-    """How many others, at most."""
-    adapt: bool = True
-    """Whether a movement that would not pass is adapted to the scene, as a whole arm; needs a
-    `BarrierCoupling`."""
-    collision_checked: bool = True
-    """Whether what the coupling makes of the movement is judged before the arm starts and held
-    against what is seen on its way. If not, a reach is judged, and a place to stand chosen, as if
-    there were no coupling, and no link that comes too close stops the arm: so the authors of some
-    couplings have it."""
-    slowest: float = 1.6
-    """How many times as long as the one that was shown a movement may take and be liked."""
-    places_adapted: int = 4
-    """How many places to stand are adapted to at most."""
-    places_searched: int = 40
-    """Among how many the easiest are looked for, where none of the usual ones will do."""
-
-
 @dataclass(frozen=True, eq=False)
 class ReachPlan:
-    """A reach, played through.
+    """A reach that was simulated.
 
     Attributes:
-        verdict: Whether the robot may do it.
-        sentence: Why not.
-        base_pose: (3,) where the base stands, x, y, yaw in W.
-        position_error: Of the hand at the end [m].
+        status: Whether the robot may do it.
+        message: Why not, as a sentence.
+        base_pose: (3,) where the base stands, x, y, yaw in W [m, rad].
+        position_error: Distance of the hand to its goal at the end [m].
         clearance: Least distance of the arm to the cloud [m].
-        joint_path: (N, 5) the arm's joints, rad, every 10 ms.
+        joint_path: (N, 5) commands of the arm's joints, every `time_step` [rad].
         movement: What is to be performed.
-        collision_checked: Whether the path is held against what is seen.
+        collision_checked: Whether the path is checked against later clouds, too.
+        time_step: Between the commands [s].
     """
 
     status: PlanStatus
@@ -101,10 +51,106 @@ class ReachPlan:
     joint_path: Vector | None = None
     movement: Movement | None = None
     collision_checked: bool = True
+    time_step: float = CONTROL_PERIOD
+
+    def nearest(self, arm: ArmState) -> int:
+        """Returns the index of the command in the path that is nearest to the arm's."""
+        assert self.joint_path is not None
+        return int(np.argmin(np.sum((self.joint_path - arm.position) ** 2, axis=1)))
+
+    def predict(self, arm: ArmState, duration: float) -> ArmState:
+        """Returns the arm's command after some time [s] along this path.
+
+        What it is off the path now, in position and velocity, it will be off the path then.
+        """
+        path = self.joint_path
+        assert path is not None
+        now = self.nearest(arm)
+        later = min(now + round(duration / self.time_step), len(path) - 1)
+        rates = np.diff(path, axis=0, append=path[-1:]) / self.time_step
+        return ArmState(
+            arm.position + path[later] - path[now], arm.velocity + rates[later] - rates[now]
+        )
+
+
+class RemainingClearance(NamedTuple):
+    """Distances of the rest of a path to obstacles.
+
+    Attributes:
+        times: (N,) from now on [s].
+        distances: (N,) of the arm to obstacles, infinite where nothing is near [m].
+    """
+
+    times: Vector
+    distances: Vector
+
+    @property
+    def least(self) -> float:
+        """The least distance [m]."""
+        return float(self.distances.min())
+
+    def within(self, duration: float) -> float:
+        """Returns the least distance within some time from now [m]."""
+        return float(self.distances[self.times <= duration].min(initial=np.inf))
+
+
+class Planner(Protocol):
+    """What supervision asks a planner: answers depend on the arguments alone."""
+
+    @property
+    def demonstrated(self) -> Movement:
+        """The movement as it was demonstrated."""
+        ...
+
+    @property
+    def params(self) -> ReachPlannerParams:
+        """Criteria of a good reach."""
+        ...
+
+    @property
+    def limits(self) -> CommandLimits:
+        """Limits of the arm's joint commands."""
+        ...
+
+    def plan_base_placement(self, observation: Observation) -> ReachPlan:
+        """Returns the best plan from any place where the base can stand.
+
+        It is clear, or nearly so, if there is such a place, and has to be checked again, with
+        `check_reach`, from there.
+        """
+        ...
+
+    def check_reach(self, observation: Observation, movement: Movement | None = None) -> ReachPlan:
+        """Returns the best plan from where the base is.
+
+        Args:
+            observation: What is known; the arm is at rest.
+            movement: What is tried first: the one that `plan_base_placement` found, or, left out,
+                the demonstrated one. If it is not clear, it is adapted.
+        """
+        ...
+
+    def replan(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
+        """Returns the best plan for the rest of a movement, from the arm's command and velocity.
+
+        It is the old movement's rest if that is clear, and not clear if there is none.
+        """
+        ...
+
+    def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
+        """Returns a plan back along the path of another to where there is more clearance.
+
+        Its end is not the goal; it is the best that can be done, clear or not.
+        """
+        ...
+
+    def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
+        """Returns distances of the rest of a plan's path to obstacles."""
+        ...
 
 
 def quality(plan: ReachPlan, wanted_clearance: float) -> tuple[bool, bool, float, float]:
-    """Order of plans: clear ones, those that get there, the most room wanted, the quickest."""
+    """Order of plans: clear ones, those that arrive, the wanted clearance, the shortest time."""
     arrives = plan.status in (PlanStatus.CLEAR, PlanStatus.NO_CLEAR_PATH)
     return (
         plan.status == PlanStatus.CLEAR,

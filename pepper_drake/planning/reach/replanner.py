@@ -1,15 +1,15 @@
-"""What the arm does on its way about what comes in it: go on, go around, step aside, wait."""
+"""Online replanning: what the arm does about obstacles that appear on its way."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
-from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
-from pepper_drake.planning.reach.reach_planner import ReachPlanner
-from pepper_drake.planning.reach.reach_state import ReachState, ReachTiming
+from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_parameters import ReachTiming
+from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
+from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
 from pepper_drake.planning.trajectories.retreat import (
     MOVING_SIDE,
     dilate_new_points,
@@ -19,139 +19,133 @@ from pepper_drake.planning.trajectories.retreat import (
 Vector = npt.NDArray[np.float64]
 
 _STILL = 0.1
-"""Joint speed below which the arm waits [rad/s]."""
-
-
-@dataclass(frozen=True)
-class Observation:
-    """What is known when a new cloud is there.
-
-    Attributes:
-        seen: The planner's arguments; its joints are those commanded.
-        coming: (P, 3) where what moves near the goal will be soon, in W [m].
-        joint_velocity: (5,) the arm's as commanded [rad/s].
-        time: s.
-    """
-
-    seen: dict[str, Any]
-    predicted_points: Vector
-    joint_velocity: Vector
-    time: float
-
-    @property
-    def p_WO(self) -> Vector:
-        """(3,) the goal object [m]."""
-        position: Vector = self.seen["X_WO"].translation()
-        return position
-
-    @property
-    def cloud_W(self) -> Vector:
-        """(P, 3) what was seen, and where what moves will be soon [m]."""
-        return np.concatenate((self.seen["cloud_W"], self.predicted_points))
-
-    def with_cloud(self, cloud_W: Vector) -> dict[str, Any]:
-        """The planner's arguments among other obstacles (P, 3) [m]."""
-        return {**self.seen, "cloud_W": cloud_W}
+"""Joint speed below which the arm is at rest [rad/s]."""
 
 
 @dataclass(frozen=True)
 class ReachReplanner:
-    """Holds each new cloud against the rest of a movement.
+    """Checks the rest of a movement against each new cloud.
 
-    When something is in the way, another way is planned; if there is none, or if it moves, the arm
-    withdraws to where there is room, waits, and goes on when the way is free.
+    If it is not clear, a detour is planned; if there is none, or if the obstacle moves, the arm
+    retreats to where there is more clearance, waits, and goes on when the path is clear. A plan
+    takes effect `latency.plan` after the cloud; until then the old movement goes on, unless it is
+    not clear as far as the arm gets by then: in this case the arm brakes, which needs no plan,
+    `latency.check` after the cloud.
 
     Attributes:
-        planner: What finds other ways.
-        timing: How near is too near, and how long is waited.
+        planner: Finds detours and retreats.
+        timing: Latencies and waiting times.
     """
 
-    planner: ReachPlanner
+    planner: Planner
     timing: ReachTiming
 
-    def is_free(self, plan: ReachPlan, seen: dict[str, Any]) -> bool:
-        """Whether the rest of a plan's way is."""
-        timing = self.timing
-        enough = min(timing.remaining_clearance, plan.clearance - timing.clearance_lost)
-        return bool(self.planner.remaining_clearance(plan, **seen) >= enough)
+    def is_free(self, plan: ReachPlan, observation: Observation) -> bool:
+        """Whether the rest of a plan's path keeps its clearance."""
+        rest = self.planner.remaining_clearance(plan, observation)
+        return rest.least >= self._enough(plan)
 
-    def __call__(self, progress: ReachState, sight: Observation) -> ReachState:
-        """Returns the progress after a cloud; the same movement if its way is free."""
-        plan, cloud = progress.plan, sight.cloud_W
+    def __call__(self, state: ReachState, observation: Observation) -> ReachState:
+        """Returns the state after a new cloud; decisions are pending in it."""
+        plan, time, latency = state.plan, observation.time, self.timing.latency
         assert plan is not None
-        has_waited = self._has_waited(progress, sight.time)
-        if has_waited and not len(sight.predicted_points):
-            # What stands there and does not go is no newcomer any more.
-            progress = replace(progress, planned_cloud=cKDTree(cloud))
-        if progress.planned_cloud is not None:
-            if len(sight.predicted_points):
-                cloud = dilate_new_points(cloud, progress.planned_cloud, sight.p_WO, MOVING_SIDE)
-            cloud = extrude_new_points_down(cloud, progress.planned_cloud, sight.p_WO)
-        seen = sight.with_cloud(cloud)
-        reach = plan if progress.suspended_plan is None else progress.suspended_plan
-        is_free = self.is_free(reach, seen)
-        if is_free and progress.suspended_plan is None:
-            return progress
-        # What moves is given time: where it goes is not known well enough to pass it.
-        is_sudden = progress.suspended_plan is None and not len(sight.predicted_points)
+        has_waited = self._has_waited(state, time)
+        if has_waited and not len(observation.predicted_cloud):
+            # An obstacle that has stood there for so long is not new any more.
+            known = observation if state.planned_with is None else state.planned_with
+            state = replace(state, planned_with=known.with_cloud(observation.obstacles))
+        seen = observation.with_cloud(self._with_hidden_sides(state, observation))
+        is_under_way = state.suspended_plan is None
+        reach = plan if state.suspended_plan is None else state.suspended_plan
+        rest = self.planner.remaining_clearance(reach, seen)
+        is_free = rest.least >= self._enough(reach)
+        if is_free and is_under_way and not state.braking:
+            return state
+        nearest = rest.within(latency.plan + 2.0 * latency.check)
+        if is_under_way and not state.will_brake and nearest < self.planner.params.clearance.start:
+            state = state.later(Pending(time + latency.check, Effect.BRAKE))
+        if state.is_planning:
+            return state
+        start = self._predicted_start(state, observation)
+        # The motion of a moving obstacle is not known well enough to pass it: it gets time.
+        is_sudden = is_under_way and not len(observation.predicted_cloud)
         if is_free or has_waited or is_sudden:
-            other = self._other_way(progress, reach, sight, seen, is_free)
-            if other.status == PlanStatus.CLEAR and self._is_enough(progress, reach, other):
-                return replace(progress.with_plan(other, sight.time), suspended_plan=None)
-            progress = replace(progress, checked=sight.time)
-        return self._retreat(progress, plan, reach, sight, seen)
+            detour = self._detour(state, reach, observation.with_arm(start), seen, is_free)
+            if detour.status == PlanStatus.CLEAR and (
+                is_under_way or detour.clearance >= self._enough(reach)
+            ):
+                return state.later(Pending(time + latency.plan, Effect.MOVEMENT, detour))
+            state = replace(state, checked=time)
+        return self._retreat(state, plan, reach, seen.with_arm(start))
 
-    def _is_enough(self, progress: ReachState, reach: ReachPlan, other: ReachPlan) -> bool:
-        """Whether a way is wide enough for an arm that could as well go on waiting."""
-        enough = min(self.timing.remaining_clearance, reach.clearance - self.timing.clearance_lost)
-        return progress.suspended_plan is None or other.clearance >= enough
+    def _enough(self, plan: ReachPlan) -> float:
+        """Returns the clearance below which a movement is planned anew [m]."""
+        return min(
+            self.planner.params.clearance.replan, plan.clearance - self.timing.clearance_lost
+        )
 
-    def _has_waited(self, progress: ReachState, time: float) -> bool:
-        """Whether the arm stepped aside, or last sought a way around in vain, long ago."""
-        last = max(progress.since, progress.checked)
-        return progress.suspended_plan is not None and time - last >= self.timing.detour_delay
+    def _has_waited(self, state: ReachState, time: float) -> bool:
+        """Whether the arm retreated, or last sought a detour in vain, long ago."""
+        last = max(state.since, state.checked)
+        return state.suspended_plan is not None and time - last >= self.timing.detour_delay
 
-    def _other_way(
+    def _with_hidden_sides(self, state: ReachState, observation: Observation) -> Vector:
+        """Returns the obstacles (P, 3), new ones with what the camera cannot see of them [m]."""
+        cloud, known = observation.obstacles, state.planned_with
+        if known is None:
+            return cloud
+        if len(observation.predicted_cloud):
+            cloud = dilate_new_points(cloud, known.cloud_tree, observation.p_WO, MOVING_SIDE)
+        return extrude_new_points_down(cloud, known.cloud_tree, observation.p_WO)
+
+    def _predicted_start(self, state: ReachState, observation: Observation) -> ArmState:
+        """Returns the arm's command when a plan from this observation takes effect."""
+        plan, latency = state.plan, self.timing.latency
+        assert plan is not None
+        if not state.will_brake:
+            return plan.predict(observation.arm, latency.plan)
+        arm = observation.arm if state.braking else plan.predict(observation.arm, latency.check)
+        deceleration = self.planner.limits.acceleration
+        stopping = arm.velocity * np.abs(arm.velocity) / (2.0 * deceleration)
+        return ArmState(arm.position + stopping, np.zeros_like(stopping))
+
+    def _detour(
         self,
-        progress: ReachState,
+        state: ReachState,
         reach: ReachPlan,
-        sight: Observation,
-        seen: dict[str, Any],
+        observation: Observation,
+        seen: Observation,
         is_free: bool,
     ) -> ReachPlan:
-        """The best way on from here; not close by the sides of what came, unless it is gone."""
-        if progress.planned_cloud is not None and not is_free:
-            sides = dilate_new_points(sight.cloud_W, progress.planned_cloud, sight.p_WO)
-            seen = sight.with_cloud(
-                extrude_new_points_down(sides, progress.planned_cloud, sight.p_WO)
-            )
-        other = self.planner.replan(reach, joint_velocity=sight.joint_velocity, **seen)
-        is_at_rest = (
-            progress.suspended_plan is not None and np.abs(sight.joint_velocity).max() < _STILL
-        )
-        if is_at_rest and other.clearance < self.timing.clearance_resumed:
-            anew = self.planner.check_reach(**seen)
-            if anew.status == PlanStatus.CLEAR and anew.clearance > other.clearance:
+        """Returns the best way on, at some distance from new obstacles unless they are gone."""
+        known = state.planned_with
+        cloud = seen.cloud
+        if known is not None and not is_free:
+            cloud = dilate_new_points(observation.obstacles, known.cloud_tree, observation.p_WO)
+            cloud = extrude_new_points_down(cloud, known.cloud_tree, observation.p_WO)
+        around = observation.with_cloud(cloud)
+        detour = self.planner.replan(reach, around)
+        is_at_rest = np.abs(observation.arm.velocity).max() < _STILL
+        waited = state.suspended_plan is not None and is_at_rest
+        if waited and detour.clearance < self.planner.params.clearance.resume:
+            anew = self.planner.check_reach(around)
+            if anew.status == PlanStatus.CLEAR and anew.clearance > detour.clearance:
                 return anew
-        return other
+        return detour
 
     def _retreat(
-        self,
-        progress: ReachState,
-        plan: ReachPlan,
-        reach: ReachPlan,
-        sight: Observation,
-        seen: dict[str, Any],
+        self, state: ReachState, plan: ReachPlan, reach: ReachPlan, seen: Observation
     ) -> ReachState:
-        """Steps aside, or stays where the arm is out of the way already."""
-        if progress.suspended_plan is not None and self.is_free(plan, seen):
-            return progress
-        if progress.planned_cloud is not None:
-            # What has left its place may come back to it.
-            seen = sight.with_cloud(np.concatenate((seen["cloud_W"], progress.planned_cloud.data)))
-        withdrawal = self.planner.plan_retreat(plan, joint_velocity=sight.joint_velocity, **seen)
-        if progress.suspended_plan is not None and withdrawal.clearance <= (
-            self.planner.remaining_clearance(plan, **seen)
-        ):
-            return progress  # Nowhere is better than where the arm is going.
-        return replace(progress.with_plan(withdrawal, sight.time), suspended_plan=reach)
+        """Retreats, or stays where the arm is out of the way already."""
+        waits = state.suspended_plan is not None and not state.braking
+        if waits and self.is_free(plan, seen):
+            return state
+        if state.planned_with is not None:
+            # An obstacle that has left its place may come back to it.
+            seen = seen.with_cloud(np.concatenate((seen.cloud, state.planned_with.cloud)))
+        retreat = self.planner.plan_retreat(plan, seen)
+        rest = self.planner.remaining_clearance(plan, seen)
+        if waits and retreat.clearance <= rest.least:
+            return state  # There is no better place than where the arm is going.
+        due = seen.time + self.timing.latency.plan
+        return state.later(Pending(due, Effect.MOVEMENT, retreat, suspended_plan=reach))

@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform
 from pepper_drake.models.control_model import ControlModel, arm_joints
 from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.clearance_table import ClearanceTable
 from pepper_drake.planning.ik.differential_ik import conservative_elbow_roll_limits
 from pepper_drake.planning.ik.goal_configurations import GoalConfigurations
 from pepper_drake.planning.trajectories.joint_trajectories import (
@@ -54,10 +55,6 @@ class AdaptationParams:
     """Turn of the hand from the wanted goal orientation that costs 1 [rad]."""
     posture: float = 1.0
     """Distance of the joints from the demonstration's end that costs 1 [rad]."""
-    goal_clearance: float = 0.014
-    """Wanted at the goal posture [m]."""
-    least_goal_clearance: float = 0.006
-    """With less a goal posture is none [m]."""
     object_clearance: float = 0.004
     """Least distance to the goal object there, whose shape and place are known well [m]."""
     limit_margin: float = 0.02
@@ -68,8 +65,6 @@ class AdaptationParams:
     """A clear path that costs less is taken at once; others are compared."""
     planner: RrtConnectParams = field(default_factory=RrtConnectParams)
     """Looks for a way where none of them could be bent to one."""
-    padding: float = 0.015
-    """Clearance with which it looks [m]."""
     accepted_slack: float = -0.005
     """Lack of clearance with which a path is taken [m]."""
     speed_share: float = 0.4
@@ -109,6 +104,8 @@ class TrajectoryAdapter:
             like.
         duration: Of the demonstrations [s].
         params: Weights and sizes.
+        clearance: Distances to keep: `start` and `want` at the goal, `optimise` on the way, and
+            `resume` where the fallback planner looks.
     """
 
     def __init__(
@@ -118,8 +115,9 @@ class TrajectoryAdapter:
         demonstrations: Vector,
         duration: float,
         params: AdaptationParams,
+        clearance: ClearanceTable,
     ) -> None:
-        self._duration, self.params = duration, params
+        self._duration, self.params, self._clearance = duration, params, clearance
         self._demonstrations = resampled(demonstrations, params.samples)
         self._kinematics = arm_kinematics(model, arm)
         limits = model.command_limits(arm_joints(arm), speed_fraction=params.speed_share)
@@ -133,7 +131,7 @@ class TrajectoryAdapter:
         self,
         start: Vector,
         X_TG: RigidTransform,
-        surroundings: ArmCollisionChecker,
+        checker: ArmCollisionChecker,
         rollout: Vector | None = None,
         *,
         plan: bool = True,
@@ -145,7 +143,7 @@ class TrajectoryAdapter:
             start: (5,) rad.
             X_TG: Where the hand's position should end, and how it should be turned there if
                 that can be had.
-            surroundings: What is around the arm.
+            checker: Distances of the arm to obstacles.
             rollout: (K, 5) what the demonstration alone would make of it, one more to start from.
             plan: Whether a path planner is asked where no demonstration can be bent to a way.
             allowance: How much less clearance than otherwise is enough at the goal [m].
@@ -159,15 +157,13 @@ class TrajectoryAdapter:
             # What the barrier and the limits did to it leaves it jerky.
             own = smoothed(smoothed(resampled(rollout, self.params.samples)))[None]
             demonstrations = np.concatenate((own, demonstrations))
-        return self._adapt(
-            start, X_TG, surroundings, demonstrations, self._duration, plan, allowance
-        )
+        return self._adapt(start, X_TG, checker, demonstrations, self._duration, plan, allowance)
 
     def adapt_remaining(
         self,
         start: Vector,
         X_TG: RigidTransform,
-        surroundings: ArmCollisionChecker,
+        checker: ArmCollisionChecker,
         remaining: Vector,
         duration: float,
     ) -> AdaptedTrajectory | None:
@@ -176,41 +172,41 @@ class TrajectoryAdapter:
         Args:
             start: (5,) where the arm is [rad].
             X_TG: The hand's goal.
-            surroundings: What is around the arm now.
+            checker: Distances of the arm to obstacles now.
             remaining: (K, 5) the rest of its path [rad]: the new path starts with its velocity.
             duration: That the rest would take [s].
         """
         rest = resampled(remaining, self.params.samples)[None]
-        return self._adapt(start, X_TG, surroundings, rest, duration, plan=False)
+        return self._adapt(start, X_TG, checker, rest, duration, plan=False)
 
     def _adapt(
         self,
         start: Vector,
         X_TG: RigidTransform,
-        surroundings: ArmCollisionChecker,
+        checker: ArmCollisionChecker,
         demonstrations: Vector,
         duration: float,
         plan: bool,
         allowance: float = 0.0,
     ) -> AdaptedTrajectory | None:
-        goals, discomfort = self.goal_postures(X_TG, surroundings, demonstrations[:, -1], allowance)
+        goals, discomfort = self.goal_postures(X_TG, checker, demonstrations[:, -1], allowance)
         if not len(goals):
             return None
         shape = len(demonstrations), len(goals)
         origins, ends = (index.ravel() for index in np.indices(shape))
         lower, upper = np.minimum(self._lower, start), np.maximum(self._upper, start)
         paths = retarget(demonstrations[origins], start, goals[ends]).clip(lower, upper)
-        cost = self._rate(paths, surroundings, duration)(paths).cost + discomfort[ends, origins]
+        cost = self._rate(paths, checker, duration)(paths).cost + discomfort[ends, origins]
         chosen = _different(paths, cost, self.params.candidates)
         references = [(paths[number], int(origins[number])) for number in chosen]
         best: AdaptedTrajectory | None = None
         for number, (reference, origin) in enumerate(
-            itertools.chain(references, self._planned(start, goals, surroundings) if plan else ()),
+            itertools.chain(references, self._planned(start, goals, checker) if plan else ()),
             start=1,
         ):
             found = optimize_trajectory(
                 reference,
-                self._rate(reference[None], surroundings, duration),
+                self._rate(reference[None], checker, duration),
                 lower=lower,
                 upper=upper,
                 params=self.params.search,
@@ -236,14 +232,14 @@ class TrajectoryAdapter:
         return clear, -path.cost if clear else path.slack
 
     def _planned(
-        self, start: Vector, goals: Vector, surroundings: ArmCollisionChecker
+        self, start: Vector, goals: Vector, checker: ArmCollisionChecker
     ) -> Iterator[tuple[Vector, int]]:
         """The way that a path planner finds through the map, as one more to start from."""
-        ends = surroundings.approximate_distances(np.concatenate((start[None], goals)))
-        allowed = np.minimum(ends.min(axis=1, keepdims=True), self.params.padding)
+        ends = checker.approximate_distances(np.concatenate((start[None], goals)))
+        allowed = np.minimum(ends.min(axis=1, keepdims=True), self._clearance.resume)
 
         def free(postures: Vector) -> npt.NDArray[np.bool_]:
-            return (surroundings.approximate_distances(postures) >= allowed - _ROUNDING).all(axis=0)
+            return (checker.approximate_distances(postures) >= allowed - _ROUNDING).all(axis=0)
 
         corners = rrt_connect(
             start,
@@ -257,21 +253,22 @@ class TrajectoryAdapter:
             yield time_parameterize(corners, self.params.samples), PLANNED
 
     def _rate(
-        self, references: Vector, surroundings: ArmCollisionChecker, duration: float
+        self, references: Vector, checker: ArmCollisionChecker, duration: float
     ) -> TrajectoryCost:
         return TrajectoryCost(
-            surroundings,
+            checker,
             references,
             duration=duration,
             velocity=self._limits[0],
             acceleration=self._limits[1],
             params=self.params.cost,
+            clearance=self._clearance.optimise,
         )
 
     def goal_postures(
         self,
         X_TG: RigidTransform,
-        surroundings: ArmCollisionChecker,
+        checker: ArmCollisionChecker,
         ends: Vector | None = None,
         allowance: float = 0.0,
     ) -> tuple[Vector, Vector]:
@@ -279,7 +276,7 @@ class TrajectoryAdapter:
 
         Args:
             X_TG: The hand's goal.
-            surroundings: What is around the arm.
+            checker: Distances of the arm to obstacles.
             ends: (D, 5) the demonstrations' last postures [rad]; if left out those of our own.
             allowance: How much less clearance than otherwise is enough [m].
 
@@ -302,9 +299,9 @@ class TrajectoryAdapter:
         goals, costs, wanted = q[:0], cost[:0], params.goals_kept * len(ends)
         for first in range(0, len(q), _LOOKED_AT):
             some = order[first : first + _LOOKED_AT]
-            least = self._goal_clearance(q[some], surroundings)
-            clear = least >= params.least_goal_clearance - allowance
-            lack = np.maximum(1.0 - least[clear] / params.goal_clearance, 0.0)
+            least = self._goal_clearance(q[some], checker)
+            clear = least >= self._clearance.start - allowance
+            lack = np.maximum(1.0 - least[clear] / self._clearance.want, 0.0)
             goals = np.concatenate((goals, q[some[clear]]))
             costs = np.concatenate((costs, cost[some[clear]] + 5.0 * lack[:, None] ** 2))
             if len(goals) >= wanted:
@@ -314,11 +311,11 @@ class TrajectoryAdapter:
         kept = np.unique(np.argsort(costs, axis=0, kind="stable")[: params.goals_kept])
         return goals[kept], costs[kept]
 
-    def _goal_clearance(self, q: Vector, surroundings: ArmCollisionChecker) -> Vector:
+    def _goal_clearance(self, q: Vector, checker: ArmCollisionChecker) -> Vector:
         """Clearances (M,) at goal postures (M, 5); none where the goal object is too near [m]."""
-        off_object = surroundings.object_clearances(q) >= self.params.object_clearance
+        off_object = checker.object_clearances(q) >= self.params.object_clearance
         clearance = np.full(len(q), -np.inf)
-        clearance[off_object] = surroundings.clearances(q[off_object])
+        clearance[off_object] = checker.clearances(q[off_object])
         return clearance
 
 

@@ -16,8 +16,6 @@ Vector = npt.NDArray[np.float64]
 class PathCostParams:
     """Weights of the cost's terms, and what they measure against."""
 
-    clearance: float = 0.020
-    """Wanted between the arm's spheres and everything around it [m]."""
     end_allowance: float = 0.001
     """How much less than at start and goal the clearance near them may be [m]."""
     leaving: float = 0.2
@@ -58,43 +56,45 @@ class TrajectoryCost:
             + (rms e / deviation)² + effort mean |q''|² + haste max(0, T' / T - 1).
 
     Args:
-        surroundings: What is around the arm.
-        references: (R, N, 5) paths [rad] to stay near, with their start and goal: one for
-            all of them, or one for each.
+        checker: Distances of the arm to obstacles.
+        references: (R, N, 5) paths to be like, with their start and goal [rad]: one for all paths,
+            or one for each.
         duration: Of the paths, T [s].
         velocity: (5,) what the joints may do [rad/s].
         acceleration: (5,) what the joints may do [rad/s²].
         params: The weights.
+        clearance: Wanted between the arm's spheres and everything around it [m].
     """
 
     def __init__(
         self,
-        surroundings: ArmCollisionChecker,
+        checker: ArmCollisionChecker,
         references: Vector,
         *,
         duration: float,
         velocity: Vector,
         acceleration: Vector,
         params: PathCostParams,
+        clearance: float,
     ) -> None:
-        self._surroundings, self._params = surroundings, params
+        self._checker, self._params, self._clearance = checker, params, clearance
         self._duration, self._limits = duration, (velocity, acceleration)
         count, samples, joints = references.shape
         self._step = duration / (samples - 1)
-        hand = surroundings.kinematics.poses(references.reshape(-1, joints)).hand_position
+        hand = checker.kinematics.poses(references.reshape(-1, joints)).hand_position
         self._hand = hand.reshape(count, samples, 3)
-        ends = surroundings.approximate_distances(references[:, [0, -1]].reshape(-1, joints))
-        self._wanted = wanted_clearance(ends.reshape(-1, count, 2), samples, params)
+        ends = checker.approximate_distances(references[:, [0, -1]].reshape(-1, joints))
+        self._wanted = wanted_clearance(ends.reshape(-1, count, 2), samples, params, clearance)
 
     def __call__(self, paths: Vector) -> TrajectoryRating:
         """Rates paths (K, N, 5)."""
         params = self._params
         count, samples, joints = paths.shape
-        gaps, poses = self._surroundings.approximate_distances_and_poses(paths.reshape(-1, joints))
+        gaps, poses = self._checker.approximate_distances_and_poses(paths.reshape(-1, joints))
         lack = self._wanted - gaps.reshape(len(gaps), count, samples)
         slack = -lack.max(axis=(0, 2))
         np.maximum(lack, 0.0, out=lack)
-        lack *= np.float32(1.0 / params.clearance)
+        lack *= np.float32(1.0 / self._clearance)
         proximity_weight = np.einsum("skn,skn->k", lack, lack) / samples
         off = poses.hand_position.reshape(count, samples, 3) - self._hand
         bend = np.diff(paths, n=2, axis=1) / self._step**2
@@ -110,7 +110,7 @@ class TrajectoryCost:
 
 
 def wanted_clearance(
-    end_gaps: npt.NDArray[np.floating], samples: int, params: PathCostParams
+    end_gaps: npt.NDArray[np.floating], samples: int, params: PathCostParams, clearance: float
 ) -> npt.NDArray[np.float32]:
     """The clearance (..., samples) wanted of each sphere along paths.
 
@@ -120,10 +120,11 @@ def wanted_clearance(
     Args:
         end_gaps: (..., 2) distances at the start and at the goal [m].
         samples: Number of even times along a path.
-        params: Clearance and shares.
+        params: Shares of the time.
+        clearance: Wanted between both [m].
     """
     s = np.linspace(0.0, 1.0, samples)
     away = 1.0 - minimum_jerk(s / params.leaving)
     close = minimum_jerk((s - 1.0 + params.arriving) / params.arriving)
-    lack = np.maximum(params.clearance - (end_gaps - params.end_allowance), 0.0)
-    return (params.clearance - lack[..., :1] * away - lack[..., 1:] * close).astype(np.float32)
+    lack = np.maximum(clearance - (end_gaps - params.end_allowance), 0.0)
+    return (clearance - lack[..., :1] * away - lack[..., 1:] * close).astype(np.float32)

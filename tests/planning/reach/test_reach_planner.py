@@ -16,12 +16,17 @@ from pepper_drake.models.control_model import (
 from pepper_drake.models.pepper import posture_positions
 from pepper_drake.models.scene import default_pre_grasp
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
-from pepper_drake.planning.reach.reach_planner import PlanStatus, ReachPlanner, ReachPlannerParams
+from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_parameters import GoalTolerances, ReachPlannerParams
+from pepper_drake.planning.reach.reach_plan import PlanStatus
+from pepper_drake.planning.reach.reach_planner import ReachPlanner
 
 MODEL = shared_control_model()
 STAND = np.array([posture_positions("stand", {})[name] for name in BODY_JOINTS])
 NOTHING = np.zeros((0, 3))
 ORIGIN = np.zeros(3)
+ARM = body_indices(arm_joints("right"))
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +56,19 @@ def object_at(x=0.98, y=-0.11, z=0.78):
 
 
 def stand(planner, X_WO, cloud=NOTHING):
-    return planner.plan_base_placement(
-        base_pose=ORIGIN, joint_position=STAND, X_WO=X_WO, cloud_W=np.asarray(cloud)
+    return planner.plan_base_placement(observed(ORIGIN, X_WO, cloud))
+
+
+def observed(base_pose, X_WO, cloud=NOTHING, arm=None, velocity=None):
+    """An observation of a robot that stands, but for its right arm."""
+    arm = STAND[ARM] if arm is None else arm
+    return Observation(
+        time=0.0,
+        base_pose=np.asarray(base_pose),
+        joint_position=STAND,
+        arm=ArmState(arm, np.zeros(5) if velocity is None else velocity),
+        X_WO=X_WO,
+        cloud=np.asarray(cloud),
     )
 
 
@@ -66,7 +82,7 @@ def test_a_free_goal_is_reached_from_a_place_near_it(planner):
     plan = stand(planner, object_at())
     assert plan.status == PlanStatus.CLEAR
     assert plan.message == ""
-    assert plan.position_error <= planner.params.position_tolerance
+    assert plan.position_error <= planner.params.tolerance.arrive
     assert 0.2 < np.linalg.norm(plan.base_pose[:2] - [0.98, -0.11]) < 0.8
 
     # Carried out by an independent model, the last command has the hand at the goal.
@@ -89,7 +105,7 @@ def test_every_command_of_the_plan_is_one_that_the_arm_may_be_given(planner):
 
 
 def test_the_tolerance_is_finer_than_what_the_whole_reach_may_miss():
-    assert ReachPlannerParams().position_tolerance <= 0.01
+    assert ReachPlannerParams().tolerance.arrive <= 0.01
 
 
 @pytest.mark.parametrize("z", [2.0, 0.1])
@@ -100,16 +116,14 @@ def test_a_goal_too_high_or_too_low_is_out_of_reach(planner, z):
 
 
 def test_a_hand_that_would_end_beyond_its_tolerance_is_refused(right_primitive):
-    strict = make_planner(right_primitive, None, position_tolerance=1e-9)
+    strict = make_planner(right_primitive, None, tolerance=GoalTolerances(arrive=1e-9, accept=0.01))
     plan = stand(strict, object_at())
     assert plan.status == PlanStatus.OUT_OF_REACH
     assert plan.position_error > 1e-9
 
 
 def test_from_where_it_stands_a_far_goal_is_out_of_reach(planner):
-    plan = planner.check_reach(
-        base_pose=ORIGIN, joint_position=STAND, X_WO=object_at(), cloud_W=NOTHING
-    )
+    plan = planner.check_reach(observed(ORIGIN, object_at()))
     assert plan.status == PlanStatus.OUT_OF_REACH
     assert plan.position_error > 0.2
 
@@ -148,23 +162,22 @@ def test_clearance_is_that_of_the_path_to_the_cloud(planner, true_clearance):
     points_T = (X_WT.inverse() @ table.T).T
     truth = min(true_clearance("right", joints, points_T) for joints in plan.joint_path[::3])
     # The planner takes what it saw to be 3 cm thick, which can only bring it nearer.
-    assert planner.params.least_clearance <= plan.clearance <= truth + 1e-9
+    assert planner.params.clearance.start <= plan.clearance <= truth + 1e-9
 
 
 def test_without_coupling_a_reach_is_not_refused_for_what_is_in_the_way(right_primitive, planner):
     alone = make_planner(right_primitive, None)
     base = stand(planner, object_at()).base_pose
-    asked = {"base_pose": base, "joint_position": STAND, "X_WO": object_at()}
-    hand = alone.check_reach(**asked, cloud_W=NOTHING).joint_path[100]
+    hand = alone.check_reach(observed(base, object_at())).joint_path[100]
     context = MODEL.create_context()
     joints = STAND.copy()
     joints[body_indices(arm_joints("right"))] = hand
     MODEL.plant.SetPositions(context, MODEL.positions(joints, base))
     in_the_way = MODEL.pose(context, "r_hand_effector").translation()[None]
-    blind = alone.check_reach(**asked, cloud_W=in_the_way)
+    blind = alone.check_reach(observed(base, object_at(), in_the_way))
     assert blind.status == PlanStatus.CLEAR
     assert blind.clearance < 0
-    seeing = planner.check_reach(**asked, cloud_W=in_the_way)
+    seeing = planner.check_reach(observed(base, object_at(), in_the_way))
     assert seeing.clearance > blind.clearance
 
 
@@ -186,7 +199,7 @@ def test_what_is_not_vetted_is_judged_and_placed_as_if_there_were_no_coupling(
     assert plan.movement.coupling is law  # And that is what will be performed.
     assert not plan.collision_checked
     refused = make_planner(right_primitive, law, adapt=False).check_reach(
-        base_pose=plan.base_pose, joint_position=STAND, X_WO=asked[0], cloud_W=cloud
+        observed(plan.base_pose, asked[0], cloud)
     )
     assert refused.status != PlanStatus.CLEAR
     assert refused.collision_checked
@@ -195,9 +208,7 @@ def test_what_is_not_vetted_is_judged_and_placed_as_if_there_were_no_coupling(
 def test_what_is_not_vetted_is_refused_all_the_same_where_the_arm_does_not_reach(right_primitive):
     unvetted = make_planner(right_primitive, make_coupling("report"), collision_checked=False)
     assert stand(unvetted, object_at(z=2.0)).status == PlanStatus.OUT_OF_REACH
-    near = unvetted.check_reach(
-        base_pose=ORIGIN, joint_position=STAND, X_WO=object_at(), cloud_W=NOTHING
-    )
+    near = unvetted.check_reach(observed(ORIGIN, object_at()))
     assert near.status == PlanStatus.OUT_OF_REACH
 
 
@@ -233,19 +244,19 @@ def at_the_table(right_primitive):
     blind = make_planner(right_primitive, None)
     base = stand(blind, object_at(z=0.74)).base_pose + [0.03, 0.0, 0.0]
     X_WO = object_at(z=0.74)
-    asked = {"base_pose": base, "joint_position": STAND, "X_WO": X_WO, "cloud_W": TABLE}
-    assert blind.check_reach(**asked).clearance < -0.01
-    return asked
+    observation = observed(base, X_WO, TABLE)
+    assert blind.check_reach(observation).clearance < -0.01
+    return observation
 
 
 def test_a_demonstration_through_the_table_becomes_a_primitive_around_it(
     planner, at_the_table, true_clearance
 ):
-    adapted = planner.check_reach(**at_the_table)
+    adapted = planner.check_reach(at_the_table)
     assert adapted.movement is not planner.demonstrated
     assert adapted.status == PlanStatus.CLEAR
     assert adapted.position_error < 0.005
-    points = in_torso(TABLE, at_the_table["base_pose"])
+    points = in_torso(TABLE, at_the_table.base_pose)
     truth = min(true_clearance("right", q, points) for q in adapted.joint_path[::6])
     assert truth >= 0.020 - 1e-9
 
@@ -256,21 +267,21 @@ def test_a_demonstration_through_the_table_becomes_a_primitive_around_it(
 
 
 def test_the_pre_grasp_keeps_its_position_when_its_direction_is_adapted(planner, at_the_table):
-    movement = planner.check_reach(**at_the_table).movement
+    movement = planner.check_reach(at_the_table).movement
     np.testing.assert_array_equal(
         movement.X_OG.translation(), planner.demonstrated.X_OG.translation()
     )
 
 
 def test_the_same_reach_is_adapted_the_same_way(planner, at_the_table):
-    one, other = (planner.check_reach(**at_the_table) for _ in range(2))
+    one, other = (planner.check_reach(at_the_table) for _ in range(2))
     np.testing.assert_array_equal(one.joint_path, other.joint_path)
 
 
 def test_without_adaptation_the_hand_is_bent_around_it_more_closely(right_primitive, at_the_table):
     reactive = make_planner(right_primitive, make_coupling("barrier"), adapt=False)
-    plan = reactive.check_reach(**at_the_table)
-    assert plan.clearance < reactive.params.wanted_clearance
+    plan = reactive.check_reach(at_the_table)
+    assert plan.clearance < reactive.params.clearance.want
     assert plan.movement is reactive.demonstrated
 
 
@@ -280,7 +291,7 @@ def test_where_nothing_is_in_the_way_the_movement_stays_the_one_that_was_shown(p
 
 
 def test_on_its_way_the_arm_goes_around_what_comes_up(planner, at_the_table, true_clearance):
-    plan = planner.check_reach(**at_the_table)
+    plan = planner.check_reach(at_the_table)
     path, now = plan.joint_path, len(plan.joint_path) // 3
     joints = STAND.copy()
     arm = body_indices(arm_joints("right"))
@@ -290,44 +301,49 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(planner, at_the_table, tru
     later = MODEL.create_context()
     ahead = joints.copy()
     ahead[arm] = path[now + round(0.9 / CONTROL_PERIOD)]
-    MODEL.plant.SetPositions(later, MODEL.positions(ahead, at_the_table["base_pose"]))
+    MODEL.plant.SetPositions(later, MODEL.positions(ahead, at_the_table.base_pose))
     center = MODEL.pose(later, "r_hand_effector").translation()
     directions = np.random.default_rng(0).standard_normal((40, 3))
     ball = center + 0.02 * directions / np.linalg.norm(directions, axis=1)[:, None]
-    seen = {**at_the_table, "joint_position": joints, "cloud_W": np.concatenate((TABLE, ball))}
-    assert planner.remaining_clearance(plan, **seen) < 0.0
+    seen = replace(
+        at_the_table,
+        arm=ArmState(path[now], velocity),
+        cloud=np.concatenate((TABLE, ball)),
+    )
+    assert planner.remaining_clearance(plan, seen).least < 0.0
 
-    again = planner.replan(plan, **seen, joint_velocity=velocity)
+    again = planner.replan(plan, seen)
     assert again.status == PlanStatus.CLEAR
     np.testing.assert_array_equal(again.joint_path[0], path[now])
     limits = MODEL.command_limits(arm_joints("right"), speed_fraction=0.5)
     change = (again.joint_path[1] - again.joint_path[0]) / CONTROL_PERIOD - velocity
     assert np.all(np.abs(change) <= limits.acceleration * CONTROL_PERIOD + 1e-6)
     assert again.position_error < 0.006
-    points = in_torso(seen["cloud_W"], at_the_table["base_pose"])
+    points = in_torso(seen.cloud, at_the_table.base_pose)
     truth = min(true_clearance("right", q, points) for q in again.joint_path[::6])
-    assert truth >= planner.params.least_clearance - 1e-9
-    assert planner.remaining_clearance(again, **seen) >= planner.params.least_clearance
+    assert truth >= planner.params.clearance.start - 1e-9
+    assert planner.remaining_clearance(again, seen).least >= planner.params.clearance.start
 
 
 def test_on_its_way_the_arm_is_told_when_there_is_no_way_on(planner, at_the_table):
-    plan = planner.check_reach(**at_the_table)
+    plan = planner.check_reach(at_the_table)
     middle = len(plan.joint_path) // 2
-    joints = STAND.copy()
-    joints[body_indices(arm_joints("right"))] = plan.joint_path[middle]
-    goal = (at_the_table["X_WO"] @ default_pre_grasp("right", 0.033).pose()).translation()
+    goal = (at_the_table.X_WO @ default_pre_grasp("right", 0.033).pose()).translation()
     there = goal + np.random.default_rng(1).uniform(-0.03, 0.03, (60, 3))
     again = planner.replan(
         plan,
-        **{**at_the_table, "joint_position": joints, "cloud_W": np.concatenate((TABLE, there))},
-        joint_velocity=np.zeros(5),
+        replace(
+            at_the_table,
+            arm=ArmState(plan.joint_path[middle], np.zeros(5)),
+            cloud=np.concatenate((TABLE, there)),
+        ),
     )
     assert again.status != PlanStatus.CLEAR
     assert again.message
 
 
 def test_what_was_found_for_the_stand_is_tried_first(planner, at_the_table):
-    found = planner.check_reach(**at_the_table)
-    again = planner.check_reach(**at_the_table, movement=found.movement)
+    found = planner.check_reach(at_the_table)
+    again = planner.check_reach(at_the_table, found.movement)
     assert again.movement is found.movement
     np.testing.assert_allclose(again.joint_path, found.joint_path, atol=1e-9)

@@ -2,228 +2,225 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
-from pydrake.perception import PointCloud
 
+from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.reach_planner import PlanStatus
 from pepper_drake.planning.trajectories.retreat import NEWCOMER_SIDE
-from tests.systems.reach_rig import (
+from tests.planning.reach.scripted_planner import (
+    BESIDE,
     CLOUD,
+    NO_DETOUR,
     P_TG,
     TIMING,
     X_WO,
-    Blocked,
-    blocked,
-    plan,
-    settled,
-    way,
+    Supervised,
+    on_its_way,
+    path_plan,
 )
 
-
-def test_the_way_ahead_is_looked_at_once_for_each_cloud():
-    rig = blocked()
-    rig.planner.asked.clear()
-    for time in (0.3, 0.5):
-        rig.set(cloud_time=[time])
-        rig.advance(0.3)
-    looks = [seen for name, seen in rig.planner.asked if name == "remaining_clearance"]
-    assert len(looks) == 2
-    np.testing.assert_array_equal(looks[0]["joint_position"][:5], 0.1 * np.ones(5))
-    assert not any(name == "replan" for name, _ in rig.planner.asked)
+LATENCY = TIMING.latency
+STEP = TIMING.time_step
 
 
-def test_a_plan_that_is_not_vetted_is_held_against_nothing():
-    rig = settled(Blocked(reach=replace(way(), collision_checked=False)))
-    rig.set(arm_position_command=0.1 * np.ones(5), arm_velocity_command=0.2 * np.ones(5))
-    rig.planner.ahead = 0.0
-    rig.set(cloud_time=[0.4])
-    rig.advance(0.3)
-    assert rig.planner.asked == []
-    np.testing.assert_array_equal(rig.value("active"), [1.0])
+def test_the_rest_of_the_movement_is_checked_once_for_each_cloud():
+    one = on_its_way()
+    for _ in range(2):
+        one.look().advance(0.25)
+    assert one.planner.questions() == ["remaining_clearance"] * 2
+    np.testing.assert_array_equal(
+        one.planner.last("remaining_clearance").arm.position, one.seen.arm.position
+    )
 
 
-def test_what_comes_in_the_way_makes_another_movement():
-    rig = blocked()
-    np.testing.assert_array_equal(rig.value("active"), [1.0])
-    rig.planner.ahead = 0.004
-    rig.set(cloud_time=[0.4])
-    rig.advance(0.1)
-    np.testing.assert_array_equal(rig.value("active"), [2.0])
-    assert rig.progress.plan is rig.planner.detour
-    ((_, seen),) = [asked for asked in rig.planner.asked if asked[0] == "replan"]
-    np.testing.assert_array_equal(seen["joint_velocity"], 0.2 * np.ones(5))
+def test_a_detour_takes_effect_a_planning_latency_after_its_observation():
+    one = on_its_way(ahead=0.004)
+    first, before = one.time, one.state.plan
+    one.look()
+    while one.state.plan is before:
+        assert one.state.active_movement == 1  # The old movement goes on.
+        one.step()
+    assert one.time - STEP - first == pytest.approx(LATENCY.plan)
+    assert one.state.active_movement == 2
+    assert one.state.plan is one.planner.detour
+    assert one.planner.questions().count("replan") == 1
 
 
-def test_without_another_way_the_arm_withdraws_waits_and_goes_on():
-    rig = blocked()
-    way = rig.progress.plan
-    rig.planner.ahead = 0.0
-    rig.planner.detour = plan(PlanStatus.NO_CLEAR_PATH, "no way")
-    rig.set(cloud_time=[0.4])
-    rig.advance(0.1)
-    np.testing.assert_array_equal(rig.value("active"), [2.0])
-    assert rig.progress.plan is rig.planner.back
-    assert rig.progress.suspended_plan is way
-    rig.set(hand_pose=RigidTransform(P_TG))  # Where it waits is not where it was to arrive.
-    rig.advance(3.0)
-    assert rig.progress.mode == ReachMode.REACHING
-    rig.planner.ahead, rig.planner.detour = 0.02, Blocked.detour
-    rig.set(cloud_time=[0.6])
-    rig.advance(0.1)
-    np.testing.assert_array_equal(rig.value("active"), [3.0])
-    assert rig.progress.suspended_plan is None
-    rig.until(ReachMode.DONE)
+def test_a_detour_starts_where_the_arm_will_be_when_it_takes_effect():
+    one = on_its_way(ahead=0.004).look()
+    start = one.planner.last("replan").arm
+    np.testing.assert_allclose(start.position, [0.3 + 0.5 * LATENCY.plan, 0, 0, 0, 0])
+    np.testing.assert_allclose(start.velocity, [0.5, 0, 0, 0, 0])
 
 
-def test_a_way_around_what_is_new_keeps_off_it_more_than_the_way_ahead_is_asked_to():
-    rig = blocked()
-    rig.planner.asked.clear()
-    rig.planner.ahead = 0.004
-    new = X_WO.translation() + [0.1, 0.2, 0.1]
-    rig.set(cloud_time=[0.4], cloud=cloud_at(new))
-    rig.advance(0.1)
-    seen = {name: seen["cloud_W"] for name, seen in rig.planner.asked}
+def test_what_an_arm_is_off_its_path_it_is_predicted_to_stay_off():
+    plan = path_plan()
+    arm = ArmState(np.array([0.3, 0.01, 0, 0, 0]), np.array([0.4, 0.02, 0, 0, 0]))
+    later = plan.predict(arm, 0.2)
+    np.testing.assert_allclose(later.position, [0.4, 0.01, 0, 0, 0])
+    np.testing.assert_allclose(later.velocity, [0.4, 0.02, 0, 0, 0])
+    at_end = plan.predict(arm, 10.0)
+    np.testing.assert_allclose(at_end.position, [1.0, 0.01, 0, 0, 0])
+    np.testing.assert_allclose(at_end.velocity, [-0.1, 0.02, 0, 0, 0])
+    assert plan.predict(arm, 0.0).position is not arm.position
+    np.testing.assert_array_equal(plan.predict(arm, 0.0).velocity, arm.velocity)
+
+
+def test_an_arm_with_something_right_before_it_brakes_at_once():
+    one = on_its_way(ahead=0.0, ahead_from=0.1).look()
+    assert one.state.active_movement == 1
+    one.step()
+    assert one.state.active_movement == 0
+    # 0.05 s on, and then to a stand with 10 rad/s².
+    start = one.planner.last("replan").arm
+    np.testing.assert_allclose(start.position[0], 0.3 + 0.5 * 0.05 + 0.5**2 / 20.0, atol=0.011)
+    np.testing.assert_array_equal(start.velocity, np.zeros(5))
+    one.advance(LATENCY.plan - STEP)
+    assert one.state.active_movement == 2
+
+
+def test_an_arm_with_something_far_ahead_does_not_brake():
+    one = on_its_way(ahead=0.0, ahead_from=1.0).look().advance(LATENCY.plan - STEP)
+    assert one.state.active_movement == 1
+
+
+def test_a_little_less_clearance_is_no_reason_to_brake():
+    one = on_its_way(ahead=0.010, ahead_from=0.0).look().advance(LATENCY.plan - STEP)
+    assert one.state.active_movement == 1
+    one.step()
+    assert one.state.active_movement == 2
+
+
+def test_without_detour_the_arm_retreats_waits_and_goes_on():
+    one = on_its_way(ahead=0.0, detour=NO_DETOUR)
+    reach = one.state.plan
+    one.look().advance(LATENCY.plan)
+    assert one.state.active_movement == 2
+    assert one.state.plan is one.planner.back
+    assert one.state.suspended_plan is reach
+    one.set(hand_position=P_TG)  # Where it waits is not where it was to arrive.
+    one.look()
+    one.planner.back = NO_DETOUR  # No better place.
+    one.look().advance(0.3).look().advance(0.3)
+    assert one.state.mode == ReachMode.REACHING
+    one.planner.ahead, one.planner.detour = 0.02, path_plan()
+    one.look().advance(LATENCY.plan)
+    assert one.state.plan is one.planner.detour
+    assert one.state.suspended_plan is None
+    one.image_time = None
+    one.until(ReachMode.DONE, limit=20.0)
+
+
+def test_an_arm_that_retreats_does_not_brake_for_what_it_flees_from():
+    one = on_its_way(ahead=0.0, ahead_from=0.0, detour=NO_DETOUR).look().advance(LATENCY.plan)
+    assert one.state.plan is one.planner.back
+    for _ in range(5):
+        assert one.look().advance(0.15).state.active_movement > 1
+
+
+def test_a_detour_keeps_more_distance_from_new_obstacles_than_the_check():
+    one = on_its_way(ahead=0.004).set(cloud=BESIDE[None]).look()
     for name, reach in (("remaining_clearance", 0.0), ("replan", NEWCOMER_SIDE)):
-        aside = np.linalg.norm((seen[name] - new)[:, :2], axis=1).max()
-        assert aside == pytest.approx(reach, abs=1e-6)
-
-
-def test_what_stands_in_the_way_for_long_is_known_and_planned_around():
-    rig = blocked()
-    rig.planner.ahead = 0.0
-    rig.planner.detour = plan(PlanStatus.NO_CLEAR_PATH, "no way")
-    rig.set(cloud_time=[0.4], cloud=cloud_at(X_WO.translation() + [0.1, 0.2, 0.1]))
-    rig.advance(0.1)
-    assert rig.progress.suspended_plan is not None
-    rig.planner.detour = Blocked.detour
-    rig.set(cloud_time=[0.6])
-    rig.advance(0.1)
-    assert rig.progress.suspended_plan is not None
-    rig.advance(TIMING.detour_delay)
-    rig.planner.asked.clear()
-    rig.set(cloud_time=[0.8])
-    rig.advance(0.1)
-    assert rig.progress.plan is rig.planner.detour
-    for _, seen in rig.planner.asked:  # Without the undersides of what is new.
-        assert len(seen["cloud_W"]) == 1
+        aside = np.linalg.norm((one.planner.last(name).cloud - BESIDE)[:, :2], axis=1).max()
+        assert aside == pytest.approx(reach, abs=1e-9)
 
 
 def waiting():
-    """An arm at rest that stepped aside, and for which there is no way on."""
-    rig = blocked()
-    rig.planner.ahead = 0.0
-    rig.planner.detour = plan(PlanStatus.NO_CLEAR_PATH, "no way")
-    rig.set(cloud_time=[0.4], arm_velocity_command=np.zeros(5))
-    rig.advance(0.1)
-    return rig
+    """An arm at rest that retreated, and for which there is no detour."""
+    one = on_its_way(ahead=0.0, detour=NO_DETOUR)
+    one.set(cloud=BESIDE[None]).look().advance(LATENCY.plan)
+    assert one.state.suspended_plan is not None
+    one.set(arm=ArmState(one.seen.arm.position, np.zeros(5)))
+    one.planner.back = NO_DETOUR
+    return one.look()
 
 
-def test_an_arm_that_waited_looks_for_a_better_way_than_a_narrow_one():
-    rig = waiting()
-    wide = replace(Blocked.detour, clearance=0.03)
-    rig.planner.ahead, rig.planner.reach = 0.02, wide
-    rig.planner.detour = replace(Blocked.detour, clearance=0.007)
-    rig.set(cloud_time=[0.6])
-    rig.advance(0.1)
-    assert rig.progress.plan is wide
-    assert rig.progress.suspended_plan is None
+def test_what_stands_in_the_way_for_long_is_planned_around():
+    one = waiting()
+    one.planner.detour = path_plan()
+    one.look().advance(LATENCY.plan)
+    assert one.state.suspended_plan is not None
+    first = one.time
+    while "replan" not in one.planner.questions() or one.time == first:
+        one.planner.asked.clear()
+        one.look()
+    assert one.time - one.state.since >= TIMING.detour_delay
+    for _, seen in one.planner.asked:  # Without the undersides of what is new.
+        assert len(seen.cloud) == 1
+    one.advance(LATENCY.plan)
+    assert one.state.plan is one.planner.detour
 
 
-def test_an_arm_that_waited_goes_on_waiting_rather_than_by_a_very_narrow_way():
-    rig = waiting()
-    reach = rig.progress.suspended_plan
-    assert reach is not None
-    rig.planner.ahead = 0.02
-    narrow = replace(Blocked.detour, clearance=0.007)
-    rig.planner.reach, rig.planner.detour = narrow, narrow
-    rig.set(cloud_time=[0.6])
-    rig.advance(0.1)
-    assert rig.progress.suspended_plan is reach
+def test_an_arm_that_waited_looks_for_a_wider_path_than_a_narrow_one():
+    one = waiting()
+    wide = path_plan(clearance=0.03)
+    one.planner.ahead, one.planner.reach = 0.02, wide
+    one.planner.detour = path_plan(clearance=0.007)
+    one.look().advance(LATENCY.plan)
+    assert one.state.plan is wide
+    assert one.state.suspended_plan is None
 
 
-def cloud_at(point):
-    cloud = PointCloud(1)
-    cloud.mutable_xyzs()[:] = np.reshape(point, (3, 1))
-    return cloud
+def test_an_arm_that_waited_goes_on_waiting_rather_than_by_a_very_narrow_path():
+    one = waiting()
+    reach = one.state.suspended_plan
+    one.planner.ahead = 0.02
+    one.planner.reach = one.planner.detour = path_plan(clearance=0.007)
+    one.look().advance(0.3).look().advance(0.3)
+    assert one.state.suspended_plan is reach
 
 
 def test_what_moves_is_waited_for_and_only_then_passed():
-    rig = blocked()
-    way = rig.progress.plan
-    rig.planner.asked.clear()
-    rig.planner.ahead = 0.0
-    predicted_points = X_WO.translation() + [0.1, 0.2, 0.1]
-    rig.set(cloud_time=[0.4], approaching=cloud_at(predicted_points))
-    rig.advance(0.1)
-    assert rig.progress.plan is rig.planner.back
-    assert rig.progress.suspended_plan is way
-    assert not any(name == "replan" for name, _ in rig.planner.asked)
-    for _, seen in rig.planner.asked:
-        np.testing.assert_allclose(seen["cloud_W"][len(CLOUD)], predicted_points, atol=1e-6)
-    rig.advance(TIMING.detour_delay)
-    rig.set(cloud_time=[0.6])
-    rig.advance(0.1)
-    assert rig.progress.plan is rig.planner.detour
-    assert rig.progress.suspended_plan is None
+    one = on_its_way(ahead=0.0).set(predicted_cloud=BESIDE[None])
+    reach = one.state.plan
+    one.look().advance(LATENCY.plan)
+    assert one.state.plan is one.planner.back
+    assert one.state.suspended_plan is reach
+    assert "replan" not in one.planner.questions()
+    for _, seen in one.planner.asked:
+        np.testing.assert_array_equal(seen.cloud[len(CLOUD)], BESIDE)
+    one.planner.back = NO_DETOUR  # No better place.
+    one.set(arm=ArmState(one.seen.arm.position, np.zeros(5)))
+    one.image_time = None
+    one.advance(TIMING.detour_delay + LATENCY.plan + 2 * STEP)
+    assert one.state.plan is one.planner.detour
+    assert one.state.suspended_plan is None
 
 
-def test_the_arm_does_not_withdraw_to_where_something_was_that_may_come_back():
-    rig = blocked()
-    rig.planner.asked.clear()
-    rig.planner.ahead = 0.0
-    predicted_points = X_WO.translation()
-    left = PointCloud(1)
-    left.mutable_xyzs()[:] = CLOUD[:1].T
-    rig.set(cloud_time=[0.4], cloud=left, approaching=cloud_at(predicted_points))
-    rig.advance(0.1)
-    ((_, seen),) = [asked for asked in rig.planner.asked if asked[0] == "plan_retreat"]
-    off = np.linalg.norm(seen["cloud_W"] - CLOUD[1], axis=1)
-    assert off.min() < 1e-6
+def test_the_arm_does_not_retreat_to_where_something_was_that_may_come_back():
+    one = on_its_way(ahead=0.0)
+    one.set(cloud=CLOUD[:1], predicted_cloud=X_WO.translation()[None]).look()
+    seen = one.planner.last("plan_retreat")
+    assert np.linalg.norm(seen.cloud - CLOUD[1], axis=1).min() < 1e-9
 
 
-def test_what_moves_far_away_does_not_matter():
-    rig = blocked()
-    rig.planner.asked.clear()
-    rig.planner.ahead = 0.0
-    rig.set(cloud_time=[0.4], approaching=cloud_at(X_WO.translation() + [0.5, 0.5, 0.0]))
-    rig.advance(0.1)
-    assert rig.progress.plan is rig.planner.detour
+def test_an_arm_that_retreats_does_not_turn_for_a_place_that_is_no_better():
+    one = on_its_way(ahead=0.0).set(predicted_cloud=X_WO.translation()[None])
+    one.look().advance(LATENCY.plan)
+    assert one.state.movements == 2
+    one.planner.back = path_plan(clearance=0.0)
+    one.look().advance(0.3)
+    assert one.state.movements == 2
+    one.planner.back = path_plan(clearance=0.01)
+    one.look().advance(LATENCY.plan)
+    assert one.state.movements == 3
 
 
-def test_who_withdraws_does_not_turn_for_a_place_that_is_no_better():
-    rig = blocked()
-    rig.planner.ahead = 0.0
-    rig.set(cloud_time=[0.4], approaching=cloud_at(X_WO.translation()))
-    rig.advance(0.1)
-    number = rig.progress.movements
-    rig.planner.back = replace(rig.planner.back, clearance=0.0)
-    rig.set(cloud_time=[0.6])
-    rig.advance(0.1)
-    assert rig.progress.movements == number
-    rig.planner.back = replace(rig.planner.back, clearance=0.01)
-    rig.set(cloud_time=[0.8])
-    rig.advance(0.1)
-    assert rig.progress.movements == number + 1
+def test_what_comes_while_the_hand_holds_makes_it_retreat():
+    one = on_its_way(detour=NO_DETOUR).set(hand_position=P_TG)
+    one.image_time = None
+    one.until(ReachMode.HOLDING)
+    one.planner.ahead = 0.0
+    one.look().advance(LATENCY.plan)
+    assert one.state.mode == ReachMode.REACHING
+    assert one.state.plan is one.planner.back
 
 
-def test_what_stays_in_the_way_is_named_in_the_end():
-    rig = blocked()
-    rig.planner.ahead = 0.0
-    rig.planner.detour = plan(PlanStatus.NO_CLEAR_PATH, "no way")
-    rig.set(cloud_time=[0.4])
-    rig.until(ReachMode.FAILED, limit=40.0)
-    assert rig.progress.reason == "no_clear_path"
-    assert rig.context.get_time() > TIMING.blocked_timeout
-
-
-def test_what_comes_while_the_hand_holds_makes_it_withdraw():
-    rig = blocked()
-    rig.set(hand_pose=RigidTransform(P_TG))
-    rig.until(ReachMode.HOLDING)
-    rig.planner.ahead = 0.0
-    rig.planner.detour = plan(PlanStatus.NO_CLEAR_PATH, "no way")
-    rig.set(cloud_time=[4.0])
-    rig.advance(0.1)
-    assert rig.progress.mode == ReachMode.REACHING
-    assert rig.progress.plan is rig.planner.back
+def test_a_plan_that_is_not_checked_is_held_against_nothing():
+    one = Supervised()
+    one.planner.reach = replace(path_plan(), collision_checked=False)
+    one.until(ReachMode.REACHING)
+    one.planner.asked.clear()
+    one.planner.ahead = 0.0
+    one.advance(0.3)
+    assert one.planner.asked == []
+    assert one.state.active_movement == 1

@@ -16,7 +16,7 @@ from pepper_drake.planning.trajectories.trajectory_search import (
 )
 
 SAMPLES = 40
-PARAMS = PathCostParams()
+PARAMS, CLEARANCE = PathCostParams(), 0.020
 VELOCITY, ACCELERATION = np.full(5, 1.0), np.full(5, 5.0)
 
 
@@ -49,6 +49,7 @@ def cost_of(around, reference, duration=10.0):
         velocity=VELOCITY,
         acceleration=ACCELERATION,
         params=PARAMS,
+        clearance=CLEARANCE,
     )
 
 
@@ -65,25 +66,25 @@ def test_each_term_of_the_cost():
     other = path + 0.3 * np.sin(np.linspace(0, np.pi, SAMPLES))[:, None] * [0, 1, 0, 0, 0]
     near = cost_of(Around(0.5), path, duration=1.0)(other[None])
     gaps = np.abs(other[:, 0] - 0.5)
-    lack = np.maximum(PARAMS.clearance - gaps, 0.0)
+    lack = np.maximum(CLEARANCE - gaps, 0.0)
     bend = np.diff(other, n=2, axis=0) * (SAMPLES - 1) ** 2
     expected = (
-        PARAMS.proximity_weight * np.sum((lack / PARAMS.clearance) ** 2) / SAMPLES
+        PARAMS.proximity_weight * np.sum((lack / CLEARANCE) ** 2) / SAMPLES
         + PARAMS.slack * lack.max()
         + np.mean(np.sum((other - path)[:, :3] ** 2, axis=1)) / PARAMS.deviation**2
         + PARAMS.effort * np.sum(bend**2) / SAMPLES
         + PARAMS.duration_weight * (minimum_duration(other, VELOCITY, ACCELERATION) - 1.0)
     )
     assert near.cost[0] == pytest.approx(expected, rel=1e-5)
-    assert near.slack[0] == pytest.approx((gaps - PARAMS.clearance).min(), abs=1e-6)
+    assert near.slack[0] == pytest.approx((gaps - CLEARANCE).min(), abs=1e-6)
 
 
 def test_close_to_start_and_goal_no_more_is_wanted_than_they_allow():
-    wanted = wanted_clearance(np.array([[0.005, 0.5], [0.5, -0.01]]), 101, PARAMS)
+    wanted = wanted_clearance(np.array([[0.005, 0.5], [0.5, -0.01]]), 101, PARAMS, CLEARANCE)
     less = PARAMS.end_allowance
     np.testing.assert_allclose(wanted[0, 0], 0.005 - less, atol=1e-7)
-    np.testing.assert_allclose(wanted[0, 20:], PARAMS.clearance, atol=1e-7)
-    np.testing.assert_allclose(wanted[1, :71], PARAMS.clearance, atol=1e-7)
+    np.testing.assert_allclose(wanted[0, 20:], CLEARANCE, atol=1e-7)
+    np.testing.assert_allclose(wanted[1, :71], CLEARANCE, atol=1e-7)
     np.testing.assert_allclose(wanted[1, -1], -0.01 - less, atol=1e-7)
     assert np.all(np.diff(wanted[0]) >= 0)
 
@@ -129,9 +130,7 @@ def around_the_pole(seed=0):
 def test_a_path_is_bent_around_what_is_in_the_way():
     found = around_the_pole()
     assert found.slack > PathSearchParams().slack
-    assert (
-        Pole().approximate_distances(found.path).min() > PARAMS.clearance + PathSearchParams().slack
-    )
+    assert Pole().approximate_distances(found.path).min() > CLEARANCE + PathSearchParams().slack
     np.testing.assert_array_equal(found.path[[0, -1]], straight()[[0, -1]])
     assert np.all((found.path >= -0.2) & (found.path <= 1.2))
     # Only the joints that meet the pole go another way.

@@ -1,0 +1,119 @@
+"""Everything that planning and supervision know at one moment."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+from scipy.spatial import cKDTree
+
+from pepper_drake.perception.mapping.depth_validity import DepthFault
+from pepper_drake.planning.ik.command_check import StopReason
+from pepper_drake.planning.reach.kinematic_simulation import ArmState
+
+Vector = npt.NDArray[np.float64]
+
+
+def _no_points() -> Vector:
+    return np.zeros((0, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What was measured, seen and commanded at one moment; it never changes.
+
+    Planning needs the first seven; the others have defaults that mean "all is well".
+
+    Attributes:
+        time: When it was made [s].
+        base_pose: (3,) x, y, yaw of the base in W [m, rad].
+        joint_position: (15,) measured, in the order of `BODY_JOINTS` [rad].
+        arm: Command of the reaching arm's joints, from which a movement starts [rad, rad/s].
+        X_WO: Pose of the goal object.
+        cloud: (P, 3) obstacles in W [m].
+        predicted_cloud: (Q, 3) where moving obstacles near the goal will be, in W [m].
+        cloud_time: Capture time of the last depth image in the cloud [s]; not finite before it.
+        cloud_fault: Why the last depth image was not used.
+        goal_valid: Whether there is an estimate of the goal object's pose.
+        goal_age: Time since the goal object's marker was last seen [s].
+        goal_position: (3,) the hand's goal in T [m].
+        hand_position: (3,) the hand as measured, in T [m].
+        measured_arm: (5,) the arm's joints as measured [rad]; None if that is not compared.
+        desired_position: (3,) where the primitive wants the hand, in T [m]; None if unknown.
+        base_arrived: Whether the base is where it was sent.
+        tau: Duration of the present movement [s].
+        stop_reason: Why the safety monitor stopped the robot.
+    """
+
+    time: float
+    base_pose: Vector
+    joint_position: Vector
+    arm: ArmState
+    X_WO: RigidTransform
+    cloud: Vector = field(default_factory=_no_points)
+    predicted_cloud: Vector = field(default_factory=_no_points)
+    cloud_time: float = -np.inf
+    cloud_fault: DepthFault = DepthFault.NONE
+    goal_valid: bool = True
+    goal_age: float = 0.0
+    goal_position: Vector = field(default_factory=lambda: np.zeros(3))
+    hand_position: Vector = field(default_factory=lambda: np.zeros(3))
+    measured_arm: Vector | None = None
+    desired_position: Vector | None = None
+    base_arrived: bool = True
+    tau: float = 1.0
+    stop_reason: StopReason = StopReason.NONE
+
+    @property
+    def p_WO(self) -> Vector:
+        """(3,) position of the goal object in W [m]."""
+        position: Vector = self.X_WO.translation()
+        return position
+
+    @property
+    def cloud_age(self) -> float:
+        """Time since the last depth image [s]; infinite before the first."""
+        age = self.time - self.cloud_time
+        return age if np.isfinite(age) else np.inf
+
+    @property
+    def goal_distance(self) -> float:
+        """Distance of the hand to its goal [m]."""
+        return float(np.linalg.norm(self.goal_position - self.hand_position))
+
+    @property
+    def following_error(self) -> float:
+        """Distance of the hand to where the primitive wants it [m]; 0 if that is unknown."""
+        if self.desired_position is None:
+            return 0.0
+        return float(np.linalg.norm(self.desired_position - self.hand_position))
+
+    @property
+    def joint_error(self) -> Vector:
+        """(5,) measured less commanded joints of the arm [rad]; 0 if they are not compared."""
+        if self.measured_arm is None:
+            return np.zeros(5)
+        return self.measured_arm - self.arm.position
+
+    @cached_property
+    def obstacles(self) -> Vector:
+        """(P + Q, 3) the cloud and where moving obstacles will be, in W [m]."""
+        return np.concatenate((self.cloud, self.predicted_cloud))
+
+    @cached_property
+    def cloud_tree(self) -> cKDTree:
+        """The cloud, for the question which points of a later one are new."""
+        return cKDTree(self.cloud)
+
+    def with_cloud(self, cloud: Vector) -> "Observation":
+        """Returns the same with this cloud (P, 3) [m] in place of all obstacles."""
+        return replace(self, cloud=cloud, predicted_cloud=np.zeros((0, 3)))
+
+    def with_arm(self, arm: ArmState) -> "Observation":
+        """Returns the same with the arm's command somewhere else."""
+        return replace(self, arm=arm)
+
+    def from_base_pose(self, base_pose: Vector) -> "Observation":
+        """Returns the same as if the base stood at a pose (3,) [m, rad]."""
+        return replace(self, base_pose=base_pose)

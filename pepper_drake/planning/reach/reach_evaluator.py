@@ -1,0 +1,214 @@
+"""Simulates movements in a planning scene, judges them, and adapts the demonstrated one."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling
+from pepper_drake.models.control_model import ControlModel, arm_joints
+from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.self_clearance import SelfClearance
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.barrier_for_path import fit_barrier_to_path
+from pepper_drake.planning.reach.kinematic_simulation import KinematicSimulator
+from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.movement_from_path import (
+    fit_primitive_to_joint_path,
+    reachable_pre_grasp,
+)
+from pepper_drake.planning.reach.planning_scene import PlanningScene, PlanningSceneBuilder
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
+from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, quality
+from pepper_drake.planning.trajectories.trajectory_adapter import (
+    AdaptationParams,
+    AdaptedTrajectory,
+    TrajectoryAdapter,
+)
+
+Vector = npt.NDArray[np.float64]
+
+
+class ReachEvaluator:
+    """Simulates movements: primitive, coupling, inverse kinematics and limits.
+
+    It moves nothing and remembers nothing: a call depends on its arguments alone.
+
+    Args:
+        model: Pepper.
+        arm: "left" or "right".
+        X_OG: The hand's pre-grasp pose in the goal object's frame.
+        primitive: With orientation and posture.
+        coupling: None to do without.
+        ik: Parameters of the inverse kinematics.
+        params: Criteria of a good reach.
+        adaptation: How a movement is adapted.
+        goal_solids: The goal object's shapes in its frame: an adapted movement keeps off them.
+
+    Attributes:
+        demonstrated: The movement as it was demonstrated.
+        params: Criteria of a good reach.
+        scenes: Makes planning scenes of observations.
+        adapter: Adapts movements; None if they are not adapted.
+        kinematics: Of the arm.
+        limits: Of the arm's commands.
+        time_step: Between commands [s].
+
+    Raises:
+        InputError: The primitive has no orientation or no posture.
+    """
+
+    def __init__(
+        self,
+        *,
+        model: ControlModel,
+        arm: str,
+        X_OG: RigidTransform,
+        primitive: MovementPrimitive,
+        coupling: Coupling | None,
+        ik: DifferentialIkParams,
+        params: ReachPlannerParams,
+        adaptation: AdaptationParams | None = None,
+        goal_solids: Sequence[Solid] = (),
+    ) -> None:
+        if primitive.orientation is None or primitive.posture is None:
+            raise InputError(
+                f"primitive {primitive.name}: it has no orientation or no posture; "
+                "learn it from a demonstration with rotations and joints"
+            )
+        params.clearance.check()
+        self.demonstrated = Movement(primitive, coupling, X_OG)
+        self.params = params
+        geometry = ArmGeometry(model, arm)
+        self.kinematics = geometry.kinematics
+        self._self_clearance = SelfClearance(model, geometry)
+        self.scenes = PlanningSceneBuilder(
+            model, geometry, self._self_clearance, goal_solids, params
+        )
+        self._simulator = KinematicSimulator(model, geometry, ik, params.settle)
+        self.time_step = ik.time_step
+        self.limits = model.command_limits(arm_joints(arm), speed_fraction=ik.speed_fraction)
+        self.adapter: TrajectoryAdapter | None = None
+        if params.adapt and isinstance(coupling, BarrierCoupling):
+            demonstrated = primitive.posture.at(np.linspace(0.0, 1.0, 100))
+            self.adapter = TrajectoryAdapter(
+                model,
+                arm,
+                demonstrated[None],
+                primitive.duration,
+                adaptation if adaptation is not None else AdaptationParams(),
+                params.clearance,
+            )
+
+    def quality(self, plan: ReachPlan) -> tuple[bool, bool, float, float]:
+        """Returns the order of plans; see `reach_plan.quality`."""
+        return quality(plan, self.params.clearance.want)
+
+    def is_good(self, plan: ReachPlan) -> bool:
+        """Whether a plan is clear by as much as is wanted."""
+        return plan.status == PlanStatus.CLEAR and plan.clearance >= self.params.clearance.want
+
+    def adapted(
+        self,
+        scene: PlanningScene,
+        simulated: Vector | None = None,
+        *,
+        plan: bool = True,
+        allowance: float = 0.0,
+    ) -> Iterator[ReachPlan]:
+        """Yields the demonstrated movement, adapted and simulated, if a path exists.
+
+        Args:
+            scene: The planning scene.
+            simulated: (K, 5) joints of the movement without adaptation [rad], one more path to
+                start from.
+            plan: Whether a path planner is asked where no demonstration can be adapted.
+            allowance: Clearance that may be missing [m].
+        """
+        if self.adapter is None:
+            return
+        X_TG = scene.X_TO @ self.demonstrated.X_OG
+        path = self.adapter.adapt(
+            scene.arm.position, X_TG, scene.checker, simulated, plan=plan, allowance=allowance
+        )
+        if path is not None and path.slack > -self.params.clearance.optimise:
+            yield self.evaluate(scene, self.movement_along(scene, path), allowance)
+
+    def movement_along(self, scene: PlanningScene, path: AdaptedTrajectory) -> Movement:
+        """Returns a movement that keeps to a path of the arm's joints."""
+        demonstrated = self.demonstrated
+        primitive = fit_primitive_to_joint_path(
+            self.kinematics, path.joints, path.duration, f"{demonstrated.primitive.name}, adapted"
+        )
+        X_OG = reachable_pre_grasp(demonstrated.X_OG, scene.X_TO, self.kinematics, path.joints[-1])
+        return Movement(primitive, self.coupling_along(scene, primitive), X_OG)
+
+    def coupling_along(self, scene: PlanningScene, primitive: MovementPrimitive) -> Coupling | None:
+        """Returns the demonstrated movement's barrier, fitted so that it lets a primitive pass."""
+        coupling = self.demonstrated.coupling
+        if not isinstance(coupling, BarrierCoupling):
+            return coupling
+        hand = primitive.rollout(time_step=0.02)
+        return fit_barrier_to_path(
+            coupling, scene.field, hand.positions, hand.velocities, hand.accelerations
+        )
+
+    def evaluate(
+        self, scene: PlanningScene, movement: Movement, allowance: float = 0.0
+    ) -> ReachPlan:
+        """Simulates a movement and judges it.
+
+        Args:
+            scene: The planning scene.
+            movement: To be performed from the scene's arm state.
+            allowance: Clearance that may be missing [m].
+        """
+        params, arm = self.params, scene.arm
+        X_TG = scene.X_TO @ movement.X_OG
+        collision_checked = params.collision_checked and movement.coupling is not None
+        simulated = movement if collision_checked else replace(movement, coupling=None)
+        hand = self._simulator.roll_out(simulated, arm, X_TG, scene.field)
+        joint_path = self._simulator.track(arm, hand, params.tolerance.arrive)
+        reached = self.kinematics.poses(joint_path).hand_position
+        error = float(np.linalg.norm(reached[-1] - X_TG.translation()))
+        behind = float(np.linalg.norm(reached - hand.positions[: len(reached)], axis=1).max())
+        clearance = float(scene.checker.clearances(joint_path[::3]).min())
+        status, message = PlanStatus.CLEAR, ""
+        if error > params.tolerance.arrive:
+            status = PlanStatus.OUT_OF_REACH
+            message = f"the hand would end {1000 * error:.0f} mm from its goal"
+        elif behind > params.following.plan:
+            status = PlanStatus.CANNOT_FOLLOW
+            message = f"the hand would fall {1000 * behind:.0f} mm behind its movement"
+        elif self._self_clearance(scene.body, joint_path[::5]).min() < params.self_clearance:
+            status = PlanStatus.SELF_COLLISION
+            message = "the arm would run into the robot's own body"
+        elif collision_checked and clearance < params.clearance.start - allowance:
+            status = PlanStatus.NO_CLEAR_PATH
+            message = (
+                f"the arm would come {1000 * clearance:.0f} mm near to what was seen, "
+                f"less than {1000 * params.clearance.start:.0f} mm"
+            )
+        elif movement is not self.demonstrated and self._touches_object(scene, joint_path):
+            status = PlanStatus.NO_CLEAR_PATH
+            message = "the arm would touch the goal object"
+        return ReachPlan(
+            status,
+            message,
+            scene.base_pose,
+            error,
+            clearance,
+            joint_path,
+            movement,
+            collision_checked,
+            self.time_step,
+        )
+
+    def _touches_object(self, scene: PlanningScene, joint_path: Vector) -> bool:
+        distances = scene.checker.object_clearances(joint_path[::3])
+        return bool(distances.min() < self.params.object_clearance)

@@ -1,0 +1,307 @@
+"""Supervision of a reach as a pure function: state and observation in, state out."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from pepper_drake.models.control_model import body_indices
+from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
+from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason
+from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_parameters import ReachTiming
+from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
+from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
+from pepper_drake.planning.reach.replanner import ReachReplanner
+
+_ROUNDING = 1e-9
+"""Of times [s]."""
+_MOVED_BASE = 0.03
+"""Displacement of the base during a reach that is named as the cause of a failure [m]."""
+_MOVED_TORSO = 0.05
+"""The same for hip and knee [rad]."""
+
+UNCONFIRMED = "reached_unconfirmed"
+"""Name of the outcome of a reach whose goal was not seen recently."""
+
+
+def step(
+    state: ReachState,
+    observation: Observation,
+    planner: Planner,
+    timing: ReachTiming,
+) -> ReachState:
+    """Returns the state after an observation.
+
+    LOOKING (find the goal, look at the scene) → DRIVING (to a base placement) → SETTLING (stand,
+    look again, check the reach) → REACHING → HOLDING → DONE; from everywhere to FAILED, where the
+    arm holds still. The planner's answers take effect after `timing.latency`.
+
+    Args:
+        state: Before.
+        observation: What is known now.
+        planner: Finds plans; its answers depend on their arguments alone.
+        timing: Durations, timeouts and latencies.
+    """
+    if state.mode in (ReachMode.DONE, ReachMode.FAILED):
+        return state
+    supervision = _Supervision(observation, planner, timing)
+    failed = supervision.fault(state)
+    if failed is not None:
+        return failed
+    state = supervision.take_effect(state)
+    handlers: dict[ReachMode, Callable[[ReachState], ReachState]] = {
+        ReachMode.LOOKING: supervision.look,
+        ReachMode.DRIVING: supervision.drive,
+        ReachMode.SETTLING: supervision.settle,
+        ReachMode.REACHING: supervision.reach,
+        ReachMode.HOLDING: supervision.hold,
+    }
+    handler = handlers.get(state.mode)
+    return state if handler is None else supervision.take_effect(handler(state))
+
+
+class _Supervision:
+    """One step: an observation with those who judge it."""
+
+    def __init__(self, observation: Observation, planner: Planner, timing: ReachTiming) -> None:
+        self._observation, self._planner, self._timing = observation, planner, timing
+        self._time = observation.time
+        self._replanner = ReachReplanner(planner, timing)
+
+    def fault(self, state: ReachState) -> ReachState | None:
+        """Returns the failed state if the reach cannot go on, whatever the mode."""
+        observation, timing, time = self._observation, self._timing, self._time
+        stop = observation.stop_reason
+        if stop != StopReason.NONE:
+            return state.fail(time, stop.name.lower(), STOP_SENTENCES[stop])
+        if state.mode == ReachMode.LOOKING:
+            return None
+        if observation.goal_age > timing.goal_lost:
+            return state.fail(
+                time, "goal_lost", f"the goal's marker was not seen for {timing.goal_lost:g} s"
+            )
+        if observation.cloud_age > timing.cloud_lost:
+            return state.fail(time, "cloud_missing", self._cloud_message())
+        if state.mode == ReachMode.REACHING and time - state.started > timing.reach_timeout:
+            message = f"the hand had not arrived {timing.reach_timeout:g} s after the arm started"
+            return self._fail(state, "timeout", message)
+        return None
+
+    def _cloud_message(self) -> str:
+        """Returns why there is no cloud, as a sentence."""
+        fault, age = self._observation.cloud_fault, self._observation.cloud_age
+        if fault != DepthFault.NONE:
+            return FAULT_SENTENCES[fault]
+        if np.isinf(age):
+            return "the depth camera gave no image of the scene"
+        return f"the depth camera gave no image for {age:.1f} s"
+
+    def take_effect(self, state: ReachState) -> ReachState:
+        """Returns the state after all computations that are over by now."""
+        while due := [one for one in state.pending if one.due <= self._time + _ROUNDING]:
+            first = min(due, key=lambda one: one.due)
+            rest = tuple(one for one in state.pending if one is not first)
+            state = self._apply(replace(state, pending=rest), first)
+        return state
+
+    def _apply(self, state: ReachState, result: Pending) -> ReachState:
+        """Returns the state after one computation."""
+        time, plan = self._time, result.plan
+        if result.effect == Effect.BRAKE:
+            return replace(state, braking=True)
+        if result.effect == Effect.START:
+            starting = state.to(ReachMode.REACHING, time)
+            return replace(starting, movements=1, started=time)
+        assert plan is not None
+        if result.effect == Effect.MOVEMENT:
+            moving = state.to(ReachMode.REACHING, time)
+            return moving.with_plan(plan, time, result.suspended_plan)
+        if result.effect == Effect.CHECK:
+            if plan.status == PlanStatus.CLEAR:
+                return replace(state, plan=plan, planned_with=result.observation)
+            if not self._has_settled(state):
+                return replace(state, plan=None)  # More is seen after standing for longer.
+            if state.places < self._timing.places:
+                return self._place_base(state)
+            return state.fail(time, plan.status.value, plan.message)
+        if plan.status != PlanStatus.CLEAR:
+            return state.fail(time, plan.status.value, plan.message)
+        x, y, yaw = plan.base_pose
+        return replace(
+            state.to(ReachMode.DRIVING, time),
+            base_pose_wanted=(x, y, yaw),
+            places=state.places + 1,
+            placed_movement=plan.movement,
+            plan=None,
+        )
+
+    def look(self, state: ReachState) -> ReachState:
+        """Searches the goal, looks at the scene, then decides where to stand."""
+        timing, time = self._timing, self._time
+        if state.is_planning:
+            return state
+        if not self._observation.goal_valid:
+            if time - state.since > timing.goal_timeout:
+                message = f"no marker of the goal object was seen in {timing.goal_timeout:g} s"
+                return state.fail(time, "goal_not_seen", message)
+            return state
+        if np.isnan(state.goal_seen_since):
+            return replace(state, goal_seen_since=time)
+        if time - state.goal_seen_since < timing.looking:
+            return state
+        if self._observation.cloud_age > timing.cloud_timeout:
+            if time - state.goal_seen_since > timing.goal_timeout:
+                return state.fail(time, "cloud_missing", self._cloud_message())
+            return state
+        return self._place_base(state)
+
+    def _place_base(self, state: ReachState) -> ReachState:
+        plan = self._planner.plan_base_placement(self._still())
+        due = self._time + self._timing.latency.base_placement
+        return state.later(Pending(due, Effect.PLACEMENT, plan))
+
+    def _still(self) -> Observation:
+        """The observation without predictions: before the arm starts it waits for what moves."""
+        return self._observation.with_cloud(self._observation.cloud)
+
+    def drive(self, state: ReachState) -> ReachState:
+        """Waits until the base is where it was sent; without depth images it stands."""
+        time, is_blind = self._time, self._observation.cloud_age > self._timing.cloud_timeout
+        if is_blind != state.braking:
+            state = replace(state, braking=is_blind)
+        if time - state.since > self._timing.driving_timeout:
+            message = "the base did not get to where the arm can reach the goal"
+            return state.fail(time, "drive_failed", message)
+        # The base has not read its new goal yet in the step in which it is sent.
+        has_started = time - state.since > self._timing.time_step + _ROUNDING
+        if self._observation.base_arrived and has_started and not state.braking:
+            return replace(state.to(ReachMode.SETTLING, time), arrived=time)
+        return state
+
+    def _has_settled(self, state: ReachState) -> bool:
+        return self._time - state.since >= self._timing.settling - _ROUNDING
+
+    def settle(self, state: ReachState) -> ReachState:
+        """Plans while the robot settles, and confirms the plan with the last observation."""
+        timing, time = self._timing, self._time
+        if state.is_planning:
+            return state
+        has_settled = self._has_settled(state)
+        if state.plan is not None:
+            if not has_settled:
+                return state
+            if self._is_confirmed(state, state.plan):
+                return state.later(Pending(time + timing.latency.check, Effect.START))
+        elif not has_settled and (
+            time - state.since < 0.5 * timing.settling - _ROUNDING or state.checked >= state.since
+        ):
+            return state
+        if time - state.since > timing.settling_timeout:
+            message = "the scene changed so often that no plan for the arm could be confirmed"
+            return self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
+        seen = self._still()
+        plan = self._planner.check_reach(seen, state.placed_movement)
+        due = time + timing.latency.plan
+        planning = state.later(Pending(due, Effect.CHECK, plan, self._observation))
+        return replace(planning, plan=None, checked=time)
+
+    def _is_confirmed(self, state: ReachState, plan: ReachPlan) -> bool:
+        """Whether the present observation agrees with a plan."""
+        if plan.joint_path is None or not plan.collision_checked or state.planned_with is None:
+            return True
+        moved = np.linalg.norm(self._observation.p_WO - state.planned_with.p_WO)
+        same_goal = bool(moved <= self._planner.params.tolerance.moved)
+        return same_goal and self._replanner.is_free(plan, self._still())
+
+    def _look_ahead(self, state: ReachState) -> ReachState:
+        """Checks the rest of the movement against a new cloud; see `ReachReplanner`."""
+        observation, plan = self._observation, state.plan
+        if observation.cloud_age > self._timing.cloud_timeout:
+            return state if state.braking else replace(state, braking=True, pending=())
+        if plan is None or observation.cloud_time == state.cloud_time:
+            return state
+        state = replace(state, cloud_time=observation.cloud_time)
+        if plan.joint_path is None or not plan.collision_checked:
+            return state.with_plan(plan, self._time) if state.braking else state
+        return self._replanner(state, observation)
+
+    def reach(self, state: ReachState) -> ReachState:
+        """Checks and replans the movement until the hand has arrived."""
+        state = self._look_ahead(state)
+        timing, time = self._timing, self._time
+        tolerance, following = self._planner.params.tolerance, self._planner.params.following
+        if state.suspended_plan is not None:
+            if time - state.started > timing.blocked_timeout:
+                message = "something came in the way and has not gone"
+                return self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
+            return state
+        if state.braking:
+            return state
+        elapsed, error = time - state.since, self._observation.goal_distance
+        behind = self._observation.following_error
+        if behind > following.stop:
+            message = f"the hand fell {1000 * behind:.0f} mm behind its movement"
+            return self._fail(state, PlanStatus.CANNOT_FOLLOW.value, message)
+        if elapsed >= self._observation.tau and error <= tolerance.arrive:
+            if np.isnan(state.still_since):
+                return replace(state, still_since=time)
+            if time - state.still_since >= timing.dwell - _ROUNDING:
+                return state.to(ReachMode.HOLDING, time)
+            return state
+        if elapsed > timing.reaching_timeout * self._observation.tau:
+            if error <= tolerance.accept:
+                return state.to(ReachMode.HOLDING, time)
+            message = f"the hand stayed {1000 * error:.0f} mm from its goal"
+            return self._fail(state, "not_reached", message)
+        return state if np.isnan(state.still_since) else replace(state, still_since=np.nan)
+
+    def hold(self, state: ReachState) -> ReachState:
+        """Stays at the goal until it was seen there; retreats if something comes."""
+        state, timing = self._look_ahead(state), self._timing
+        held, age = self._time - state.since, self._observation.goal_age
+        if state.braking or state.is_planning or held < timing.holding - _ROUNDING:
+            return state
+        if age <= timing.goal_confirmed:
+            return state.to(ReachMode.DONE, self._time)
+        if held < timing.holding + timing.confirmation_timeout:
+            return state
+        message = f"the hand is where the goal was last seen, {age:.1f} s ago"
+        done = state.to(ReachMode.DONE, self._time)
+        return replace(done, reason=UNCONFIRMED, message=message)
+
+    def _fail(self, state: ReachState, reason: str, message: str) -> ReachState:
+        """Returns the failed state, with the cause named if more is known than the symptom."""
+        return state.fail(self._time, *(self._cause(state, message) or (reason, message)))
+
+    def _cause(self, state: ReachState, symptom: str) -> tuple[str, str] | None:
+        """Returns reason and sentence of what explains a symptom; None if nothing does."""
+        observation, planned = self._observation, state.planned_with
+        joint_error = observation.joint_error
+        worst = int(np.argmax(np.abs(joint_error)))
+        if abs(joint_error[worst]) > self._planner.params.following.contact:
+            degrees = abs(np.degrees(joint_error[worst]))
+            name = JOINT_GROUPS["right_arm"][worst][1:]
+            return "contact", (
+                f"the arm is held or touches something: its {name} is {degrees:.0f} degrees off "
+                f"its command; {symptom}"
+            )
+        if planned is None:
+            return None
+        moved = float(np.linalg.norm(observation.p_WO - planned.p_WO))
+        if moved > self._planner.params.tolerance.jumped:
+            return "goal_moved", (
+                f"the goal object is seen {1000 * moved:.0f} mm from where it was when the arm "
+                f"started; {symptom}"
+            )
+        torso = body_indices(JOINT_GROUPS["body"])
+        tilt = np.abs(observation.joint_position - planned.joint_position)[torso].max()
+        drift = np.linalg.norm((observation.base_pose - planned.base_pose)[:2])
+        if tilt > _MOVED_TORSO or drift > _MOVED_BASE:
+            return "robot_moved", (
+                f"the robot moved during the reach, the base by {1000 * drift:.0f} mm and the "
+                f"torso by {np.degrees(tilt):.0f} degrees; {symptom}"
+            )
+        return None

@@ -1,0 +1,80 @@
+"""The rest of a movement that is being performed: its clearance, a detour, a retreat."""
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform, RotationMatrix
+
+from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.movement_from_path import fit_primitive_to_joint_path
+from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
+from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, RemainingClearance
+from pepper_drake.planning.trajectories.retreat import retreat_trajectory
+
+Vector = npt.NDArray[np.float64]
+
+_SHORTEST = 0.8
+"""Least duration of a movement that is adapted on its way [s]."""
+_STRIDE = 5
+"""Commands of a path between those whose clearance is computed."""
+
+
+def remaining_clearance(
+    evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation
+) -> RemainingClearance:
+    """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
+    scene = evaluator.scenes(observation)
+    rest = _rest(plan, observation)[::_STRIDE]
+    times = (_STRIDE * plan.time_step) * np.arange(len(rest), dtype=float)
+    return RemainingClearance(times, scene.checker.clearances(rest))
+
+
+def replan(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation) -> ReachPlan:
+    """Returns the best plan for the rest of a movement; see `Planner`."""
+    scene = evaluator.scenes(observation)
+    rest = _rest(plan, observation)
+    duration = max((len(rest) - 1) * plan.time_step, _SHORTEST)
+    path = None
+    if evaluator.adapter is not None:
+        path = evaluator.adapter.adapt_remaining(
+            scene.arm.position,
+            scene.X_TO @ evaluator.demonstrated.X_OG,
+            scene.checker,
+            rest,
+            duration,
+        )
+    if path is None:
+        return ReachPlan(
+            PlanStatus.NO_CLEAR_PATH, "there is no clear path on", observation.base_pose
+        )
+    return evaluator.evaluate(scene, evaluator.movement_along(scene, path))
+
+
+def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation) -> ReachPlan:
+    """Returns a plan back to where there is more clearance; see `Planner`."""
+    scene, kinematics = evaluator.scenes(observation), evaluator.kinematics
+    assert plan.joint_path is not None
+    joints, duration = retreat_trajectory(
+        plan.joint_path[: plan.nearest(scene.arm) + 1],
+        scene.arm.position,
+        scene.arm.velocity,
+        scene.checker.clearances,
+        evaluator.params.clearance.retreat,
+        evaluator.limits,
+    )
+    primitive = fit_primitive_to_joint_path(kinematics, joints, duration, "retreat")
+    end = kinematics.poses(joints[-1:])
+    X_TG = RigidTransform(
+        RotationMatrix.ProjectToRotationMatrix(end.hand_rotation[0]), end.hand_position[0]
+    )
+    X_OG = scene.X_TO.inverse() @ X_TG
+    coupling = evaluator.coupling_along(scene, primitive)
+    return evaluator.evaluate(scene, Movement(primitive, coupling, X_OG))
+
+
+def _rest(plan: ReachPlan, observation: Observation) -> Vector:
+    """The rest (N, 5) of a plan's path from where the arm is, at least two configurations."""
+    assert plan.joint_path is not None
+    first = min(plan.nearest(observation.arm), len(plan.joint_path) - 2)
+    rest: Vector = plan.joint_path[first:]
+    return rest

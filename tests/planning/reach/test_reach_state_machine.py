@@ -1,0 +1,357 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from pepper_drake.models.control_model import body_indices
+from pepper_drake.perception.mapping.depth_validity import DepthFault
+from pepper_drake.planning.ik.command_check import StopReason
+from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_plan import PlanStatus
+from tests.planning.reach.scripted_planner import (
+    ADAPTED,
+    CLOUD,
+    NO_DETOUR,
+    P_TG,
+    STAND,
+    TIMING,
+    X_WO,
+    ScriptedPlanner,
+    Supervised,
+    on_its_way,
+    path_plan,
+    plan,
+)
+
+STEP = TIMING.time_step
+
+
+def test_the_whole_reach_when_all_goes_well():
+    one = Supervised()
+    np.testing.assert_array_equal(one.state.base_goal, np.full(3, np.nan))
+    one.until(ReachMode.DRIVING)
+    np.testing.assert_array_equal(one.state.base_goal, STAND)
+    one.until(ReachMode.REACHING)
+    assert one.state.active_movement == 1
+    assert one.state.movement is ADAPTED
+    one.advance(0.5).set(hand_position=P_TG + [0.002, 0, 0]).until(ReachMode.DONE)
+    assert one.state.active_movement == 1
+    assert one.modes == list(ReachMode)[: ReachMode.DONE + 1]
+    assert one.state.reason == one.state.message == ""
+
+
+def test_each_mode_lasts_as_long_as_timing_and_latency_say():
+    one = Supervised().until(ReachMode.DRIVING)
+    # The goal is seen at 0, looked at for 0.5 s; the place to stand is known 0.4 s later.
+    assert one.state.since == pytest.approx(TIMING.looking + TIMING.latency.base_placement)
+    driving = one.state.since
+    one.until(ReachMode.SETTLING)
+    assert one.state.since - driving <= 2 * STEP + 1e-9
+    settling = one.state.since
+    one.until(ReachMode.REACHING)
+    # Planned at half the time, known before it is over, confirmed then.
+    assert one.state.since - settling == pytest.approx(TIMING.settling + TIMING.latency.check)
+    one.set(hand_position=P_TG)
+    reaching = one.state.since
+    one.until(ReachMode.HOLDING)
+    assert one.state.since - reaching == pytest.approx(1.0 + TIMING.dwell, abs=STEP + 1e-3)
+    holding = one.state.since
+    one.until(ReachMode.DONE)
+    assert one.state.since - holding == pytest.approx(TIMING.holding)
+
+
+def test_the_planner_is_asked_with_what_was_observed():
+    one = Supervised().until(ReachMode.REACHING)
+    assert one.planner.questions() == ["plan_base_placement", "check_reach"]
+    for _, observation in one.planner.asked:
+        np.testing.assert_array_equal(observation.cloud, CLOUD)
+        assert observation.X_WO is X_WO
+
+
+def test_a_goal_that_is_never_seen():
+    one = Supervised().set(goal_valid=False, goal_age=np.inf).failed("goal_not_seen")
+    assert one.state.since == pytest.approx(TIMING.goal_timeout, abs=STEP + 1e-3)
+    assert not one.was_active
+    assert one.planner.asked == []
+
+
+@pytest.mark.parametrize("image_time", [np.nan, -np.inf, np.inf])
+def test_a_cloud_that_never_comes(image_time):
+    one = Supervised()
+    one.image_time = image_time
+    one.failed("cloud_missing")
+    assert not one.was_active
+    assert one.planner.asked == []
+
+
+def test_a_cloud_that_comes_late_is_waited_for():
+    one = Supervised()
+    one.image_time = -np.inf
+    one.advance(0.8)
+    assert one.state.mode == ReachMode.LOOKING
+    one.image_time = None
+    one.until(ReachMode.DRIVING)
+
+
+def test_a_cloud_that_is_old_before_the_start_is_no_reason_to_go():
+    one = Supervised()
+    one.image_time = 0.0
+    one.advance(TIMING.looking + STEP)  # Fresh enough just then, and then no more.
+    assert one.planner.questions() == ["plan_base_placement"]
+    late = Supervised()
+    late.image_time = -0.1
+    late.advance(1.0)
+    assert late.planner.asked == []
+
+
+@pytest.mark.parametrize(
+    "status",
+    [PlanStatus.OUT_OF_REACH, PlanStatus.NO_CLEAR_PATH, PlanStatus.NO_STANDING_ROOM],
+)
+@pytest.mark.parametrize("when", ["placement", "reach"])
+def test_a_reach_that_the_planner_refuses_never_starts(status, when):
+    one = Supervised(ScriptedPlanner(**{when: plan(status, "the planner's own words")}))
+    one.failed(status.value, limit=20.0)
+    assert one.state.message == "the planner's own words"
+    assert not one.was_active
+    assert (ReachMode.DRIVING in one.modes) == (when == "reach")
+    if when == "reach":
+        assert one.state.places == TIMING.places
+
+
+def test_a_base_that_does_not_arrive():
+    assert not Supervised().set(base_arrived=False).failed("drive_failed").was_active
+
+
+@pytest.mark.parametrize("mode", [m for m in ReachMode if m < ReachMode.DONE])
+@pytest.mark.parametrize("reason", [r for r in StopReason if r != StopReason.NONE])
+def test_a_stop_ends_every_mode_and_switches_the_arm_off(mode, reason):
+    one = Supervised().set(hand_position=P_TG).until(mode)
+    one.set(stop_reason=reason).failed(reason.name.lower())
+    one.set(stop_reason=StopReason.NONE).advance(0.5).failed(reason.name.lower())
+
+
+@pytest.mark.parametrize("mode", [ReachMode.DRIVING, ReachMode.REACHING])
+def test_a_goal_that_was_not_seen_for_long_is_lost(mode):
+    one = Supervised().set(base_arrived=mode != ReachMode.DRIVING).until(mode)
+    one.set(goal_age=TIMING.goal_lost - 0.01).advance(0.1)
+    assert one.state.mode == mode
+    one.set(goal_age=TIMING.goal_lost + 0.01).failed("goal_lost")
+
+
+def test_a_hand_that_stays_away_from_its_goal():
+    one = Supervised().until(ReachMode.REACHING).set(hand_position=P_TG + [0.0, 0.03, 0.04])
+    assert "50 mm" in one.failed("not_reached").state.message
+
+
+def test_a_hand_just_outside_the_tolerance_is_accepted_when_the_time_is_over():
+    one = Supervised().until(ReachMode.REACHING)
+    tolerance = one.planner.params.tolerance
+    between = (tolerance.arrive + tolerance.accept) / 2
+    one.set(hand_position=P_TG + [between, 0, 0]).advance(TIMING.reaching_timeout - 0.1)
+    assert one.state.mode == ReachMode.REACHING
+    one.until(ReachMode.DONE)
+
+
+def test_a_hand_that_only_passes_the_goal_does_not_count_as_there():
+    one = Supervised().until(ReachMode.REACHING).advance(1.1)
+    one.set(hand_position=P_TG).advance(0.1)
+    one.set(hand_position=P_TG + [0.05, 0, 0]).advance(0.3)
+    assert one.state.mode == ReachMode.REACHING
+    one.failed("not_reached")
+
+
+def test_an_end_is_final():
+    one = Supervised().set(hand_position=P_TG).until(ReachMode.DONE)
+    state = one.state
+    one.set(stop_reason=StopReason.REQUESTED, goal_age=100.0).advance(0.5)
+    assert one.state is state
+
+
+def test_a_plan_is_confirmed_by_the_last_look_before_the_arm_starts():
+    one = settled(ScriptedPlanner(reach=path_plan()))
+    assert one.planner.questions()[0] == "remaining_clearance"
+    assert "check_reach" not in one.planner.questions()
+
+
+def test_a_goal_that_moved_meanwhile_is_planned_for_anew():
+    moved = RigidTransform(X_WO.translation() + [0.0, 0.01, 0.0])
+    one = settled(ScriptedPlanner(reach=path_plan()), X_WO=moved)
+    assert one.planner.questions()[:2] == ["check_reach", "remaining_clearance"]
+
+
+def test_what_the_last_look_shows_in_the_way_is_planned_around():
+    one = Supervised(ScriptedPlanner(reach=path_plan())).until(ReachMode.SETTLING)
+    one.advance(TIMING.settling - STEP)
+    one.planner.ahead = 0.0
+    one.step()
+    assert one.planner.questions()[-2:] == ["remaining_clearance", "check_reach"]
+    one.planner.ahead = 0.02
+    one.until(ReachMode.REACHING)
+
+
+def test_a_scene_that_never_rests_is_given_up():
+    one = Supervised(ScriptedPlanner(reach=path_plan(), ahead=0.0))
+    assert not one.failed("no_clear_path", limit=30.0).was_active
+
+
+def settled(planner, **changes):
+    """An arm on its way through SETTLING, with changes after the first plan was made."""
+    one = Supervised(planner).until(ReachMode.SETTLING).advance(0.3)
+    assert planner.questions()[-1] == "check_reach"
+    planner.asked.clear()
+    return one.set(**changes).until(ReachMode.REACHING)
+
+
+# Depth images that stop.
+
+
+@pytest.mark.parametrize("mode", [ReachMode.REACHING, ReachMode.HOLDING])
+def test_an_arm_without_depth_images_brakes_and_the_reach_ends(mode):
+    patient = replace(TIMING, holding=5.0)
+    one = Supervised(ScriptedPlanner(reach=path_plan()), patient)
+    one.set(hand_position=P_TG).until(mode)
+    one.image_time = last = one.time
+    while one.state.active_movement and one.time < last + 5.0:
+        one.step()
+    assert one.state.mode == mode
+    assert one.time - STEP - last <= TIMING.cloud_timeout + STEP + 1e-9
+    one.failed("cloud_missing")
+    assert one.time - STEP - last <= TIMING.cloud_lost + STEP + 1e-9
+
+
+@pytest.mark.parametrize("mode", [ReachMode.LOOKING, ReachMode.DRIVING, ReachMode.REACHING])
+def test_a_cloud_that_is_missing_is_explained_and_the_base_stays(mode):
+    one = Supervised().set(base_arrived=False).until(ReachMode.DRIVING)
+    if mode == ReachMode.LOOKING:
+        one = Supervised()
+    one.set(base_arrived=mode != ReachMode.DRIVING).until(mode)
+    one.image_time = -1.0
+    one.set(cloud_fault=DepthFault.FROZEN).failed("cloud_missing")
+    assert "same image" in one.state.message
+    assert np.isnan(one.state.base_goal).all()
+
+
+def test_a_base_without_depth_images_stands_and_goes_on_with_them():
+    one = Supervised().set(base_arrived=False).until(ReachMode.DRIVING)
+    one.image_time = one.time
+    one.advance(TIMING.cloud_timeout + 2 * STEP)
+    assert np.isnan(one.state.base_goal).all()
+    one.image_time = None
+    one.step()
+    np.testing.assert_array_equal(one.state.base_goal, STAND)
+    one.set(base_arrived=True).until(ReachMode.SETTLING)
+    one.image_time = one.time
+    one.failed("cloud_missing")
+
+
+def test_an_arm_that_stopped_without_images_goes_on_by_a_new_plan():
+    one = on_its_way().advance(TIMING.cloud_timeout + 2 * STEP)
+    assert one.state.active_movement == 0
+    one.image_time = None
+    one.set(arm=ArmState(one.seen.arm.position, np.zeros(5))).advance(TIMING.latency.plan + STEP)
+    assert one.state.active_movement == 2
+    assert one.state.plan is one.planner.detour
+
+
+def test_an_arm_that_is_not_checked_goes_on_with_its_movement_when_images_come_back():
+    unchecked = replace(path_plan(), collision_checked=False)
+    one = Supervised(ScriptedPlanner(reach=unchecked)).until(ReachMode.REACHING)
+    one.image_time = one.time
+    one.advance(TIMING.cloud_timeout + 2 * STEP)
+    one.image_time = None
+    one.advance(STEP)
+    assert one.state.active_movement == 2
+    assert one.state.plan is unchecked
+
+
+# Verdicts.
+
+
+def test_a_goal_that_was_seen_long_ago_leaves_the_reach_unconfirmed():
+    one = Supervised().set(hand_position=P_TG).until(ReachMode.HOLDING)
+    one.set(goal_age=TIMING.goal_confirmed + 0.3).until(ReachMode.DONE)
+    assert one.state.reason == "reached_unconfirmed"
+    assert "2.3 s ago" in one.state.message
+    held = one.state.since - (one.state.started or 0)
+    assert held > TIMING.holding + TIMING.confirmation_timeout
+
+
+def test_a_goal_that_shows_while_the_hand_waits_confirms_the_reach():
+    one = Supervised().set(hand_position=P_TG).until(ReachMode.HOLDING)
+    one.set(goal_age=TIMING.goal_confirmed + 0.3).advance(TIMING.holding + 1.0)
+    assert one.state.mode == ReachMode.HOLDING
+    one.set(goal_age=0.0).until(ReachMode.DONE)
+    assert one.state.reason == ""
+
+
+def test_replanning_again_and_again_does_not_outlast_the_reach():
+    one = on_its_way(ahead=0.004)
+    one.image_time = None
+    one.failed("timeout", limit=60.0)
+    assert one.state.movements > 20
+    assert one.state.since - one.state.started <= TIMING.reach_timeout + 2 * STEP
+
+
+def blocked_for_good(**changes):
+    one = on_its_way(ahead=0.0, detour=NO_DETOUR)
+    one.image_time = None
+    one.advance(1.0)
+    assert one.state.suspended_plan is not None
+    one.set(**changes).until(ReachMode.FAILED, limit=60.0)
+    return one.state
+
+
+def test_what_stays_in_the_way_is_named_in_the_end():
+    state = blocked_for_good()
+    assert state.reason == "no_clear_path"
+    assert "in the way" in state.message
+    assert state.since - state.started == pytest.approx(TIMING.blocked_timeout, abs=2 * STEP)
+
+
+def test_a_goal_that_jumped_is_named_in_its_stead():
+    state = blocked_for_good(X_WO=RigidTransform(X_WO.translation() + [0.0, 0.09, 0.0]))
+    assert state.reason == "goal_moved"
+    assert "90 mm" in state.message
+
+
+def test_a_torso_that_tilted_is_named_in_its_stead():
+    joints = np.arange(15) / 100
+    joints[body_indices(["HipPitch"])] += np.radians(6)
+    state = blocked_for_good(joint_position=joints)
+    assert state.reason == "robot_moved"
+    assert "6 degrees" in state.message
+
+
+def test_an_arm_that_its_controller_leads_astray_cannot_follow():
+    one = Supervised().until(ReachMode.REACHING).set(desired_position=np.array([0.3, 0, 0]))
+    assert "300 mm" in one.failed("cannot_follow").state.message
+
+
+def test_an_arm_that_is_held_is_not_said_to_be_unable_to_follow():
+    one = Supervised().until(ReachMode.REACHING).set(desired_position=np.array([0.3, 0, 0]))
+    one.set(measured_arm=np.array([0.0, 0.0, 0.0, 0.4, 0.0]))
+    message = one.failed("contact").state.message
+    assert "ElbowRoll" in message
+    assert "23 degrees" in message
+
+
+# Determinism.
+
+
+def test_the_state_does_not_depend_on_how_long_planning_took():
+    def history(delay):
+        planner = ScriptedPlanner(reach=path_plan(), ahead=0.004)
+        answer = planner.replan
+
+        def slow(plan, observation):
+            sum(range(delay))
+            return answer(plan, observation)
+
+        planner.replan = slow
+        one = Supervised(planner)
+        return [(one.step().mode, one.state.since, one.state.movements) for _ in range(80)]
+
+    assert history(0) == history(300_000)
