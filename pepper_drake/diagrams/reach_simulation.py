@@ -297,7 +297,8 @@ class ReachSimulation:
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
         estimator = reaching.goal_estimator.GetMyContextFromRoot(root)
         if reaching.goal_estimator.GetOutputPort("valid").Eval(estimator)[0]:
-            X_WO = reaching.object_pose.Eval(estimator)
+            guard = reaching.object_pose.get_system().GetMyContextFromRoot(root)
+            X_WO = reaching.object_pose.Eval(guard)
             report.goal_estimate_error, _ = pose_error(X_WO @ scene.pre_grasp(), X_WG)
         moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
         if np.any(moving):

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+from pydrake.systems.primitives import Adder, LogVectorOutput, VectorLogSink
 
 from pepper_drake.diagrams.arm_controller import ArmController
 from pepper_drake.diagrams.compliance import (
@@ -18,6 +18,7 @@ from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
     arm_joints,
+    body_indices,
     shared_control_model,
 )
 from pepper_drake.models.objects import GOAL_OBJECT
@@ -31,16 +32,21 @@ from pepper_drake.planning.collision.arm_geometry import ArmGeometry
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
+from pepper_drake.systems.faults.fault_injector import Role
+from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, slowed_latency
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.base_position_controller import BasePositionController
+from pepper_drake.systems.robot.body_watch import BodyWatch
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
 from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 from pepper_drake.systems.robot.true_clearance import TrueClearance
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
+from pepper_drake.systems.sensing.estimate_guard import CloudGuard, PoseGuard
 from pepper_drake.systems.sensing.gaze_controller import GazeController
 from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
@@ -79,14 +85,26 @@ class Reaching(Diagram):
         primitive: MovementPrimitive,
         coupling: Coupling | None,
         config: ReachingConfig,
+        station: PepperStation | None = None,
     ) -> None:
+        """Makes the loop.
+
+        Args:
+            scene: What Pepper is in.
+            primitive: The movement that was taught.
+            coupling: How obstacles bend it; None for not at all.
+            config: How it is built.
+            station: The robot, if another than one of `config.station` in the scene.
+        """
         super().__init__()
         self.scene, self.primitive, self.config = scene, primitive, config
         self._builder = builder = DiagramBuilder()
         model = shared_control_model()
         self.geometry = ArmGeometry(model, scene.arm)
-        station = builder.AddNamedSystem("station", PepperStation(scene, config.station, model))
-        self.station: PepperStation = station
+        if station is None:
+            station = PepperStation(scene, config.station, model)
+        self.station: PepperStation = builder.AddNamedSystem("station", station)
+        self._faults = station.config.faults
         self.logs: dict[str, VectorLogSink] = {}
 
         self._add_perception()
@@ -94,6 +112,7 @@ class Reaching(Diagram):
         self._add_controller()
         self._add_commands(coupled=coupling is not None)
         self._add_motions()
+        self._add_triggers()
         self._add_logs()
         builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
         del self._builder
@@ -129,7 +148,7 @@ class Reaching(Diagram):
                     self.goal_estimator,
                     f"{name}_{camera}",
                 )
-        self.object_pose = self.goal_estimator.GetOutputPort("object_pose")
+        self._guard_goal()
 
         self.cloud_source = builder.AddNamedSystem(
             "cloud_source",
@@ -151,11 +170,10 @@ class Reaching(Diagram):
         ):
             self._connect(station.GetOutputPort(f"camera_depth.{port}"), self.cloud_source, name)
         self._connect(self.object_pose, self.cloud_source, "object_pose")
-        self._connect(self.goal_estimator.GetOutputPort("valid"), self.cloud_source, "object_valid")
-        self._connect(
-            self.goal_estimator.GetOutputPort("velocity"), self.cloud_source, "object_velocity"
-        )
+        self._connect(self.goal["valid"], self.cloud_source, "object_valid")
+        self._connect(self.goal["velocity"], self.cloud_source, "object_velocity")
         self._connect(station.GetOutputPort("torso_pose"), self.cloud_source, "X_WT")
+        self._guard_cloud()
 
         self.look_at = builder.AddNamedSystem(
             "look_at",
@@ -169,16 +187,48 @@ class Reaching(Diagram):
             ),
         )
         for name in ("age", "velocity"):
-            self._connect(self.goal_estimator.GetOutputPort(name), self.look_at, name)
+            self._connect(self.goal[name], self.look_at, name)
         self._connect(self.object_pose, self.look_at, "object_pose")
-        self._connect(self.cloud_source.GetOutputPort("cloud"), self.look_at, "cloud")
-        self._connect(self.goal_estimator.GetOutputPort("valid"), self.look_at, "valid")
+        self._connect(self.cloud["cloud"], self.look_at, "cloud")
+        self._connect(self.goal["valid"], self.look_at, "valid")
         self._connect(station.GetOutputPort("torso_pose"), self.look_at, "X_WT")
         for camera in ("top", "bottom"):
             builder.Connect(
                 self.look_at.GetOutputPort(f"{camera}_enabled"),
                 station.GetInputPort(f"camera_{camera}.enabled"),
             )
+
+    def _guard_goal(self) -> None:
+        """The estimate of the goal as others get it: failing, if it is to, and always finite."""
+        builder, estimator = self._builder, self.goal_estimator
+        roles = {
+            "object_pose": Role.VALUE,
+            "velocity": Role.CARRIED,
+            "valid": Role.VALID,
+            "age": Role.AGE,
+        }
+        ports = {name: (role, estimator.GetOutputPort(name)) for name, role in roles.items()}
+        self.goal = self._faults.tap(builder, "goal", ports)
+        guard = builder.AddNamedSystem("goal_guard", PoseGuard(time_step=_IMAGE_POLL))
+        builder.Connect(self.goal["object_pose"], guard.pose_input)
+        self.object_pose, self.goal_gap = guard.GetOutputPort("pose"), guard.GetOutputPort("age")
+
+    def _guard_cloud(self) -> None:
+        """The clouds as others get them: failing, if they are to, and such as make sense."""
+        builder, source = self._builder, self.cloud_source
+        roles = {
+            "cloud": Role.VALUE,
+            "cloud_torso": Role.VALUE,
+            "approaching": Role.CARRIED,
+            "time_stamp": Role.STAMP,
+            "fault": Role.CARRIED,
+        }
+        ports = {name: (role, source.GetOutputPort(name)) for name, role in roles.items()}
+        self.cloud = self._faults.tap(builder, "cloud", ports)
+        guard = builder.AddNamedSystem("cloud_guard", CloudGuard(time_step=_IMAGE_POLL))
+        for name in ("cloud", "cloud_torso", "time_stamp"):
+            self._connect(self.cloud[name], guard, name)
+            self.cloud[name] = guard.GetOutputPort(name)
 
     def _add_supervisor(self, coupling: Coupling | None) -> None:
         """The supervisor with its planner, and the base that it drives."""
@@ -193,19 +243,25 @@ class Reaching(Diagram):
             params=self.config.planner,
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
-        self.timed_planner = TimedPlanner(self.planner)
+        fault = self._faults.fault("planner")
+        planner: Planner = self.planner
+        if fault is not None:
+            planner = FaultyPlanner(self.planner, fault, self._faults.seed)
+        self.timed_planner = TimedPlanner(planner)
+        timing = replace(
+            self.config.timing, latency=slowed_latency(self.config.timing.latency, fault)
+        )
         self.supervisor = builder.AddNamedSystem(
-            "supervisor",
-            ReachSupervisor(self.timed_planner, self.config.timing, arm=self.scene.arm),
+            "supervisor", ReachSupervisor(self.timed_planner, timing, arm=self.scene.arm)
         )
         sources = {
             "object_pose": self.object_pose,
-            "goal_valid": self.goal_estimator.GetOutputPort("valid"),
-            "goal_age": self.goal_estimator.GetOutputPort("age"),
-            "cloud": self.cloud_source.GetOutputPort("cloud"),
-            "cloud_time": self.cloud_source.GetOutputPort("time_stamp"),
-            "cloud_fault": self.cloud_source.GetOutputPort("fault"),
-            "approaching": self.cloud_source.GetOutputPort("approaching"),
+            "goal_valid": self.goal["valid"],
+            "goal_age": self.goal["age"],
+            "cloud": self.cloud["cloud"],
+            "cloud_time": self.cloud["time_stamp"],
+            "cloud_fault": self.cloud["fault"],
+            "approaching": self.cloud["approaching"],
             "joint_position": station.GetOutputPort("joint_position"),
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_pose": station.GetOutputPort(f"{self.scene.arm}_hand_pose"),
@@ -215,15 +271,31 @@ class Reaching(Diagram):
         self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
         self.started = self.supervisor.GetOutputPort("started")
         self._connect(self.started, self.look_at, "scan_enabled")
+        self._add_base()
 
-        driver = builder.AddNamedSystem("base_driver", BasePositionController())
+    def _add_base(self) -> None:
+        """Drives the base where the supervisor sends it, and stops it before what is seen."""
+        builder, station = self._builder, self.station
+        self.driver = driver = builder.AddNamedSystem("base_driver", BasePositionController())
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
         builder.Connect(station.GetOutputPort("base_pose"), driver.base_pose_input)
-        builder.Connect(
-            driver.GetOutputPort("base_velocity_command"),
-            station.GetInputPort("base_velocity_command"),
-        )
+        velocity = driver.GetOutputPort("base_velocity_command")
+        command = self._faults.tap(builder, "base_command", {"velocity": (Role.VALUE, velocity)})
+        builder.Connect(command["velocity"], station.GetInputPort("base_velocity_command"))
         self._connect(driver.GetOutputPort("arrived"), self.supervisor, "arrived")
+        self.body_watch = watch = builder.AddNamedSystem(
+            "body_watch",
+            BodyWatch(station.control_model, self.scene.arm, time_step=_IMAGE_POLL),
+        )
+        for name, source in (
+            ("cloud", self.cloud["cloud"]),
+            ("joint_position", station.GetOutputPort("joint_position")),
+            ("base_pose", station.GetOutputPort("base_pose")),
+            ("base_velocity_command", velocity),
+            ("active", self.supervisor.GetOutputPort("started")),
+        ):
+            self._connect(source, watch, name)
+        self._connect(watch.GetOutputPort("stop_base"), self.supervisor, "base_blocked")
 
     def _add_controller(self) -> None:
         """The arm's controller, and what the arm gives way to."""
@@ -251,7 +323,7 @@ class Reaching(Diagram):
             ("torso_pose", station.GetOutputPort("torso_pose")),
             ("hand_pose", station.GetOutputPort(f"{arm}_hand_pose")),
             ("arm_position", self.arm_position),
-            ("cloud", self.cloud_source.GetOutputPort("cloud_torso")),
+            ("cloud", self.cloud["cloud_torso"]),
         ):
             self._connect(source, controller, name)
         for output, name in (
@@ -291,7 +363,7 @@ class Reaching(Diagram):
         self.seen_clearance = builder.AddNamedSystem(
             "seen_clearance", CloudClearance(self.geometry, time_step=0.05)
         )
-        self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud")
+        self._connect(self.cloud["cloud_torso"], self.seen_clearance, "cloud")
         self._connect(self.active, self.seen_clearance, "active")
         self._connect(self.arm_position, self.seen_clearance, "joint_position")
         self._connect(
@@ -310,16 +382,34 @@ class Reaching(Diagram):
                 time_step=self.config.ik.time_step,
             ),
         )
-        self._connect(merge.get_output_port(), self.safety, "joint_position_command")
+        wishes = {"position": (Role.VALUE, merge.get_output_port())}
+        wish = self._faults.tap(builder, "commands", wishes)["position"]
+        self._connect(wish, self.safety, "joint_position_command")
         self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
         if self.config.planner.collision_checked and coupled:
             self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
+            self._connect(self.body_watch.GetOutputPort("clearance"), self.safety, "body_clearance")
+        for name in ("measurement_age", "missing_joint"):
+            self._connect(station.GetOutputPort(name), self.safety, name)
+        self._connect(self.goal_gap, self.safety, "goal_gap")
+        self._connect(self.driver.GetOutputPort("held"), self.safety, "base_held")
+        stop = self.safety.GetOutputPort("stop_reason")
         for system in (self.supervisor, self.controller):
-            self._connect(self.safety.GetOutputPort("stop_reason"), system, "stop_reason")
-        builder.Connect(
-            self.safety.GetOutputPort("safe_joint_position_command"),
-            station.GetInputPort("joint_position_command"),
+            self._connect(stop, system, "stop_reason")
+        self._connect(self.safety.GetOutputPort("stop_joint"), self.supervisor, "stop_joint")
+        stops = builder.AddNamedSystem("base_stop", Adder(2, 1))
+        builder.Connect(stop, stops.get_input_port(0))
+        builder.Connect(self.body_watch.GetOutputPort("stop_base"), stops.get_input_port(1))
+        builder.Connect(stops.get_output_port(), self.driver.stop_input)
+        self.command = self.safety.GetOutputPort("safe_joint_position_command")
+        arriving = self._faults.tap(
+            builder,
+            "actuators",
+            {"position": (Role.VALUE, self.command)},
+            elements=body_indices([*JOINT_GROUPS["head"], *arm_joints(arm)]),
+            neutral=station.GetOutputPort("joint_position"),
         )
+        builder.Connect(arriving["position"], station.GetInputPort("joint_position_command"))
 
     def _contact_params(self) -> ContactParams | None:
         """When a joint counts as held, on a robot of this latency and slack."""
@@ -344,6 +434,14 @@ class Reaching(Diagram):
                 self._builder.Connect(self.started, path.trigger_input)
                 self._connect(path.get_output_port(), self.station, port)
 
+    def _add_triggers(self) -> None:
+        """Tells faults that wait for the arm when it starts."""
+        started = self.supervisor.GetOutputPort("started")
+        for injector in self._faults.waiting(self._builder):
+            self._connect(started, injector, "trigger")
+        if self.station.HasInputPort("fault_trigger"):
+            self._connect(started, self.station, "fault_trigger")
+
     def _add_logs(self) -> None:
         """Logs what the report and the figures need, and watches the true clearance."""
         builder, station = self._builder, self.station
@@ -357,12 +455,13 @@ class Reaching(Diagram):
         sources = {
             "state": station.GetOutputPort("ground_truth.state"),
             "joint_position": station.GetOutputPort("joint_position"),
-            "joint_command": self.safety.GetOutputPort("safe_joint_position_command"),
+            "joint_command": self.command,
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
             "mode": self.supervisor.GetOutputPort("mode"),
             "clearance": self.clearance.get_output_port(),
             "seen_clearance": self.seen_clearance.get_output_port(),
+            "body_clearance": self.body_watch.GetOutputPort("clearance"),
         }
         for name in ("desired_position", "goal_position", "phase", "tau", "coupling"):
             sources[name] = self.controller.GetOutputPort(name)
