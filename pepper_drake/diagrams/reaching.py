@@ -43,6 +43,7 @@ from pepper_drake.systems.robot.body_watch import BodyWatch
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
 from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
+from pepper_drake.systems.robot.touch_monitor import TouchMonitor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 from pepper_drake.systems.robot.true_clearance import TrueClearance
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
@@ -452,7 +453,15 @@ class Reaching(Diagram):
             ),
         )
         self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
+        touch = builder.AddNamedSystem(
+            "touch_monitor",
+            TouchMonitor(robot=station.robot_bodies(), goal=station.goal_bodies()),
+        )
+        self._connect(
+            station.GetOutputPort("ground_truth.contact_results"), touch, "contact_results"
+        )
         sources = {
+            "contact_force": touch.get_output_port(),
             "state": station.GetOutputPort("ground_truth.state"),
             "joint_position": station.GetOutputPort("joint_position"),
             "joint_command": self.command,
