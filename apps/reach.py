@@ -7,6 +7,8 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --scene shelf --arm left     another scene, the other arm
   reach.py --goal-motion up             the object moves while the arm is on its way
   reach.py --push 0 0 5                 somebody pushes the hand on its way
+  reach.py --robot worn --seed 3        a used robot: slack, offsets, slip, latency
+  reach.py --fault depth:stuck@reach    the depth camera's image freezes when the arm starts
   reach.py --no-avoidance               what happens without the obstacle coupling
   reach.py --live                       watch it in a browser, in real time
 
@@ -22,9 +24,15 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from pepper_drake import cli
+from pepper_drake.cli_robot import add_robot_options, chosen_faults, chosen_wear
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.diagrams.compliance import ComplianceConfig
-from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
+from pepper_drake.diagrams.factory import (
+    make_coupling,
+    make_gentle,
+    make_primitive,
+    prepare_scene,
+)
 from pepper_drake.diagrams.reach_simulation import (
     ReachResult,
     ReachSimulation,
@@ -60,6 +68,7 @@ def make_parser() -> ArgumentParser:
     """Makes the parser of this app's options."""
     parser = cli.make_parser("reach", __doc__)
     add_scene_options(parser)
+    add_robot_options(parser)
     parser.add_argument(
         "--demo",
         type=Path,
@@ -105,6 +114,11 @@ def make_parser() -> ArgumentParser:
         help="when, after the arm has started (default: %(default)s s)",
     )
     parser.add_argument(
+        "--gentle",
+        action="store_true",
+        help="move so slowly that no point of the arm is faster than 250 mm/s",
+    )
+    parser.add_argument(
         "--live", action="store_true", help="show it in a browser in real time, and stay open"
     )
     cli.add_host_option(parser)
@@ -125,13 +139,18 @@ def build(options: Namespace) -> Reaching:
             seed=options.seed,
             goal_motion_port=options.goal_motion is not None,
             obstacle_motion_ports=options.moving,
+            wear=chosen_wear(options),
+            faults=chosen_faults(options),
         ),
         compliance=compliance(options),
     )
     config.planner.collision_checked = not options.unvetted
+    primitive = make_primitive(options.demo, scene.arm)
+    if options.gentle:
+        primitive, config.ik = make_gentle(primitive, config.ik)
     return Reaching(
         scene,
-        make_primitive(options.demo, scene.arm),
+        primitive,
         make_coupling("none" if options.no_avoidance else scene.coupling),
         config,
     )

@@ -14,7 +14,7 @@ FLOORS = (
     ("planning",),
     ("systems", "results", "naoqi"),
     ("scenario", "cli"),
-    ("cli_scene",),
+    ("cli_scene", "cli_robot"),
     ("diagrams",),
     ("hardware", "robot_server", "evaluation"),
     ("optimization", "benchmarking", "live"),

@@ -17,6 +17,9 @@ from pepper_drake.systems.robot.joint_command_interpolator import JointCommandIn
 from pepper_drake.systems.robot.measurement_guard import MeasurementGuard
 from pepper_drake.systems.robot.worn_joints import CommandLatency, JointBacklash
 
+STATION_SIGNALS = ("top", "bottom", "depth", "stamps", "encoders", "base_pose")
+"""The signals that can fail in a station; the others are of who uses it."""
+
 
 def add_offset(
     builder: DiagramBuilder, name: str, port: OutputPort, offset: Sequence[float]
