@@ -277,6 +277,7 @@ class PepperStation(Diagram):
             wear=config.wear,
             faults=config.faults,
             failing_joints=body_indices([*JOINT_GROUPS["head"], *arm_joints(self._arm(scene))]),
+            limits=model.command_limits(BODY_JOINTS),
         )
         self._add_motions(builder)
         add_gravity_compensation(builder, plant)

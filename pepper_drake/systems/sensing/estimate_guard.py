@@ -18,12 +18,14 @@ from pydrake.systems.framework import (
 
 _FARTHEST = 12.0
 """No depth camera of the robot's sees farther [m]."""
+_FARTHEST_GOAL = 100.0
+"""No goal is so far from where the robot began [m]."""
 _LARGEST_SHARE = 0.02
 """A cloud with a larger share of senseless points is none."""
 
 
 class PoseGuard(LeafSystem):
-    """Passes a pose on; while its position is not finite, the last that was is given.
+    """Passes a pose on; while its position is not finite, or far away, the last other is given.
 
     .. pydrake_system::
 
@@ -57,7 +59,8 @@ class PoseGuard(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
 
     def _is_finite(self, context: Context) -> bool:
-        return bool(np.isfinite(self.pose_input.Eval(context).GetAsMatrix34()).all())
+        pose = self.pose_input.Eval(context).GetAsMatrix34()
+        return bool(np.isfinite(pose).all() and np.abs(pose[:, 3]).max() < _FARTHEST_GOAL)
 
     def _update(self, context: Context, state: State) -> EventStatus:
         age = state.get_mutable_discrete_state(self._age).get_mutable_value()
