@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup reach test lint docs bench clean
+.PHONY: help setup reach faults test lint docs bench clean
 
 help: ## List the targets.
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -17,6 +17,10 @@ $(STAMP): pyproject.toml constraints.txt scripts/setup.sh
 
 reach: $(STAMP) ## Pepper reaches: the main job. ARGS="--live" shows it in a browser.
 	@$(BIN)/python apps/reach.py $(ARGS)
+
+faults: $(STAMP) ## Inject every fault into whole reaches; writes docs/faults.md. Takes hours.
+	@$(BIN)/python apps/faults.py $(ARGS)
+	@cp out/faults/faults.md docs/faults.md
 
 # A process for each core: threads inside them would only wait for one another. Tests of a module
 # stay together, as they share what it builds.

@@ -9,7 +9,7 @@ Each line names a check, what was found, and the mend. Exit code 0: ready; 1: no
 import asyncio
 
 from pepper_drake import cli
-from pepper_drake.hardware.options import add_robot_options, robot_access
+from pepper_drake.hardware.options import add_link_options, robot_access
 from pepper_drake.hardware.preflight import Check, PreflightOptions, preflight
 from pepper_drake.hardware.transport import RobotAccess, make_transport
 
@@ -27,7 +27,7 @@ async def check(access: RobotAccess, arm: str, options: PreflightOptions) -> lis
 def main() -> int:
     """Runs the app."""
     parser = cli.make_parser("preflight", __doc__)
-    add_robot_options(parser, required=True)
+    add_link_options(parser, required=True)
     parser.add_argument(
         "--arm", choices=("left", "right"), default="right", help="default: %(default)s"
     )

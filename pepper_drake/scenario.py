@@ -14,16 +14,25 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from pepper_drake.diagrams.compliance import ComplianceConfig
+from pepper_drake.diagrams.factory import make_coupling, make_gentle, make_primitive
 from pepper_drake.diagrams.head_perception import PerceptionConfig
-from pepper_drake.diagrams.reaching import ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.robot_wear import ROBOTS, RobotWear
 from pepper_drake.models.scene import Scene, load_scene
 from pepper_drake.models.typed_yaml import load_yaml, save_yaml, with_settings
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.systems.faults.fault import parse_faults
+from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.guiding.external_force import ForcePulse
 
+_PUSH_DURATION = 0.5
+"""Time that the hand is pushed [s]."""
 _NOT_IN_FILES = ("seed", "wear", "faults")
 """Fields of `StationConfig` that follow from other fields of a scenario."""
 
@@ -92,18 +101,58 @@ class Scenario:
             checked.check()
         if self.push and len(self.push) != 3:
             raise InputError(f"push has {len(self.push)} numbers; give three, or none")
+        if self.robot not in ROBOTS:
+            raise InputError(f'robot is "{self.robot}"; it must be {" or ".join(ROBOTS)}')
+        parse_faults(self.faults)
 
     def reaching_config(self) -> ReachingConfig:
-        """Returns the part that `Reaching` is built from, without wear, faults and pushes."""
-        station = StationConfig(**dataclasses.asdict(self.station), seed=self.seed)
+        """Returns what `Reaching` is built from."""
+        pushes = (
+            (ForcePulse((self.push[0], self.push[1], self.push[2]), self.push_at, _PUSH_DURATION),)
+            if self.push
+            else ()
+        )
         return ReachingConfig(
-            station=station,
+            station=StationConfig(
+                **dataclasses.asdict(self.station),
+                seed=self.seed,
+                wear=RobotWear.draw(self.seed) if self.robot == "worn" else None,
+                faults=FaultSet(parse_faults(self.faults), self.seed),
+            ),
             ik=self.controller,
             planner=self.planner,
             timing=self.supervisor,
             perception=self.perception,
             contact=self.contact,
+            compliance=ComplianceConfig(pushes=pushes) if pushes else None,
         )
+
+
+def movement_and_config(scenario: Scenario) -> tuple[MovementPrimitive, ReachingConfig]:
+    """Returns the movement of a scenario, and what its diagram is built from.
+
+    Raises:
+        InputError: The demonstration cannot be read.
+    """
+    demonstration = Path(scenario.demonstration) if scenario.demonstration else None
+    primitive, config = (
+        make_primitive(demonstration, scenario.scene.arm),
+        scenario.reaching_config(),
+    )
+    if scenario.gentle:
+        primitive, config.ik = make_gentle(primitive, config.ik)
+    return primitive, config
+
+
+def build_reaching(scenario: Scenario) -> Reaching:
+    """Builds the diagram of a scenario.
+
+    Raises:
+        InputError: The demonstration cannot be read.
+    """
+    primitive, config = movement_and_config(scenario)
+    coupling = make_coupling(scenario.scene.coupling if scenario.avoid_obstacles else "none")
+    return Reaching(scenario.scene, primitive, coupling, config)
 
 
 def load_scenario(path: Path | None = None, settings: Sequence[str] = ()) -> Scenario:

@@ -15,7 +15,7 @@ FLOORS = (
     ("planning",),
     ("systems", "results", "naoqi"),
     ("cli",),
-    ("cli_scene", "cli_demonstration"),
+    ("cli_scene", "cli_robot", "cli_demonstration"),
     ("diagrams",),
     ("scenario",),
     ("hardware", "robot_server", "evaluation"),

@@ -14,6 +14,7 @@ from pydrake.systems.primitives import (
 )
 from pydrake.trajectories import PiecewisePolynomial
 
+from pepper_drake.diagrams.robot_signals import export_triggers
 from pepper_drake.diagrams.station import PepperStation, select_joints
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS
@@ -24,9 +25,11 @@ from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.systems.faults.fault_injector import FaultSet, Role
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.body_pose import BodyPose
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
+from pepper_drake.systems.sensing.estimate_guard import CloudGuard, PoseGuard
 from pepper_drake.systems.sensing.gaze_controller import GazeController
 from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
@@ -52,6 +55,22 @@ _CAMERAS = {
 }
 """Each camera's ports at the station, and their names at the system that reads them."""
 _GOAL = {"object_pose": "object_pose", "valid": "goal_valid", "age": "goal_age"}
+_GOAL_ROLES = {
+    "object_pose": Role.VALUE,
+    "velocity": Role.CARRIED,
+    "valid": Role.VALID,
+    "age": Role.AGE,
+}
+_CLOUD_ROLES = {
+    "cloud": Role.VALUE,
+    "cloud_torso": Role.VALUE,
+    "predicted_cloud": Role.CARRIED,
+    "predicted_cloud_torso": Role.CARRIED,
+    "time_stamp": Role.STAMP,
+    "age": Role.AGE,
+    "fault": Role.CARRIED,
+}
+"""What the ports are to a fault of the signals "goal" and "cloud"."""
 _CLOUD = {
     "cloud": "cloud",
     "cloud_torso": "cloud_torso",
@@ -103,6 +122,7 @@ class HeadPerception(Diagram):
         - object_pose
         - goal_valid
         - goal_age
+        - goal_gap
         - cloud
         - cloud_torso
         - predicted_cloud
@@ -115,9 +135,10 @@ class HeadPerception(Diagram):
         - camera_bottom.enabled
 
     The inputs are a station's ports. `scan_enabled` (1): see `GazeController`. Outputs: X_WO of the
-    goal object, whether it is known (1) and since when it was seen [s]; the obstacles and where
-    moving ones will be soon, in W and in T (PointCloud); time, age [s] and fault of the last depth
-    image; HeadYaw and HeadPitch [rad] (2); whether a colour camera is to take images (1).
+    goal object, whether it is known (1), since when it was seen, and since when its estimate made
+    no sense [s]; the obstacles and where moving ones will be soon, in W and in T (PointCloud);
+    time, age [s] and fault of the last depth image; HeadYaw and HeadPitch [rad] (2); whether a
+    colour camera is to take images (1).
 
     Without cameras the goal's true pose is known and there are no obstacles.
     """
@@ -221,15 +242,44 @@ class HeadPerception(Diagram):
             reader = source if camera == "camera_depth" else estimator
             for port, name in ports.items():
                 builder.ExportInput(reader.GetInputPort(name), f"{camera}.{port}")
+        goal = self._guarded_goal(estimator, station.config.faults)
         for name in ("object_pose", "valid", "age", "velocity"):
-            builder.Connect(estimator.GetOutputPort(name), self._gaze.GetInputPort(name))
+            builder.Connect(goal[name], self._gaze.GetInputPort(name))
         for name in ("object_pose", "valid", "velocity"):
             target = name if name == "object_pose" else f"object_{name}"
-            builder.Connect(estimator.GetOutputPort(name), source.GetInputPort(target))
-        builder.Connect(source.GetOutputPort("cloud"), self._gaze.GetInputPort("cloud"))
-        for system, names in ((estimator, _GOAL), (source, _CLOUD)):
+            builder.Connect(goal[name], source.GetInputPort(target))
+        cloud = self._guarded_cloud(source, station.config.faults)
+        builder.Connect(cloud["cloud"], self._gaze.GetInputPort("cloud"))
+        for ports, names in ((goal, _GOAL), (cloud, _CLOUD)):
             for port, name in names.items():
-                builder.ExportOutput(system.GetOutputPort(port), name)
+                builder.ExportOutput(ports[port], name)
+        export_triggers(builder, station.config.faults)
+
+    def _guarded_goal(self, estimator: System, faults: FaultSet) -> dict[str, OutputPort]:
+        """The estimate of the goal as others get it: failing, if it is to, and never senseless."""
+        builder = self._builder
+        ports = {name: (role, estimator.GetOutputPort(name)) for name, role in _GOAL_ROLES.items()}
+        goal = faults.tap(builder, "goal", ports)
+        guard = builder.AddNamedSystem(
+            "goal_guard", PoseGuard(time_step=self._config.image_poll_period)
+        )
+        builder.Connect(goal["object_pose"], guard.pose_input)
+        builder.ExportOutput(guard.GetOutputPort("age"), "goal_gap")
+        return goal | {"object_pose": guard.GetOutputPort("pose")}
+
+    def _guarded_cloud(self, source: System, faults: FaultSet) -> dict[str, OutputPort]:
+        """The clouds as others get them: failing, if they are to, and never senseless."""
+        builder = self._builder
+        ports = {name: (role, source.GetOutputPort(name)) for name, role in _CLOUD_ROLES.items()}
+        cloud = faults.tap(builder, "cloud", ports)
+        guard = builder.AddNamedSystem(
+            "cloud_guard", CloudGuard(time_step=self._config.image_poll_period)
+        )
+        guarded = {}
+        for name in ("cloud", "cloud_torso", "time_stamp"):
+            builder.Connect(cloud[name], guard.GetInputPort(name))
+            guarded[name] = guard.GetOutputPort(name)
+        return cloud | guarded
 
     def _add_known_goal(self, station: PepperStation) -> None:
         """Adds what stands for the estimators where there are no cameras."""
@@ -247,7 +297,7 @@ class HeadPerception(Diagram):
         one = constant("one", ConstantVectorSource([1.0]))
         nothing = constant("no_obstacles", ConstantValueSource(Value(PointCloud())))
         builder.ExportOutput(one, "goal_valid")
-        for name in ("goal_age", "cloud_age", "cloud_fault"):
+        for name in ("goal_age", "goal_gap", "cloud_age", "cloud_fault"):
             builder.ExportOutput(zero, name)
         # There is always a new image of nothing.
         times = PiecewisePolynomial.FirstOrderHold([0.0, _EVER], [[0.0, _EVER]])

@@ -189,6 +189,7 @@ class PepperStation(Diagram):
         - ground_truth.state
         - ground_truth.body_poses
         - ground_truth.body_velocities
+        - ground_truth.contact_results
 
     The joint ports have 15 elements in the order of `BODY_JOINTS` (rad); `base_velocity_command`
     is vx, vy, yaw rate in the base frame; `base_pose` is x, y, yaw in W by odometry. What is
@@ -259,6 +260,7 @@ class PepperStation(Diagram):
         for name, position in positions.items():
             plant.GetJointByName(name, self.pepper).set_default_positions([position])
 
+        arm = "right" if scene is None else scene.arm
         true = self._add_true_state(builder)
         gap = add_servos(
             builder,
@@ -277,7 +279,8 @@ class PepperStation(Diagram):
             gap=gap,
             wear=config.wear,
             faults=config.faults,
-            failing_joints=body_indices([*JOINT_GROUPS["head"], *arm_joints(self._arm(scene))]),
+            failing_joints=body_indices([*JOINT_GROUPS["head"], *arm_joints(arm)]),
+            limits=model.command_limits(BODY_JOINTS),
         )
         self._add_motions(builder)
         add_gravity_compensation(builder, plant)
@@ -294,6 +297,9 @@ class PepperStation(Diagram):
         builder.ExportOutput(plant.get_body_poses_output_port(), "ground_truth.body_poses")
         builder.ExportOutput(
             plant.get_body_spatial_velocities_output_port(), "ground_truth.body_velocities"
+        )
+        builder.ExportOutput(
+            plant.get_contact_results_output_port(), "ground_truth.contact_results"
         )
         builder.ExportInput(plant.get_applied_spatial_force_input_port(), "applied_forces")
         export_triggers(builder, config.faults)
@@ -323,6 +329,14 @@ class PepperStation(Diagram):
         return self._geometries(
             self.plant.GetBodyByName(name).index() for name in self.scene_models.obstacles
         )
+
+    def robot_bodies(self) -> set[BodyIndex]:
+        """The indices of Pepper's bodies."""
+        return set(self.plant.GetBodyIndices(self.pepper))
+
+    def goal_bodies(self) -> set[BodyIndex]:
+        """The index of the goal object's body."""
+        return {self.plant.GetBodyByName(self.scene_models.goal_object).index()}
 
     def goal_geometries(self) -> set[GeometryId]:
         """The collision geometries of the goal object."""

@@ -7,16 +7,25 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
 from pepper_drake.hardware.qi_client import RobotAddress
 from pepper_drake.hardware.transport import LINKS, RobotAccess
+from pepper_drake.models.robot_wear import ROBOTS
 
 
-def add_robot_options(parser: ArgumentParser, *, required: bool = False) -> None:
+def add_link_options(parser: ArgumentParser, *, required: bool = False) -> None:
     """Adds the way to a robot.
 
     Args:
         parser: An app's.
-        required: Whether there is no simulation that the app could take instead.
+        required: Whether there is no simulation that the app could take instead; else the app has
+            `--robot` of `pepper_drake.cli_robot`.
     """
-    if not required:
+    if required:
+        parser.add_argument(
+            "--robot",
+            metavar="ADDRESS",
+            required=True,
+            help="address of a Pepper, as tcp://192.168.1.10:9559, or of apps/serve_naoqi.py",
+        )
+    else:
         parser.add_argument(
             "--station",
             choices=("simulated", "naoqi"),
@@ -30,12 +39,6 @@ def add_robot_options(parser: ArgumentParser, *, required: bool = False) -> None
             metavar="RATE",
             help="for a served robot on a slow machine: as serve_naoqi.py --rate (default: 1)",
         )
-    parser.add_argument(
-        "--robot",
-        metavar="ADDRESS",
-        required=required,
-        help="address of a Pepper, as tcp://192.168.1.10:9559, or of apps/serve_naoqi.py",
-    )
     parser.add_argument(
         "--password-file",
         type=Path,
@@ -72,7 +75,7 @@ def robot_access(options: Namespace) -> RobotAccess:
     Raises:
         InputError: There is no address, it is none, or the password's file cannot be read.
     """
-    if options.robot is None:
+    if options.robot in ROBOTS:
         raise InputError("--station naoqi needs --robot ADDRESS, as tcp://192.168.1.10:9559")
     address = str(RobotAddress.parse(options.robot))
     user = password = ""
@@ -95,8 +98,11 @@ def check_station(options: Namespace, simulated_only: dict[str, object]) -> bool
         InputError: A robot is named without --station naoqi, or is asked for what it cannot do.
     """
     if options.station == "simulated":
-        if options.robot is not None:
-            raise InputError("--robot needs --station naoqi")
+        if options.robot not in ROBOTS:
+            raise InputError(
+                f"--robot {options.robot} is no simulated robot; it is {' or '.join(ROBOTS)}, or an "
+                "address with --station naoqi"
+            )
         return False
     for name, default in simulated_only.items():
         if getattr(options, name) != default:
