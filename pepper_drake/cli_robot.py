@@ -18,7 +18,7 @@ def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> Non
     """
     parser.add_argument(
         "--robot",
-        type=str if addresses else None,
+        type=str,
         choices=None if addresses else ROBOTS,
         metavar="ideal|worn|ADDRESS" if addresses else None,
         default="ideal",

@@ -54,7 +54,7 @@ def _without(schema: type, names: Sequence[str]) -> Any:
     return dataclasses.make_dataclass(f"{schema.__name__}InFiles", columns)
 
 
-StationSettings = _without(StationConfig, _NOT_IN_FILES)
+StationSettings: Any = _without(StationConfig, _NOT_IN_FILES)
 """The fields of `StationConfig` that a scenario sets."""
 
 
@@ -79,7 +79,7 @@ class Scenario:
     """Force at the hand on its way, x, y, z in W [N]; none if empty."""
     push_at: float = 1.5
     """Start of the push after the arm's start [s]."""
-    station: StationSettings = field(default_factory=StationSettings)  # type: ignore[valid-type]
+    station: StationSettings = field(default_factory=StationSettings)
     """The simulated robot and its cameras."""
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
@@ -107,11 +107,10 @@ class Scenario:
 
     def reaching_config(self) -> ReachingConfig:
         """Returns what `Reaching` is built from."""
-        pushes = (
-            (ForcePulse((self.push[0], self.push[1], self.push[2]), self.push_at, _PUSH_DURATION),)
-            if self.push
-            else ()
-        )
+        pushes: tuple[ForcePulse, ...] = ()
+        if self.push:
+            x, y, z = self.push
+            pushes = (ForcePulse((x, y, z), self.push_at, _PUSH_DURATION),)
         return ReachingConfig(
             station=StationConfig(
                 **dataclasses.asdict(self.station),

@@ -100,7 +100,7 @@ def check_station(options: Namespace, simulated_only: dict[str, object]) -> bool
     if options.station == "simulated":
         if options.robot not in ROBOTS:
             raise InputError(
-                f"--robot {options.robot} is no simulated robot; it is {' or '.join(ROBOTS)}, or an "
+                f"--robot {options.robot} is none to simulate; it is {' or '.join(ROBOTS)}, or an "
                 "address with --station naoqi"
             )
         return False
