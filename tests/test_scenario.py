@@ -19,7 +19,14 @@ def leaves(value, prefix=""):
 
 
 def test_a_saved_scenario_is_loaded_whole(tmp_path):
-    scenario = load_scenario(None, ["seed=7", "planner.clearance.want=0.018", "faults=[a, b]"])
+    scenario = load_scenario(
+        None,
+        [
+            "seed=7",
+            "planner.clearance.want=0.018",
+            "faults=['depth:stuck@4+2', 'encoders:garbage@reach']",
+        ],
+    )
     scenario.scene = load_scene("shelf")
     save_scenario(scenario, tmp_path / "scenario.yaml")
     assert load_scenario(tmp_path / "scenario.yaml") == scenario
