@@ -29,6 +29,7 @@ from pepper_drake.benchmarking.summary import MethodSummary, Scenes, markdown_ta
 from pepper_drake.cli_robot import add_robot_options
 from pepper_drake.errors import InputError
 from pepper_drake.reporting.benchmark_figure import draw_benchmark
+from pepper_drake.results.folder import whole_results
 from pepper_drake.systems.faults.fault import parse_faults
 
 
@@ -142,21 +143,23 @@ def save(
         }
         for summary in summaries
     }
-    (options.output / "benchmark.md").write_text(f"# Reaching: {scenes}\n\n{text}")
     content = {
         "scenes": sorted(scenes.all),
         "solvable": None if scenes.solvable is None else sorted(scenes.solvable),
         "methods": [asdict(summary) for summary in summaries],
         "not_reached": failing,
     }
-    (options.output / "benchmark.json").write_text(json.dumps(content, indent=2) + "\n")
-    draw_benchmark(summaries, results).savefig(options.output / "benchmark.png", dpi=110)
+    names = ("benchmark.md", "benchmark.json", "benchmark.png")
+    with whole_results(options.output, names) as folder:
+        (folder / "benchmark.md").write_text(f"# Reaching: {scenes}\n\n{text}")
+        (folder / "benchmark.json").write_text(json.dumps(content, indent=2) + "\n")
+        draw_benchmark(summaries, results).savefig(folder / "benchmark.png", dpi=110)
     return text
 
 
 def main() -> int:
     """Runs the app."""
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
     cli.quiet_libraries()
     if options.replay is not None:
         return replay(options)

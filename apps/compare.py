@@ -10,7 +10,7 @@ from dataclasses import asdict
 
 from tqdm import tqdm
 
-from pepper_drake.cli import EXIT_DONE, make_parser, run
+from pepper_drake.cli import EXIT_DONE, make_parser, parse, run
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import (
     REPORT_NUM_BASIS,
@@ -18,12 +18,12 @@ from pepper_drake.evaluation.approximator_comparison import (
     markdown_table,
     reproduce_demonstration,
 )
-from pepper_drake.files import write_atomically
 from pepper_drake.learning import approximator_names
 from pepper_drake.learning.approximators.registry import get_approximator
 from pepper_drake.learning.demonstrations.demonstration_folder import load_all
 from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
 from pepper_drake.reporting.comparison_figure import draw_comparison
+from pepper_drake.results.folder import whole_results
 
 
 def main() -> int:
@@ -50,16 +50,12 @@ def main() -> int:
         metavar="NAME",
         help=f"some of {', '.join(approximator_names())} (default: all)",
     )
-    arguments = parser.parse_args()
+    arguments = parse(parser)
     names, nums_basis = list(arguments.approximators), list(arguments.num_basis)
     for name in names:
         get_approximator(name)
     if min(nums_basis) < 1:
         raise InputError(f"--num-basis: {min(nums_basis)} basis functions; use at least 1")
-    try:  # Before the work, not after it.
-        arguments.output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--output {arguments.output}: {error.strerror}") from None
     demonstrations = load_all(arguments.demonstrations)
     if not demonstrations:
         demonstrations = example_demonstrations(seed=arguments.seed)
@@ -75,9 +71,10 @@ def main() -> int:
         "demonstrations": [demonstration.name for demonstration in demonstrations],
         "rows": [asdict(row) for row in rows],
     }
-    write_atomically(arguments.output / "table.json", json.dumps(table, indent=2) + "\n")
-    write_atomically(arguments.output / "table.md", markdown_table(rows))
-    draw_comparison(shown, paths, rows).savefig(arguments.output / "comparison.png", dpi=120)
+    with whole_results(arguments.output, ("table.json", "table.md", "comparison.png")) as folder:
+        (folder / "table.json").write_text(json.dumps(table, indent=2) + "\n")
+        (folder / "table.md").write_text(markdown_table(rows))
+        draw_comparison(shown, paths, rows).savefig(folder / "comparison.png", dpi=120)
     if not arguments.quiet:
         print(markdown_table(rows))
         print(f"written to {arguments.output}: table.json, table.md, comparison.png")

@@ -76,7 +76,7 @@ def build(name: str, scene: Scene) -> Diagram:
 
 def main() -> int:
     """Runs the app."""
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
     logging.getLogger("drake").setLevel(logging.WARNING)
     diagram = build(options.name, load_scene(options.scene))
     options.output.mkdir(parents=True, exist_ok=True)

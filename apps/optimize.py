@@ -15,12 +15,13 @@
 The cost is a sum of terms with weights (as above, or in a YAML file), or a function in a Python
 file. Each update tries some variations and moves to what did well. Results: primitive.yaml (the
 cheapest movement found), cost.png (the cost of each update), ways.png, report.json, history.npz.
-Ctrl-C keeps what was done; the same command with --resume goes on, to the same result as if it
-had not been interrupted.
+Whatever ends it, what was tried until a second before is kept; the same command with --resume goes
+on, to the same result as if it had not been interrupted.
 """
 
 import json
 import math
+import shutil
 import sys
 import time
 from argparse import ArgumentParser, Namespace
@@ -36,14 +37,13 @@ from tqdm import tqdm
 from pepper_drake import cli
 from pepper_drake.diagrams.factory import prepare_scene
 from pepper_drake.errors import InputError
-from pepper_drake.files import write_atomically
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.scene import load_scene
 from pepper_drake.optimization.averaging import decay_over
 from pepper_drake.optimization.comparison import compare_methods
 from pepper_drake.optimization.cost import CostFunction, CostWeights, parse_cost
 from pepper_drake.optimization.cost_terms import Task
-from pepper_drake.optimization.history import History
+from pepper_drake.optimization.history import History, HistoryKeeper
 from pepper_drake.optimization.methods import METHODS, make_optimizer
 from pepper_drake.optimization.movement_problem import (
     CLEARANCE,
@@ -67,8 +67,11 @@ from pepper_drake.optimization.ratings import RatingCollector, rated
 from pepper_drake.optimization.search import search
 from pepper_drake.reporting.optimization_figures import draw_comparison, save_reproductions
 from pepper_drake.reporting.optimization_report import save_search
+from pepper_drake.results.folder import INTERRUPTED, whole_results
 
-EXIT_INTERRUPTED = 130
+HISTORY = "history.npz"
+RESULTS = ("report.json", "primitive.yaml", HISTORY, "cost.png", "ways.png")
+"""The files that a search leaves."""
 
 DECAYING = ("algorithm3", "enac")
 """Methods whose exploration shrinks by a factor that is given."""
@@ -220,7 +223,8 @@ def started(options: Namespace) -> History:
     """A new history, or the one that is to be resumed."""
     history = History()
     if options.resume:
-        history = History.load(options.output / "history.npz")
+        kept = options.output / INTERRUPTED / HISTORY
+        history = History.load(kept if kept.exists() else options.output / HISTORY)
         if options.decay is None:
             options.decay = history.settings.get("decay")
     if options.decay is None:
@@ -277,8 +281,9 @@ def write_results(
     converged: bool,
 ) -> None:
     """Writes what was found so far, and says it."""
-    folder = options.output
-    measured = save_search(folder, history, evaluate, seconds=seconds, converged=converged)
+    with whole_results(options.output, RESULTS) as folder:
+        measured = save_search(folder, history, evaluate, seconds=seconds, converged=converged)
+    shutil.rmtree(options.output / INTERRUPTED, ignore_errors=True)
     if options.quiet:
         return
     first, cost = history.mean_costs[0], history.best()[1]
@@ -286,7 +291,9 @@ def write_results(
     print(f"cost {before} before, {cost:.4g} for the best of {history.rollouts} rollouts")
     for name, value in measured.items():
         print(f"  {name:18} {value:.4g}")
-    print(f"wrote primitive.yaml, report.json, history.npz, cost.png and ways.png to {folder}")
+    print(
+        f"wrote primitive.yaml, report.json, history.npz, cost.png and ways.png to {options.output}"
+    )
 
 
 def run_search(options: Namespace, problem: Problem, evaluate: MovementRollouts) -> int:
@@ -310,6 +317,12 @@ def run_search(options: Namespace, problem: Problem, evaluate: MovementRollouts)
         disable=options.quiet or rating > 0.0,
     )
     interrupted = False
+    keeper = HistoryKeeper(options.output / INTERRUPTED / HISTORY, history)
+
+    def progress(count: int) -> None:
+        bar.update(count)
+        keeper.keep()
+
     try:
         with workers(options, alone=rating > 0.0) as executor, bar:
             search(
@@ -321,14 +334,14 @@ def run_search(options: Namespace, problem: Problem, evaluate: MovementRollouts)
                 # A tutor, or half a minute in the diagram, would be asked too much.
                 evaluate_means=rating == 0.0 and options.rollouts != "diagram",
                 target=options.target,
-                progress=bar.update,
+                progress=progress,
                 on_update=lambda h: bar.set_postfix_str(f"best cost {h.best()[1]:.4g}"),
             )
     except (KeyboardInterrupt, EOFError):
         interrupted = True
-    finally:
-        if history.means:
-            history.save(options.output / "history.npz")
+    except BaseException:
+        keeper.keep(now=True)
+        raise
     if history.means:
         seconds = time.perf_counter() - begin
         write_results(options, history, evaluate, seconds, optimizer.converged)
@@ -338,7 +351,7 @@ def run_search(options: Namespace, problem: Problem, evaluate: MovementRollouts)
             "command with --resume to go on",
             file=sys.stderr,
         )
-        return EXIT_INTERRUPTED
+        return cli.EXIT_INTERRUPTED
     return cli.EXIT_DONE
 
 
@@ -358,15 +371,15 @@ def run_comparison(options: Namespace, problem: Problem) -> int:
         )
     title = f"{len(problem.guess)} parameters, {options.samples} samples in each update"
     figure = draw_comparison(comparison.costs, comparison.rollouts, title)
-    options.output.mkdir(parents=True, exist_ok=True)
-    figure.savefig(options.output / "comparison.png", dpi=110)
     summary = comparison.summary()
     table = {
         "rollouts": comparison.rollouts.tolist(),
         "final": summary,
         "costs": {name: costs.tolist() for name, costs in comparison.costs.items()},
     }
-    write_atomically(options.output / "comparison.json", json.dumps(table) + "\n")
+    with whole_results(options.output, ("comparison.png", "comparison.json")) as folder:
+        figure.savefig(folder / "comparison.png", dpi=110)
+        (folder / "comparison.json").write_text(json.dumps(table) + "\n")
     if not options.quiet:
         for name, row in summary.items():
             print(f"{name:12} " + "  ".join(f"{word} {v:.4g}" for word, v in row.items()))
@@ -376,7 +389,7 @@ def run_comparison(options: Namespace, problem: Problem) -> int:
 
 def main() -> int:
     """Runs the app and returns its exit code."""
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
     if options.updates < 1 or options.seeds < 1:
         raise InputError("--updates, --seeds: use at least 1")
     primitive = load_movement(options.movement)

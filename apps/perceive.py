@@ -4,9 +4,18 @@ Pepper stands where the scene puts it and looks at the goal object. The obstacle
 depth camera and by a stereo pair, the marker on the goal object from all around by both colour
 cameras. The output folder gets report.json, images.png, clouds.png, goal.png, and clouds.html with
 the clouds beside the true surfaces (open it in a browser).
+
+Or what Pepper's perception makes of your own data:
+
+  perceive.py --image FILE --camera FILE --marker ID --size M    where a marker is in a photo
+  perceive.py --depth FILE --camera FILE [--scale M]             the cloud of a depth image
+  perceive.py --cloud FILE [--scale M]                           a cloud: PCD, PLY, NPZ or NPY
+
+A camera file is ROS camera_info YAML, an OpenCV FileStorage, or NAOqi's camera and resolution.
 """
 
 import dataclasses
+import functools
 import json
 import sys
 from argparse import ArgumentParser, Namespace
@@ -14,25 +23,32 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from pydrake.geometry import Meshcat
 from tqdm import tqdm
 
 from pepper_drake import cli
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.marker_false_positives import count_false_positives
+from pepper_drake.evaluation.own_data import report_cloud, report_depth, report_photo
 from pepper_drake.evaluation.perception_evaluation import (
     CloudStudy,
     GoalSample,
     PerceptionEvaluation,
 )
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
+from pepper_drake.perception.cameras.camera_files import load_intrinsics
+from pepper_drake.perception.goal.marker import MARKER_DICTIONARY
 from pepper_drake.reporting.perception_figures import (
     draw_clouds,
     save_clouds_figure,
     save_goal_figure,
     save_images_figure,
 )
+from pepper_drake.results.folder import whole_results
+from pepper_drake.web.drake_page import open_meshcat
+
+RESULTS = ("report.json", "images.png", "clouds.png", "goal.png", "clouds.html")
+"""The files that a run leaves."""
 
 _DISTANCES = (0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2)
 """From where the marker is looked at [m]."""
@@ -73,15 +89,42 @@ def make_parser() -> ArgumentParser:
         help="images without the goal's marker, with others, or with half of it, in which to look "
         "for wrong goals (default: %(default)s)",
     )
+    own = parser.add_argument_group("your own data")
+    source = own.add_mutually_exclusive_group()
+    source.add_argument("--image", type=Path, metavar="FILE", help="a photo with a marker")
+    source.add_argument("--depth", type=Path, metavar="FILE", help="a depth image")
+    source.add_argument("--cloud", type=Path, metavar="FILE", help="a point cloud")
+    own.add_argument("--camera", type=Path, metavar="FILE", help="the camera that took it")
+    own.add_argument("--marker", type=int, metavar="ID", help="the marker's number")
+    own.add_argument("--size", type=float, metavar="M", help="side of the marker's black square, m")
+    own.add_argument(
+        "--dictionary",
+        default=MARKER_DICTIONARY,
+        metavar="NAME",
+        help="OpenCV's dictionary that the marker is of (default: %(default)s)",
+    )
+    own.add_argument(
+        "--scale",
+        type=float,
+        metavar="M",
+        help="length of the unit of a depth image or cloud, m (default: whole numbers are "
+        "millimetres, others metres)",
+    )
     parser.add_argument(
         "--live", action="store_true", help="show the clouds in a browser, and stay open"
     )
+    cli.add_host_option(parser)
     return parser
 
 
 def main() -> int:
     """Runs the app."""
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
+    if options.image or options.depth or options.cloud:
+        return _perceive_own(options)
+    for name in ("camera", "marker", "size", "scale"):
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name} belongs to --image, --depth or --cloud; give one of them.")
     if min(options.frames, options.samples) < 1:
         raise InputError("--frames and --samples must be at least 1.")
     if min(options.poses, options.wrong_goal_frames) < 0:
@@ -96,8 +139,6 @@ def main() -> int:
     samples = _look_at_marker(study, options)
     wrong_goals = count_false_positives(study, options.wrong_goal_frames, options.seed)
 
-    folder: Path = options.output
-    folder.mkdir(parents=True, exist_ok=True)
     report = make_report(clouds, samples)
     report["depth"]["over_poses"] = {
         "poses": options.poses,
@@ -110,20 +151,54 @@ def main() -> int:
         "seed": options.seed,
         "texture": options.texture,
     }
-    (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-    save_images_figure(clouds, folder)
-    save_clouds_figure(clouds, folder)
-    save_goal_figure(samples, folder)
-    meshcat = Meshcat()
-    draw_clouds(meshcat, clouds)
-    (folder / "clouds.html").write_text(meshcat.StaticHtml())
-    if not options.quiet:
-        print(summary(report))
-        print(f"Results are in {folder}")
-    if options.live:
-        print(f"Watch it at {meshcat.web_url()}", flush=True)
-        cli.wait_for_interrupt("Press Ctrl-C to end.")
+    with open_meshcat(page=options.live, host=options.host) as (meshcat, url):
+        draw_clouds(meshcat, clouds)
+        with whole_results(options.output, RESULTS) as folder:
+            (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+            save_images_figure(clouds, folder)
+            save_clouds_figure(clouds, folder)
+            save_goal_figure(samples, folder)
+            (folder / "clouds.html").write_text(meshcat.StaticHtml())
+        if not options.quiet:
+            print(summary(report))
+            print(f"Results are in {options.output}")
+        if options.live:
+            print(f"Watch it at {url}", flush=True)
+            cli.wait_for_interrupt("Press Ctrl-C to end.")
     return cli.EXIT_DONE
+
+
+def _perceive_own(options: Namespace) -> int:
+    """Looks at the user's own photo, depth image or cloud."""
+    if options.scale is not None and not options.scale > 0:
+        raise InputError(f"--scale {options.scale:g} must be positive.")
+    if options.cloud:
+        read = functools.partial(report_cloud, options.cloud, scale=options.scale or 1.0)
+    else:
+        if options.camera is None:
+            raise InputError("--camera is needed: a file with the intrinsics of the camera.")
+        camera = load_intrinsics(options.camera)
+        if options.depth:
+            read = functools.partial(report_depth, options.depth, camera, scale=options.scale)
+        elif options.marker is None or options.size is None:
+            raise InputError("--marker and --size are needed to find a marker in an image.")
+        else:
+            read = functools.partial(
+                report_photo,
+                options.image,
+                camera,
+                options.marker,
+                options.size,
+                dictionary=options.dictionary,
+            )
+    folder: Path = options.output
+    folder.mkdir(parents=True, exist_ok=True)
+    report, words = read(folder=folder)
+    if not options.quiet:
+        print(words)
+        print(f"Results are in {folder}")
+    found = report["markers"] if options.image else report["points"]
+    return cli.EXIT_DONE if found else cli.EXIT_FAILED
 
 
 def _look_at_marker(study: PerceptionEvaluation, options: Namespace) -> list[GoalSample]:

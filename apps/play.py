@@ -5,6 +5,8 @@
   play.py my_motion/ primitive.yaml     demonstrations and primitives, too
   play.py out/reach --html run.html     a page that opens in any browser, without a network
   play.py out/reach --video run.mp4     a film
+  play.py out/reach --export rosbag2    a file for another tool: tum, csv, choregraphe, lerobot,
+                                        mcap, rosbag2
 
 The window stays when the app has ended, and what is played next appears in it; play.py --stop ends
 it. Keys in the window: space plays and pauses, the arrows step, - and + change the speed.
@@ -46,6 +48,12 @@ def make_parser() -> ArgumentParser:
     )
     add("--html", type=Path, metavar="FILE", help="write a page instead, into the output folder")
     add("--video", type=Path, metavar="FILE", help="write a film (.mp4), into the output folder")
+    add(
+        "--export",
+        metavar="FORM",
+        help="write a file for another tool: tum, csv, choregraphe, lerobot, mcap or rosbag2",
+    )
+    cli.add_host_option(parser)
     add("--stop", action="store_true", help="end the server that play.py started, and its window")
     return parser
 
@@ -63,7 +71,7 @@ def show_in_window(options: Namespace) -> "tuple[list[Frames], str]":
     """Draws the runs into the server's window; returns them and the browser's address."""
     started: Popen[bytes] | None = None
     if not server.is_listening(options.zmq_url):
-        started = server.start_server(options.zmq_url)
+        started = server.start_server(options.zmq_url, options.host)
     try:
         runs = load(options.runs, from_arm=options.from_arm)
         from pepper_drake.playback.drawing import draw
@@ -97,12 +105,21 @@ def write_files(options: Namespace) -> "list[Frames]":
 def main() -> int:
     """Runs the app."""
     begin = time.perf_counter()
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
     if options.stop:
         server.quit_server(options.zmq_url)
         return cli.EXIT_DONE
     if not options.runs:
         raise InputError("no RUN to play back; give the folder of one, such as out/reach")
+    if options.export is not None:
+        from pepper_drake.playback.exports import export
+        from pepper_drake.playback.loading import load_motion
+
+        for run in options.runs:
+            path = export(load_motion(run), options.export, options.output)
+            if not options.quiet:
+                print(f"Wrote {path}")
+        return cli.EXIT_DONE
     if options.html is None and options.video is None:
         runs, web_url = show_in_window(options)
         result = f"Watch it at {web_url} (play.py --stop ends it)"

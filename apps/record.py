@@ -25,12 +25,13 @@ import time
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Meshcat
 
 from pepper_drake.cli import (
     EXIT_DONE,
     EXIT_FAILED,
+    add_host_option,
     make_parser,
+    parse,
     quiet_libraries,
     run,
     stop_on_interrupt,
@@ -49,6 +50,8 @@ from pepper_drake.models.guide import GUIDES, load_guide
 from pepper_drake.models.joint_script import JOINT_SCRIPTS, load_joint_script
 from pepper_drake.models.marker_script import MARKER_SCRIPTS, load_marker_script
 from pepper_drake.models.pad_script import PAD_SCRIPTS, load_pad_script
+from pepper_drake.results.folder import whole_results
+from pepper_drake.web.drake_page import open_meshcat
 
 MAX_FINAL_DISTANCE = 0.02
 """Farther from where the script has it [m] than this at the end, the hand did not follow."""
@@ -82,13 +85,14 @@ def main() -> int:
     parser.add_argument(
         "--live", action="store_true", help="show it in a browser while it is recorded"
     )
+    add_host_option(parser)
     parser.add_argument(
         "--recover",
         type=Path,
         metavar="DIR",
         help="finish the recording that was interrupted in this folder, and do nothing else",
     )
-    arguments = parser.parse_args()
+    arguments = parse(parser)
     if arguments.recover is not None:
         return keep(arguments.recover, quiet=arguments.quiet)
     return record(arguments)
@@ -105,19 +109,20 @@ def keep(folder: Path, *, quiet: bool) -> int:
 def record(arguments: argparse.Namespace) -> int:
     """Records a script and reports how it went."""
     quiet_libraries()
-    meshcat = Meshcat()
-    if arguments.live:
-        print(f"open {meshcat.web_url()}", flush=True)
     start = time.perf_counter()
-    with stop_on_interrupt() as should_stop:
-        options = RecordOptions(
-            folder=arguments.output,
-            should_stop=should_stop,
-            meshcat=meshcat,
-            realtime=arguments.live,
-            progress=not arguments.quiet,
-        )
-        arm, recording, seen = perform(arguments, options)
+    with open_meshcat(page=arguments.live, host=arguments.host) as (meshcat, url):
+        if arguments.live:
+            print(f"open {url}", flush=True)
+        with stop_on_interrupt() as should_stop:
+            options = RecordOptions(
+                folder=arguments.output,
+                should_stop=should_stop,
+                meshcat=meshcat,
+                realtime=arguments.live,
+                progress=not arguments.quiet,
+            )
+            arm, recording, seen = perform(arguments, options)
+        page = meshcat.StaticHtml()
     wall_seconds = time.perf_counter() - start
     demonstration = recording.demonstration
 
@@ -139,8 +144,9 @@ def record(arguments: argparse.Namespace) -> int:
         "wall_seconds": wall_seconds,
         "seed": arguments.seed,
     }
-    (arguments.output / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-    (arguments.output / "recording.html").write_text(meshcat.StaticHtml())
+    with whole_results(arguments.output, ("report.json", "recording.html")) as folder:
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+        (folder / "recording.html").write_text(page)
     if not arguments.quiet:
         ending = "stopped" if recording.stopped else report["outcome"]
         print(f"{ending}: {summary(demonstration)} of the {arm} hand in {arguments.output}")

@@ -13,15 +13,18 @@ was pushed, and with --score a line in a file of scores, which `optimize.py` tak
 
 import argparse
 import json
+import shutil
 import time
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Meshcat
 
+from pepper_drake import cli
 from pepper_drake.cli import (
     EXIT_DONE,
     EXIT_FAILED,
+    EXIT_INTERRUPTED,
+    add_host_option,
     make_parser,
     quiet_libraries,
     run,
@@ -38,8 +41,15 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import write_atomically
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.correction import learn_correction
+from pepper_drake.learning.dmp.joint_primitive import JointPrimitive, is_joint_primitive
+from pepper_drake.models.pepper import POSTURES
 from pepper_drake.optimization.ratings import BEST_SCORE, load_scores
+from pepper_drake.results.folder import INTERRUPTED, whole_results
 from pepper_drake.systems.guiding.external_force import ForcePulse
+from pepper_drake.web.drake_page import open_meshcat
+
+RESULTS = ("report.json", "log.npz", "recording.html", "corrected.yaml")
+"""The files that a run leaves, besides the demonstration in corrected/."""
 
 REACHED = 0.01
 """A hand nearer to its goal than this [m] has reached it."""
@@ -58,11 +68,21 @@ def main() -> int:
         stiffness=arguments.stiffness,
         tracking=None if arguments.no_waiting else defaults.tracking,
     )
-    meshcat = Meshcat()
-    if arguments.live:
-        print(f"open {meshcat.web_url()}", flush=True)
     start = time.perf_counter()
-    with stop_on_interrupt() as should_stop:
+
+    def keep(result: ReproductionResult) -> None:
+        seconds = time.perf_counter() - start
+        with whole_results(arguments.output / INTERRUPTED, ()) as inside:
+            save_log(result, inside / "log.npz")
+            report = make_report(arguments, arm, result, seconds, interrupted=True)
+            save_report(report, inside)
+
+    with (
+        open_meshcat(page=arguments.live, host=arguments.host) as (meshcat, url),
+        stop_on_interrupt() as should_stop,
+    ):
+        if arguments.live:
+            print(f"open {url}", flush=True)
         result = reproduce(
             primitive,
             arm,
@@ -74,25 +94,31 @@ def main() -> int:
                 realtime=arguments.live,
                 progress=not arguments.quiet,
                 should_stop=should_stop,
+                keep=keep,
             ),
         )
-    report = make_report(arguments, arm, result, time.perf_counter() - start)
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    save_log(result, arguments.output / "log.npz")
-    (arguments.output / "recording.html").write_text(meshcat.StaticHtml())
-    if arguments.learn_corrections:
-        correction = learn_correction(primitive, result.motion)
-        correction.primitive.save(arguments.output / "corrected.yaml")
-        correction.demonstration.save(arguments.output / "corrected")
-        report["correction"] = correction.deviation
-    if arguments.score is not None:
+        interrupted, page = should_stop(), meshcat.StaticHtml()
+    seconds = time.perf_counter() - start
+    report = make_report(arguments, arm, result, seconds, interrupted=interrupted)
+    with whole_results(arguments.output, RESULTS) as folder:
+        save_log(result, folder / "log.npz")
+        (folder / "recording.html").write_text(page)
+        if arguments.learn_corrections and not interrupted:
+            correction = learn_correction(primitive, result.motion)
+            correction.primitive.save(folder / "corrected.yaml")
+            correction.demonstration.save(folder / "corrected")
+            report["correction"] = correction.deviation
+        save_report(report, folder)
+    shutil.rmtree(arguments.output / INTERRUPTED, ignore_errors=True)
+    if arguments.score is not None and not interrupted:
         add_score(arguments.scores, arguments.score)
-    (arguments.output / "report.json").write_text(json.dumps(report, indent=2) + "\n")
     if not arguments.quiet:
         print(
             f"{report['outcome']}: {1000 * result.final_position_error:.1f} mm from the goal "
             f"after {report['simulated_seconds']:.1f} s, results in {arguments.output}"
         )
+    if interrupted:
+        return EXIT_INTERRUPTED
     return EXIT_DONE if report["outcome"] == "reached" else EXIT_FAILED
 
 
@@ -149,7 +175,8 @@ def parse() -> argparse.Namespace:
         help="file that the score is added to (default: %(default)s)",
     )
     parser.add_argument("--live", action="store_true", help="show it in a browser in real time")
-    arguments = parser.parse_args()
+    add_host_option(parser)
+    arguments = cli.parse(parser)
     if not arguments.push_for > 0.0:
         raise InputError("--push-for must be above 0")
     if not 0.0 < arguments.stiffness <= 1.0:
@@ -166,18 +193,30 @@ def load(arguments: argparse.Namespace) -> tuple[MovementPrimitive, str]:
     """The primitive and the arm that performs it."""
     if arguments.primitive is None:
         return make_primitive(arguments.demo, arguments.arm), arguments.arm
-    primitive = MovementPrimitive.load(arguments.primitive)
+    if is_joint_primitive(arguments.primitive):
+        joints = JointPrimitive.load(arguments.primitive)
+        others = dict(POSTURES["stand"])
+        primitive = joints.hand_primitive(others)
+    else:
+        primitive = MovementPrimitive.load(arguments.primitive)
     if primitive.posture is None:
         raise InputError(f"{arguments.primitive}: no joints in it; learn it with joints")
     return primitive, "left" if primitive.posture.names[0].startswith("L") else "right"
 
 
 def make_report(
-    arguments: argparse.Namespace, arm: str, result: ReproductionResult, wall_seconds: float
+    arguments: argparse.Namespace,
+    arm: str,
+    result: ReproductionResult,
+    wall_seconds: float,
+    *,
+    interrupted: bool,
 ) -> dict[str, object]:
     """What came of it, in numbers."""
     reason, message = "", ""
-    if result.final_position_error > REACHED:
+    if interrupted:
+        reason, message = "interrupted", "the run was ended before it was over"
+    elif result.final_position_error > REACHED:
         reason, message = "not_reached", "the hand did not come to its goal"
     elif not result.keeps_limits:
         reason, message = "limit_passed", "a joint passed a limit of its position or its speed"
@@ -197,6 +236,11 @@ def make_report(
         "wall_seconds": wall_seconds,
         "seed": arguments.seed,
     }
+
+
+def save_report(report: dict[str, object], folder: Path) -> None:
+    """Writes the numbers."""
+    (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
 
 
 def save_log(result: ReproductionResult, path: Path) -> None:

@@ -31,12 +31,14 @@ from pepper_drake.cli_robot import add_robot_options, chosen_faults, chosen_wear
 from pepper_drake.diagrams.robot_signals import STATION_SIGNALS
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError, PepperDrakeError
+from pepper_drake.files import write_atomically
 from pepper_drake.live.page import LivePage
 from pepper_drake.live.script import SCRIPTS, LiveScript, load_script, play
 from pepper_drake.live.session import LiveSession, Mode
 from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
+from pepper_drake.web.drake_page import open_meshcat
 
 TEACHING_SCENE = SCENES_DIR / "teach.yaml"
 """A goal on a stand within reach, and a ball that can be moved into the way."""
@@ -86,6 +88,7 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--seconds", type=positive, metavar="S", help="end after so much simulated time"
     )
+    cli.add_host_option(parser)
     return parser
 
 
@@ -146,16 +149,22 @@ def run_live(show: LiveApp, seconds: float | None) -> None:
 
 def main() -> int:
     """Runs the app."""
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
     script = load_script(options.script) if options.script is not None else None
     cli.quiet_libraries()
-    meshcat = Meshcat()
+    shown = script is None or options.watch
+    with open_meshcat(page=shown, host=options.host) as (meshcat, url):
+        return teach(options, script, meshcat, url)
+
+
+def teach(options: Namespace, script: LiveScript | None, meshcat: Meshcat, url: str) -> int:
+    """Runs the session on its page, which is shown at an address if it is not empty."""
     session = make_session(options, meshcat)
     if script is not None and script.arm != session.simulation.arm:
         script = script.mirrored()
     show = LiveApp(session, LivePage(meshcat, session.simulation.diagram.movables))
-    if not options.quiet and (script is None or options.watch):
-        print(f"Open {meshcat.web_url()} in a browser; Ctrl-C ends.", flush=True)
+    if url:
+        print(f"Open {url} in a browser; Ctrl-C ends.", flush=True)
     problem = ""
     if script is not None:
         problem = run_script(show, script, options)
@@ -176,8 +185,7 @@ def main() -> int:
         "realtime_rate": pace.realtime_rate,
         "seed": options.seed,
     }
-    options.output.mkdir(parents=True, exist_ok=True)
-    (options.output / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+    write_atomically(options.output / "report.json", json.dumps(report, indent=2) + "\n")
     if not options.quiet:
         print(
             f"{pace.simulated_seconds:.1f} s in {pace.wall_seconds:.1f} s, "

@@ -12,6 +12,8 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from threadpoolctl import threadpool_limits
+
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.results.folder import check_writable
 
@@ -101,6 +103,7 @@ def run(main: Callable[[], int]) -> None:
     SIGTERM ends it as Ctrl-C does.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    limit_linear_algebra()
     try:
         code = main()
     except InputError as error:
@@ -116,6 +119,17 @@ def run(main: Callable[[], int]) -> None:
         print("interrupted", file=sys.stderr)
         code = EXIT_INTERRUPTED
     sys.exit(code)
+
+
+def limit_linear_algebra() -> None:
+    """Lets matrix products take one thread, whatever the computer has or `OMP_NUM_THREADS` says.
+
+    Several threads add up in another order, and a run would not be repeated to the last bit. Our
+    matrices are too small to gain from them.
+    """
+    for library in ("OPENBLAS", "MKL", "BLIS"):  # Of libraries and processes that come later.
+        os.environ[f"{library}_NUM_THREADS"] = "1"
+    threadpool_limits(limits=1, user_api="blas")
 
 
 def quiet_libraries() -> None:

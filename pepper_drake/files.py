@@ -88,7 +88,16 @@ def read_json(path: Path, limit: int = TEXT_LIMIT) -> Any:
         InputError: As `read_text`, or the file is no JSON (which knows no NaN), gives a name in
             an object twice, or nests deeper than any of our files.
     """
-    text = read_text(path, limit)
+    return parse_json(read_text(path, limit), str(path))
+
+
+def parse_json(text: str, name: str) -> Any:
+    """Returns the value of JSON text; see `read_json`.
+
+    Args:
+        text: The JSON.
+        name: Where it comes from, for the sentence that says what is wrong.
+    """
     try:
         value = json.loads(
             text,
@@ -98,12 +107,12 @@ def read_json(path: Path, limit: int = TEXT_LIMIT) -> Any:
             object_pairs_hook=_object,
         )
     except json.JSONDecodeError as error:
-        raise InputError(f"{path} line {error.lineno}: not valid JSON ({error.msg})") from None
+        raise InputError(f"{name} line {error.lineno}: not valid JSON ({error.msg})") from None
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else error
-        raise InputError(f"{path}: not valid JSON ({reason})") from None
+        raise InputError(f"{name}: not valid JSON ({reason})") from None
     if _depth(value) > _DEEPEST:
-        raise InputError(f"{path}: not valid JSON (nested too deeply)")
+        raise InputError(f"{name}: not valid JSON (nested too deeply)")
     return value
 
 

@@ -96,6 +96,7 @@ def run_tasks(
 
 def _in_process(task: Task, folder: Path) -> None:
     """Runs a task; what goes wrong becomes its result, for who reads the table."""
+    cli.limit_linear_algebra()
     cli.quiet_libraries()
     task.file(folder).unlink(missing_ok=True)
     try:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Meshcat
 from scipy.interpolate import CubicSpline
 
 from pepper_drake.benchmarking.case import Case
@@ -31,11 +30,13 @@ from pepper_drake.models.control_model import (
 )
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.models.scene import Scene
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.systems.faults.fault import parse_faults
 from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.web.drake_page import offline_meshcat
 
 Array = npt.NDArray[np.float64]
 
@@ -69,10 +70,11 @@ class DiagramReach:
     def replay(self, case: Case, folder: Path) -> MethodResult:
         """Runs the reach again and leaves `reach.py`'s folder, `recording.html` with it."""
         scene = case.build()
-        options = RunOptions(meshcat=Meshcat(), record=True, progress=sys.stderr.isatty())
-        run = ReachSimulation(self._build(case, scene), options)
-        result = run.run()
-        save_result(result, folder)
+        with offline_meshcat() as meshcat:
+            options = RunOptions(meshcat=meshcat, record=True, progress=sys.stderr.isatty())
+            result = ReachSimulation(self._build(case, scene), options).run()
+        with whole_results(folder, ()) as inside:
+            save_result(result, inside)
         return measure(result, make_primitive(None, scene.arm), scene.arm)
 
     def _build(self, case: Case, scene: Scene) -> Reaching:
@@ -177,6 +179,6 @@ def interpolate_held(positions: Array, held: int) -> Array:
 
 def commanded_hand(joint_commands: Array, arm: str) -> Array:
     """The hand's positions (N, 3) in T [m] for commands (N, 15) of all joints [rad]."""
-    geometry = ArmGeometry(shared_control_model(), arm)
+    kinematics = arm_kinematics(shared_control_model(), arm)
     joints = joint_commands[:, body_indices(arm_joints(arm))]
-    return np.array([geometry.hand_pose(q).translation() for q in joints])
+    return np.array([kinematics.hand_pose(q).translation() for q in joints])

@@ -3,11 +3,12 @@
 import json
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, get_args, get_type_hints
 
 import numpy as np
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_json
 
 OUTCOMES = ("reached", "touched", "refused", "failed", "error")
 """Outcomes of a run: the hand is at its goal and nothing was touched; a link touched an
@@ -68,15 +69,18 @@ class MethodResult:
         """
         mend = "remove it and run again"
         try:
-            content: dict[str, Any] = json.loads(path.read_text())
+            content: dict[str, Any] = read_json(path)
             result = cls(**content)
-        except FileNotFoundError:
-            raise InputError(f"{path}: there is no such result") from None
-        except (ValueError, TypeError):
+        except (InputError, TypeError):
             raise InputError(
                 f"{path}: this is no result with the fields "
                 f"{', '.join(field.name for field in fields(cls))}; {mend}"
             ) from None
+        for name, hint in get_type_hints(cls).items():
+            value = getattr(result, name)
+            kinds = float | int | None if float in (hint, *get_args(hint)) else hint
+            if not isinstance(value, kinds) or (isinstance(value, bool) and hint is not bool):
+                raise InputError(f"{path}: {name} is of another kind; {mend}")
         if result.outcome not in OUTCOMES:
             raise InputError(f'{path}: outcome is "{result.outcome}"; {mend}')
         return result

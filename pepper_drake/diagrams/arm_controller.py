@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.primitives import MatrixGain
 
 from pepper_drake.errors import InputError
@@ -15,6 +15,7 @@ from pepper_drake.planning.ik.differential_ik import (
     hand_key,
     make_differential_ik,
 )
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.coupling_sum import CouplingSum
 from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
@@ -111,7 +112,7 @@ class ArmController(Diagram):
         self._add_joints(model, arm, start_position)
         self._export()
         del self._builder
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _connect(self, source: System, target: System, *names: str, **renamed: str) -> None:
         """Connects outputs to inputs of the same name, or of another: output="input"."""

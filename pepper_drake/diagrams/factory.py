@@ -5,6 +5,8 @@ from pathlib import Path
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
+from pepper_drake.learning.demonstrations.arm_chain import arm_of
+from pepper_drake.learning.demonstrations.check import refuse_out_of_reach
 from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling, ReportCoupling
 from pepper_drake.models.motion import MOTION_DIRECTIONS, goal_motion, load_path
 from pepper_drake.models.pepper import MODELS_DIR
@@ -61,11 +63,14 @@ def make_primitive(demonstration: Path | None, arm: str) -> MovementPrimitive:
             f"{demonstration}: the hand moves by {1000 * shown.path_length:.1f} mm only; "
             "record a movement"
         )
+    refuse_out_of_reach(shown, str(demonstration))
     own = MovementPrimitive.fit(shown)
+    # Some joints of an arm are no posture to be near to.
+    whole = own.posture is not None and arm_of(own.posture.names) == arm
     return replace(
         own,
         orientation=own.orientation if own.orientation is not None else shipped.orientation,
-        posture=own.posture if own.posture is not None else shipped.posture,
+        posture=own.posture if whole else shipped.posture,
     )
 
 

@@ -37,9 +37,10 @@ from pepper_drake.models.marker_script import FACING, MarkerScript
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP, make_render_cameras
 from pepper_drake.perception.cameras.noise import ColorNoise
 from pepper_drake.perception.goal.detection import MarkedObject
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.kinematic_simulation import ArmState, HandPath, KinematicSimulator
+from pepper_drake.systems.framework import build
 from pepper_drake.systems.guiding.scripted_guide import GuidePath
 from pepper_drake.systems.sensing.camera_model import CameraModel
 from pepper_drake.systems.sensing.marker_tracker import MarkerTracker
@@ -104,7 +105,7 @@ def record_marker(
     )
     builder, teaching = make_teaching(script, "joints", options)
     drag_joints(builder, teaching, angles)
-    session = Session(builder.Build(), teaching, options)
+    session = Session(build(builder), teaching, options)
     recorded, motion, stopped = session.run(float(times[-1]) + script.rest, script.name)
     led = np.column_stack(
         [np.interp(recorded.times, times, column) for column in wanted.positions.T]
@@ -163,7 +164,7 @@ def watch(
     builder.Connect(images.GetOutputPort("color_image"), tracker.image_input)
     builder.Connect(images.GetOutputPort("time_stamp"), tracker.time_stamp_input)
     log = LogVectorOutput(tracker.sighting_output, builder, publish_period=script.period)
-    simulator = Simulator(builder.Build())
+    simulator = Simulator(build(builder))
     end = path.end_time + script.rest
     for number in range(int(np.ceil(end / _SLICE))):
         if should_stop():
@@ -213,18 +214,18 @@ def _followed(
 ) -> tuple[Demonstration, Vector, float]:
     """The wanted motion, joints that follow it, and how far the hand is from it at most [m]."""
     model = shared_control_model()
-    geometry = ArmGeometry(model, arm)
-    X_TH = geometry.hand_pose(start)
+    kinematics = arm_kinematics(model, arm)
+    X_TH = kinematics.hand_pose(start)
     wanted = workspace.apply(shown, X_TH.translation(), X_TH.rotation().ToQuaternion().wxyz())
     assert wanted.rotations is not None
     count = len(wanted.times)
     nominal = np.tile(start, (count, 1))
     ik = DifferentialIkParams(time_step=float(wanted.times[1] - wanted.times[0]))
-    rehearsal = KinematicSimulator(model, geometry, ik, settle=0.0)
+    rehearsal = KinematicSimulator(model, kinematics, ik, settle=0.0)
     joints = rehearsal.track(
         ArmState(start, np.zeros(5)),
         HandPath(wanted.positions, wanted.rotations, nominal, count - 1),
         OUT_OF_REACH,
     )
-    hands = geometry.kinematics.poses(joints).hand_position
+    hands = kinematics.poses(joints).hand_position
     return wanted, joints, float(np.linalg.norm(hands - wanted.positions, axis=1).max())

@@ -17,7 +17,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
 from tqdm import tqdm
 
 from pepper_drake.diagrams.reaching import Reaching
@@ -32,6 +32,7 @@ from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
+from pepper_drake.systems.framework import Diagram, build
 
 Vector = npt.NDArray[np.float64]
 
@@ -97,7 +98,7 @@ class ReachSimulation:
                 reaching.GetOutputPort("ground_truth.query"),
                 self._visualizer.query_object_input_port(),
             )
-            system = builder.Build()
+            system = build(builder)
         self.simulator = Simulator(system)
         self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
         self._fault = ""
@@ -191,11 +192,10 @@ class ReachSimulation:
     def _look_at_cloud(self) -> None:
         """Measures the cloud with which the arm starts, and draws it."""
         reaching, context = self.reaching, self.context
-        source = reaching.cloud_source.GetMyContextFromRoot(self.simulator.get_context())
-        self._cloud_W = cloud_points(reaching.cloud_source.GetOutputPort("cloud").Eval(source))
-        self._cloud_T = cloud_points(
-            reaching.cloud_source.GetOutputPort("cloud_torso").Eval(source)
-        )
+        perception = reaching.perception
+        seen = perception.GetMyContextFromRoot(self.simulator.get_context())
+        self._cloud_W = cloud_points(perception.GetOutputPort("cloud").Eval(seen))
+        self._cloud_T = cloud_points(perception.GetOutputPort("cloud_torso").Eval(seen))
         query = reaching.GetOutputPort("ground_truth.query").Eval(context)
         self._cloud_report = measure_cloud(reaching.station, query, self._cloud_W)
         if self._options.meshcat is not None:
@@ -301,10 +301,10 @@ class ReachSimulation:
             report.planning_delay = started - arrived - reaching.config.timing.settling
         report.closest_pair = self._closest_pair(log)
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
-        estimator = reaching.goal_estimator.GetMyContextFromRoot(root)
-        if reaching.goal_estimator.GetOutputPort("valid").Eval(estimator)[0]:
-            guard = reaching.object_pose.get_system().GetMyContextFromRoot(root)
-            X_WO = reaching.object_pose.Eval(guard)
+        perception = reaching.perception
+        seen = perception.GetMyContextFromRoot(root)
+        if perception.GetOutputPort("goal_valid").Eval(seen)[0]:
+            X_WO = perception.GetOutputPort("object_pose").Eval(seen)
             report.goal_estimate_error, _ = pose_error(X_WO @ scene.pre_grasp(), X_WG)
         moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
         if np.any(moving):
@@ -333,7 +333,9 @@ class ReachSimulation:
         report.contact_force, report.goal_force = float(forces[0]), float(forces[1])
         arm = body_indices(arm_joints(reaching.scene.arm))
         step = float(times[1] - times[0])
-        report.arm_speed = arm_speed(reaching.geometry, log.joint_position_rad[:, arm], step)
+        report.arm_speed = arm_speed(
+            station.control_model, reaching.scene.arm, log.joint_position_rad[:, arm], step
+        )
         period = reaching.config.ik.time_step
         commands = log.joint_command_rad[:: round(period / step)]
         changes = np.abs(np.diff(commands, n=2, axis=0))

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, LogVectorOutput, VectorLogSink
 
 from pepper_drake.diagrams.arm_controller import ArmController
@@ -12,6 +11,7 @@ from pepper_drake.diagrams.compliance import (
     add_hand_force,
     add_pushes,
 )
+from pepper_drake.diagrams.head_perception import HeadPerception
 from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
@@ -24,11 +24,9 @@ from pepper_drake.models.control_model import (
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group
 from pepper_drake.models.scene import Scene
-from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.goal.detection import MarkedObject
-from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
-from pepper_drake.perception.mapping.solids import RobotSolids
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
@@ -37,6 +35,7 @@ from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
 from pepper_drake.systems.faults.fault_injector import Role
 from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, slowed_latency
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.base_position_controller import BasePositionController
 from pepper_drake.systems.robot.body_watch import BodyWatch
@@ -46,13 +45,6 @@ from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 from pepper_drake.systems.robot.touch_monitor import TouchMonitor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 from pepper_drake.systems.robot.true_clearance import TrueClearance
-from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
-from pepper_drake.systems.sensing.estimate_guard import CloudGuard, PoseGuard
-from pepper_drake.systems.sensing.gaze_controller import GazeController
-from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
-
-_IMAGE_POLL = 0.05
-"""Time between looks for new images [s]: they come every 0.2 s, and each look copies the state."""
 
 
 @dataclass
@@ -101,7 +93,7 @@ class Reaching(Diagram):
         self.scene, self.primitive, self.config = scene, primitive, config
         self._builder = builder = DiagramBuilder()
         model = shared_control_model()
-        self.geometry = ArmGeometry(model, scene.arm)
+        self.shapes = ExactDistance(model, arm_kinematics(model, scene.arm))
         if station is None:
             station = PepperStation(scene, config.station, model)
         self.station: PepperStation = builder.AddNamedSystem("station", station)
@@ -117,7 +109,7 @@ class Reaching(Diagram):
         self._add_logs()
         builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
         del self._builder
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _connect(self, source: OutputPort, system: object, *names: str) -> None:
         for name in names:
@@ -125,111 +117,10 @@ class Reaching(Diagram):
 
     def _add_perception(self) -> None:
         """Goal estimator, obstacle cloud, and the head that looks at the goal."""
-        builder, station = self._builder, self.station
-        marked = MarkedObject.from_scene(self.scene.goal)
-        self.goal_estimator = builder.AddNamedSystem(
-            "goal_estimator",
-            GoalEstimator(
-                marked,
-                # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
-                parameters=GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0),
-                period=_IMAGE_POLL,
-                latency=0.04,
-                expects_noise=self.config.station.noise,
-            ),
+        self.perception = self._builder.AddNamedSystem(
+            "perception", HeadPerception(self.scene, self.station)
         )
-        for camera in ("top", "bottom"):
-            for port, name in (
-                ("image", "color_image"),
-                ("time_stamp", "time_stamp"),
-                ("pose", "X_WC"),
-            ):
-                self._connect(
-                    station.GetOutputPort(f"camera_{camera}.{port}"),
-                    self.goal_estimator,
-                    f"{name}_{camera}",
-                )
-        self._guard_goal()
-
-        self.cloud_source = builder.AddNamedSystem(
-            "cloud_source",
-            DepthPointCloudSource(
-                RobotSolids(
-                    station.control_model.plant, station.control_model.diagram.scene_graph()
-                ),
-                marked,
-                intrinsics=station.depth_intrinsics,
-                parameters=station.obstacle_parameters,
-                period=_IMAGE_POLL,
-            ),
-        )
-        for port, name in (
-            ("image", "depth_image"),
-            ("time_stamp", "time_stamp"),
-            ("pose", "X_WC"),
-            ("position", "position"),
-        ):
-            self._connect(station.GetOutputPort(f"camera_depth.{port}"), self.cloud_source, name)
-        self._connect(self.object_pose, self.cloud_source, "object_pose")
-        self._connect(self.goal["valid"], self.cloud_source, "object_valid")
-        self._connect(self.goal["velocity"], self.cloud_source, "object_velocity")
-        self._connect(station.GetOutputPort("torso_pose"), self.cloud_source, "X_WT")
-        self._guard_cloud()
-
-        self.look_at = builder.AddNamedSystem(
-            "look_at",
-            GazeController(
-                marked.X_OM.translation(),
-                secondary_camera=CAMERA_DEPTH,
-                radius=marked.marker_size / np.sqrt(2),
-                side=1.0 if self.scene.arm == "left" else -1.0,
-                max_velocity=2.5,
-                max_acceleration=8.0,
-            ),
-        )
-        for name in ("age", "velocity"):
-            self._connect(self.goal[name], self.look_at, name)
-        self._connect(self.object_pose, self.look_at, "object_pose")
-        self._connect(self.cloud["cloud"], self.look_at, "cloud")
-        self._connect(self.goal["valid"], self.look_at, "valid")
-        self._connect(station.GetOutputPort("torso_pose"), self.look_at, "X_WT")
-        for camera in ("top", "bottom"):
-            builder.Connect(
-                self.look_at.GetOutputPort(f"{camera}_enabled"),
-                station.GetInputPort(f"camera_{camera}.enabled"),
-            )
-
-    def _guard_goal(self) -> None:
-        """The estimate of the goal as others get it: failing, if it is to, and always finite."""
-        builder, estimator = self._builder, self.goal_estimator
-        roles = {
-            "object_pose": Role.VALUE,
-            "velocity": Role.CARRIED,
-            "valid": Role.VALID,
-            "age": Role.AGE,
-        }
-        ports = {name: (role, estimator.GetOutputPort(name)) for name, role in roles.items()}
-        self.goal = self._faults.tap(builder, "goal", ports)
-        guard = builder.AddNamedSystem("goal_guard", PoseGuard(time_step=_IMAGE_POLL))
-        builder.Connect(self.goal["object_pose"], guard.pose_input)
-        self.object_pose, self.goal_gap = guard.GetOutputPort("pose"), guard.GetOutputPort("age")
-
-    def _guard_cloud(self) -> None:
-        """The clouds as others get them: failing, if they are to, and such as make sense."""
-        builder, source = self._builder, self.cloud_source
-        roles = {
-            "cloud": Role.VALUE,
-            "cloud_torso": Role.VALUE,
-            "approaching": Role.CARRIED,
-            "time_stamp": Role.STAMP,
-            "fault": Role.CARRIED,
-        }
-        ports = {name: (role, source.GetOutputPort(name)) for name, role in roles.items()}
-        self.cloud = self._faults.tap(builder, "cloud", ports)
-        guard = builder.AddNamedSystem("cloud_guard", CloudGuard(time_step=_IMAGE_POLL))
-        for name in ("cloud", "cloud_torso", "time_stamp"):
-            self._connect(self.cloud[name], guard, name)
-            self.cloud[name] = guard.GetOutputPort(name)
+        self.perception.connect(self._builder, self.station)
 
     def _add_supervisor(self, coupling: Coupling | None) -> None:
         """The supervisor with its planner, and the base that it drives."""
@@ -255,23 +146,19 @@ class Reaching(Diagram):
         self.supervisor = builder.AddNamedSystem(
             "supervisor", ReachSupervisor(self.timed_planner, timing, arm=self.scene.arm)
         )
-        sources = {
-            "object_pose": self.object_pose,
-            "goal_valid": self.goal["valid"],
-            "goal_age": self.goal["age"],
-            "cloud": self.cloud["cloud"],
-            "cloud_time": self.cloud["time_stamp"],
-            "cloud_fault": self.cloud["fault"],
-            "approaching": self.cloud["approaching"],
-            "joint_position": station.GetOutputPort("joint_position"),
-            "base_pose": station.GetOutputPort("base_pose"),
-            "hand_pose": station.GetOutputPort(f"{self.scene.arm}_hand_pose"),
-        }
-        for name, source in sources.items():
-            self._connect(source, self.supervisor, name)
-        self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
+        for name in (
+            *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
+            *("cloud_time", "cloud_fault"),
+        ):
+            self._connect(self.perception.GetOutputPort(name), self.supervisor, name)
+        for output, name in (
+            ("joint_position", "joint_position"),
+            ("base_pose", "base_pose"),
+            (f"{self.scene.arm}_hand_pose", "hand_pose"),
+        ):
+            self._connect(station.GetOutputPort(output), self.supervisor, name)
         self.started = self.supervisor.GetOutputPort("started")
-        self._connect(self.started, self.look_at, "scan_enabled")
+        self._connect(self.started, self.perception, "scan_enabled")
         self._add_base()
 
     def _add_base(self) -> None:
@@ -285,15 +172,15 @@ class Reaching(Diagram):
         builder.Connect(command["velocity"], station.GetInputPort("base_velocity_command"))
         self._connect(driver.GetOutputPort("arrived"), self.supervisor, "arrived")
         self.body_watch = watch = builder.AddNamedSystem(
-            "body_watch",
-            BodyWatch(station.control_model, self.scene.arm, time_step=_IMAGE_POLL),
+            "body_watch", BodyWatch(station.control_model, self.scene.arm)
         )
         for name, source in (
-            ("cloud", self.cloud["cloud"]),
+            ("cloud", self.perception.GetOutputPort("cloud")),
+            ("predicted_cloud", self.perception.GetOutputPort("predicted_cloud")),
             ("joint_position", station.GetOutputPort("joint_position")),
             ("base_pose", station.GetOutputPort("base_pose")),
             ("base_velocity_command", velocity),
-            ("active", self.supervisor.GetOutputPort("started")),
+            ("active", self.started),
         ):
             self._connect(source, watch, name)
         self._connect(watch.GetOutputPort("stop_base"), self.supervisor, "base_blocked")
@@ -320,11 +207,12 @@ class Reaching(Diagram):
         )
         for name, source in (
             ("movement", self.supervisor.GetOutputPort("movement")),
-            ("object_pose", self.object_pose),
+            ("object_pose", self.perception.GetOutputPort("object_pose")),
             ("torso_pose", station.GetOutputPort("torso_pose")),
             ("hand_pose", station.GetOutputPort(f"{arm}_hand_pose")),
             ("arm_position", self.arm_position),
-            ("cloud", self.cloud["cloud_torso"]),
+            ("cloud", self.perception.GetOutputPort("cloud_torso")),
+            ("predicted_cloud", self.perception.GetOutputPort("predicted_cloud_torso")),
         ):
             self._connect(source, controller, name)
         for output, name in (
@@ -354,17 +242,15 @@ class Reaching(Diagram):
                 self.scene.robot.positions(),
             ),
         )
-        self._connect(self.look_at.GetOutputPort("head_position_command"), merge, "head_command")
+        self._connect(self.perception.GetOutputPort("head_position_command"), merge, "head_command")
         self._connect(self.controller.GetOutputPort("position_command"), merge, "arm_command")
 
-        measured = station.GetOutputPort("joint_position")
-        head = select_joints(builder, measured, "head_position", JOINT_GROUPS["head"])
-        self._connect(head, self.look_at, "head_position")
-
         self.seen_clearance = builder.AddNamedSystem(
-            "seen_clearance", CloudClearance(self.geometry, time_step=0.05)
+            "seen_clearance", CloudClearance(self.shapes, time_step=0.05)
         )
-        self._connect(self.cloud["cloud_torso"], self.seen_clearance, "cloud")
+        for name in ("cloud", "predicted_cloud"):
+            source = self.perception.GetOutputPort(f"{name}_torso")
+            self._connect(source, self.seen_clearance, name)
         self._connect(self.active, self.seen_clearance, "active")
         self._connect(self.arm_position, self.seen_clearance, "joint_position")
         self._connect(
@@ -392,7 +278,7 @@ class Reaching(Diagram):
             self._connect(self.body_watch.GetOutputPort("clearance"), self.safety, "body_clearance")
         for name in ("measurement_age", "missing_joint"):
             self._connect(station.GetOutputPort(name), self.safety, name)
-        self._connect(self.goal_gap, self.safety, "goal_gap")
+        self._connect(self.perception.GetOutputPort("goal_gap"), self.safety, "goal_gap")
         self._connect(self.driver.GetOutputPort("held"), self.safety, "base_held")
         stop = self.safety.GetOutputPort("stop_reason")
         for system in (self.supervisor, self.controller):
@@ -437,11 +323,11 @@ class Reaching(Diagram):
 
     def _add_triggers(self) -> None:
         """Tells faults that wait for the arm when it starts."""
-        started = self.supervisor.GetOutputPort("started")
         for injector in self._faults.waiting(self._builder):
-            self._connect(started, injector, "trigger")
-        if self.station.HasInputPort("fault_trigger"):
-            self._connect(started, self.station, "fault_trigger")
+            self._connect(self.started, injector, "trigger")
+        for system in (self.station, self.perception):
+            if system.HasInputPort("fault_trigger"):
+                self._connect(self.started, system, "fault_trigger")
 
     def _add_logs(self) -> None:
         """Logs what the report and the figures need, and watches the true clearance."""

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from tqdm import tqdm
@@ -25,7 +25,8 @@ from pepper_drake.models.pad_script import PadScript
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.models.scene import make_pose
 from pepper_drake.models.teaching_script import TeachingScript
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.systems.framework import Diagram, build
 from pepper_drake.systems.guiding.gamepad_velocity import GamepadState, GamepadVelocity
 from pepper_drake.systems.guiding.scripted_gamepad import ScriptedGamepad
 from pepper_drake.systems.guiding.scripted_guide import GuidePath, ScriptedGuide
@@ -158,7 +159,7 @@ def record_guided(script: GuideScript, options: RecordOptions | None = None) -> 
     guide = builder.AddNamedSystem("scripted_guide", ScriptedGuide(path))
     builder.Connect(guide.guide_pose_output, teaching.GetInputPort("guide_pose"))
     builder.Connect(guide.guide_velocity_output, teaching.GetInputPort("guide_velocity"))
-    session = Session(builder.Build(), teaching, options)
+    session = Session(build(builder), teaching, options)
     recorded, motion, stopped = session.run(path.end_time + script.rest, script.name)
     guided = [(X_WT.inverse() @ path.pose(time)).translation() for time in recorded.times]
     return measured_recording(recorded, motion, stopped, np.array(guided))
@@ -175,10 +176,12 @@ def record_joints(script: JointScript, options: RecordOptions | None = None) -> 
     builder, teaching = make_teaching(script, "joints", options)
     path = joint_path(script)
     drag_joints(builder, teaching, path)
-    session = Session(builder.Build(), teaching, options)
+    session = Session(build(builder), teaching, options)
     recorded, motion, stopped = session.run(path.end_time() + script.rest, script.name)
-    geometry = ArmGeometry(shared_control_model(), script.arm)
-    dragged = [geometry.hand_pose(path.value(time)[:, 0]).translation() for time in recorded.times]
+    kinematics = arm_kinematics(shared_control_model(), script.arm)
+    dragged = [
+        kinematics.hand_pose(path.value(time)[:, 0]).translation() for time in recorded.times
+    ]
     return measured_recording(recorded, motion, stopped, np.array(dragged))
 
 
@@ -206,7 +209,7 @@ def record_pad(script: PadScript, options: RecordOptions | None = None) -> Recor
     builder.Connect(guide.guide_pose_output, teaching.GetInputPort("guide_pose"))
     builder.Connect(guide.guide_velocity_output, teaching.GetInputPort("guide_velocity"))
     steered = LogVectorOutput(guide.guide_position_output, builder, publish_period=0.01)
-    session = Session(builder.Build(), teaching, options)
+    session = Session(build(builder), teaching, options)
     recorded, motion, stopped = session.run(script.end_time + script.rest, script.name)
     log = steered.FindLog(session.simulator.get_context())
     return measured_recording(recorded, motion, stopped, log.data().T)

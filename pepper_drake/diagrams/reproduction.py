@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import (
     ConstantValueSource,
     ConstantVectorSource,
@@ -23,6 +23,7 @@ from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
 
 
@@ -160,4 +161,4 @@ class Reproduction(Diagram):
         self.logs: dict[str, VectorLogSink] = {
             name: LogVectorOutput(port, builder, params.log_period) for name, port in logged.items()
         }
-        builder.BuildInto(self)
+        build_into(builder, self)

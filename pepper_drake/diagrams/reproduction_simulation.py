@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from time import monotonic
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +21,14 @@ from pepper_drake.learning.dmp.correction import ReproducedMotion
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.pepper import posture_positions
 from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.systems.framework import build
 from pepper_drake.systems.guiding.external_force import ForcePulse, ScriptedForce
 
 Vector = npt.NDArray[np.float64]
 
 _SLICE = 0.1
+_KEEP_PERIOD = 0.8
+"""Wall time from when a run was kept until it is kept again [s]; a slice comes on top."""
 _STILL = 0.01
 """A hand that is slower than this [m/s] has come to rest."""
 _LONGEST = 3.0
@@ -45,6 +49,7 @@ class ReproductionOptions:
         realtime: Whether it runs no faster than real time.
         progress: Whether a progress bar is shown.
         should_stop: Asked every tenth of a second of simulated time.
+        keep: Is given what there is of the run about once a second, should the program be killed.
     """
 
     goal: Vector | None = None
@@ -54,6 +59,7 @@ class ReproductionOptions:
     realtime: bool = False
     progress: bool = False
     should_stop: Callable[[], bool] = lambda: False
+    keep: "Callable[[ReproductionResult], None] | None" = None
 
 
 @dataclass(frozen=True)
@@ -121,7 +127,7 @@ def reproduce(
         visualizer = builder.AddNamedSystem("visualizer", MeshcatVisualizer(options.meshcat))
         builder.Connect(diagram.GetOutputPort("query"), visualizer.query_object_input_port())
         options.meshcat.StartRecording(set_visualizations_while_recording=options.realtime)
-    system = builder.Build()
+    system = build(builder)
     simulator = Simulator(system)
     simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
     root = simulator.get_mutable_context()
@@ -131,7 +137,7 @@ def reproduce(
     diagram.GetInputPort("goal_pose").FixValue(context, goal_pose)
     movement = Movement(primitive, id=1)
     diagram.GetInputPort("movement").FixValue(context, Value[object](movement))
-    _advance(simulator, diagram, options)
+    _advance(simulator, diagram, goal, options)
     result = _measure(diagram, root, goal)
     if options.meshcat is not None:
         _draw(options.meshcat, diagram, context, result)
@@ -139,13 +145,16 @@ def reproduce(
     return result
 
 
-def _advance(simulator: Simulator, diagram: Reproduction, options: ReproductionOptions) -> None:
+def _advance(
+    simulator: Simulator, diagram: Reproduction, goal: Vector, options: ReproductionOptions
+) -> None:
     """Simulates until the movement is over and the hand rests."""
     duration = diagram.primitive.duration
     end = diagram.primitive.phase_at([duration])[0]
     last_push = max((push.start + push.duration for push in options.pushes), default=0.0)
     context = diagram.GetMyContextFromRoot(simulator.get_context())
     before = diagram.GetOutputPort("hand_position").Eval(context)
+    kept = monotonic()
     with tqdm(
         desc="reproducing",
         unit=" s",
@@ -159,6 +168,9 @@ def _advance(simulator: Simulator, diagram: Reproduction, options: ReproductionO
             now = (number + 1) * _SLICE
             simulator.AdvanceTo(now)
             progress.update(_SLICE)
+            if options.keep is not None and monotonic() - kept > _KEEP_PERIOD:
+                options.keep(_measure(diagram, simulator.get_context(), goal))
+                kept = monotonic()
             hand = np.array(diagram.GetOutputPort("hand_position").Eval(context))
             still = np.linalg.norm(hand - before) < _STILL * _SLICE
             before = hand

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import gc
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +12,7 @@ from pydrake.geometry import GeometryId, MakeRenderEngineVtk, RenderEngineVtkPar
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
     MatrixGain,
     TrajectorySource,
@@ -48,13 +49,14 @@ from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import STEREO_CLOUD
 from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
 from pepper_drake.systems.sensing.async_renderer import AsyncRenderer
 from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
 from pepper_drake.systems.sensing.camera_model import CameraModel
 
 RENDERER = "vtk"
-_STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
+_STRENGTH = {"base": (40.0, 80.0), "body": (10.0, 10.0)}
 """Proportional and derivative gain of what carries the rest, over a joint's."""
 _GEAR_FRICTION = 0.3
 """Damping that is left of a limp joint [N m s/rad]."""
@@ -227,6 +229,8 @@ class PepperStation(Diagram):
             positions: Where every joint starts [rad, m], by name; as in the scene if left out.
         """
         super().__init__()
+        # An earlier station takes 100 MB, but is so few objects that nobody looks for it so soon.
+        gc.collect()
         self.config = config
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
@@ -258,6 +262,7 @@ class PepperStation(Diagram):
         for name, position in positions.items():
             plant.GetJointByName(name, self.pepper).set_default_positions([position])
 
+        arm = "right" if scene is None else scene.arm
         true = self._add_true_state(builder)
         gap = add_servos(
             builder,
@@ -276,7 +281,7 @@ class PepperStation(Diagram):
             gap=gap,
             wear=config.wear,
             faults=config.faults,
-            failing_joints=body_indices([*JOINT_GROUPS["head"], *arm_joints(self._arm(scene))]),
+            failing_joints=body_indices([*JOINT_GROUPS["head"], *arm_joints(arm)]),
             limits=model.command_limits(BODY_JOINTS),
         )
         self._add_motions(builder)
@@ -300,12 +305,7 @@ class PepperStation(Diagram):
         )
         builder.ExportInput(plant.get_applied_spatial_force_input_port(), "applied_forces")
         export_triggers(builder, config.faults)
-        builder.BuildInto(self)
-
-    @staticmethod
-    def _arm(scene: Scene | None) -> str:
-        """The arm that reaches."""
-        return "right" if scene is None else scene.arm
+        build_into(builder, self)
 
     def robot_geometries(self) -> set[GeometryId]:
         """Pepper's collision geometries."""

@@ -1,13 +1,14 @@
 """A stereo pair behind Pepper's eyes that delivers depth images, in place of the depth camera."""
 
 from pydrake.geometry import FrameId
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.sensors import RgbdSensor
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, HeadCamera, make_render_cameras
 from pepper_drake.perception.cameras.noise import ColorNoise
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import make_stereo_cameras
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.sensing.camera_model import CameraModel
 from pepper_drake.systems.sensing.projected_pattern import ProjectedPattern
 from pepper_drake.systems.sensing.stereo_depth import StereoDepth
@@ -115,7 +116,7 @@ class StereoCamera(Diagram):
                     builder.Connect(model.GetOutputPort(name), depth.GetInputPort(name))
         for name in ("depth_image", "X_WC", "time_stamp", "position"):
             builder.ExportOutput(depth.GetOutputPort(name), name)
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _lit(
         self, builder: DiagramBuilder, sensor: RgbdSensor, camera: HeadCamera, projector: HeadCamera

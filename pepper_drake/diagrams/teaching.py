@@ -5,12 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
 from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
 from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.guiding.hand_guide import HandGuide, HandGuideParams
 from pepper_drake.systems.guiding.motion_recorder import MotionRecorder
 from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
@@ -105,7 +106,7 @@ class Teaching(Diagram):
         builder.ExportOutput(self.station.GetOutputPort("torso_pose"), "torso_pose")
         builder.ExportOutput(joint_position, "joint_position")
         builder.ExportOutput(self.station.GetOutputPort("ground_truth.query"), "query")
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def _command_joints(
         self,

@@ -9,7 +9,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
 from pepper_drake.diagrams.station import PepperStation
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.models.control_model import ControlModel
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 
 Vector = npt.NDArray[np.float64]
 
@@ -93,18 +94,21 @@ def _point_velocity(
     return np.asarray(velocity.translational() + np.cross(velocity.rotational(), offset))
 
 
-def arm_speed(geometry: ArmGeometry, joint_positions: Vector, time_step: float) -> float:
+def arm_speed(model: ControlModel, arm: str, joint_positions: Vector, time_step: float) -> float:
     """Largest speed of the arm's points against the torso on a recorded motion [m/s].
 
     Args:
-        geometry: Of the arm; its spheres' centres are the points.
+        model: Pepper.
+        arm: "left" or "right"; the centres of its spheres are the points.
         joint_positions: The arm's joints (N, 5) [rad].
         time_step: Between them [s].
     """
     if len(joint_positions) < 2:
         return 0.0
-    ways = np.diff(geometry.sphere_centers(joint_positions), axis=0)
-    return float(np.linalg.norm(ways, axis=-1).max() / time_step)
+    kinematics = arm_kinematics(model, arm)
+    centers = kinematics.sphere_centers(kinematics.poses(joint_positions))  # (3, S, N)
+    ways = np.diff(centers, axis=-1)
+    return float(np.linalg.norm(ways, axis=0).max() / time_step)
 
 
 def stopping_time(

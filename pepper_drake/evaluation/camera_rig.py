@@ -1,5 +1,6 @@
 """Pepper posed in a scene, and what its cameras render: to measure perception without a motion."""
 
+import weakref
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -30,6 +31,7 @@ from pepper_drake.perception.cameras.camera import (
 )
 from pepper_drake.perception.cloud_evaluation import TrueSurfaces
 from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.systems.framework import build, release
 
 _RENDERER = "vtk"
 
@@ -74,7 +76,8 @@ class CameraRig:
                 self.scene_graph.get_query_output_port(), sensor.query_object_input_port()
             )
             self._sensors[camera.name] = sensor
-        self._diagram = builder.Build()
+        self._diagram = build(builder)
+        weakref.finalize(self, release, self._diagram).atexit = False
         self._context = self._diagram.CreateDefaultContext()
         self._plant_context = self.plant.GetMyMutableContextFromRoot(self._context)
         self.set_positions(scene.robot.positions())

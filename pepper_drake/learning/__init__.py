@@ -6,10 +6,13 @@ from pepper_drake.learning.approximators import lwpr as lwpr
 from pepper_drake.learning.approximators import trajectory_regression as trajectory_regression
 from pepper_drake.learning.approximators.registry import approximator_names
 from pepper_drake.learning.demonstrations.alignment import align
+from pepper_drake.learning.demonstrations.check import DemonstrationReport, examine
 from pepper_drake.learning.demonstrations.demonstration import TORSO_HEIGHT, Demonstration
 from pepper_drake.learning.demonstrations.demonstration_folder import load_all
 from pepper_drake.learning.dmp.bimanual import BimanualPrimitive
+from pepper_drake.learning.dmp.chain import Chain, Step, plan_chain
 from pepper_drake.learning.dmp.coupling import BarrierCoupling, ReportCoupling, make_coupling
+from pepper_drake.learning.dmp.joint_primitive import JointPrimitive
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.primitive import MovementPrimitive, Path3D
 from pepper_drake.learning.dmp.rhythmic import RhythmicPrimitive, fit_rhythmic
@@ -33,9 +36,12 @@ __all__ = [
     "TORSO_HEIGHT",
     "BarrierCoupling",
     "BimanualPrimitive",
+    "Chain",
     "Demonstration",
+    "DemonstrationReport",
     "DsGmr",
     "GaussianMixture",
+    "JointPrimitive",
     "ModulatedSystem",
     "MovementPrimitive",
     "Path3D",
@@ -45,10 +51,12 @@ __all__ = [
     "ReportCoupling",
     "RhythmicPrimitive",
     "Spread",
+    "Step",
     "TaskFrame",
     "TaskParameterizedMixture",
     "align",
     "approximator_names",
+    "examine",
     "fit_ds_gmr",
     "fit_gaussian_mixture",
     "fit_modulated_system",
@@ -57,6 +65,7 @@ __all__ = [
     "fit_task_parameterized",
     "load_all",
     "make_coupling",
+    "plan_chain",
     "start_and_goal",
     "variability_along",
 ]

@@ -60,22 +60,27 @@ def relative_time_at(phases: npt.ArrayLike, alpha_x: float) -> Array:
 
 
 def extended_tau(
-    tau: Scalar, known_goal: Array, seen_goal: Array, extension: float
-) -> tuple[Scalar, Array]:
-    """Extends the duration in proportion to the goal's displacement.
+    tau: Scalar, nominal: Scalar, first_goal: Array, seen_goal: Array, extension: float
+) -> Scalar:
+    """Extends the duration in proportion to the goal's displacement since the motion began.
+
+    What counts is how far the goal is from where it was at first, not the way that it went: a goal
+    whose estimate shakes does not make the motion longer and longer.
 
     Args:
         tau: The duration so far [s].
-        known_goal: (3,) where the goal was when it last counted as moved [m].
+        nominal: The duration without a displacement [s].
+        first_goal: (3,) where the goal was when the motion began [m].
         seen_goal: (3,) where it is now [m].
         extension: Time for each metre of displacement [s/m].
 
     Returns:
-        The duration and the goal to compare with next time; both as they were when the goal is
-        within `GOAL_THRESHOLD` of the known one.
+        The duration [s], never less than `tau`: what was given is not taken back. It stays while
+        the goal is within `GOAL_THRESHOLD` of the first one.
     """
-    displacement = seen_goal - known_goal
+    displacement = seen_goal - first_goal
     square = displacement @ displacement
     if square <= GOAL_THRESHOLD**2:
-        return tau, known_goal
-    return tau + extension * np.sqrt(square), seen_goal
+        return tau
+    extended = nominal + extension * np.sqrt(square)
+    return extended if extended > tau else tau

@@ -12,6 +12,7 @@ from pepper_drake.live.page import BUTTONS
 from pepper_drake.live.session import Mode
 from pepper_drake.live.show import LiveApp
 from pepper_drake.models.guide import ViaPoint
+from pepper_drake.models.motion import FARTHEST, LONGEST
 from pepper_drake.models.pepper import MODELS_DIR
 from pepper_drake.models.scene import make_pose
 from pepper_drake.models.typed_yaml import load_yaml
@@ -145,16 +146,16 @@ def _check_step(step: ScriptStep, name: str) -> None:
         raise InputError(f'{name}.press is "{step.press}"; it must be one of {", ".join(BUTTONS)}')
     if step.until and step.until not in list(Mode):
         raise InputError(f'{name}.until is "{step.until}"; it must be one of {", ".join(Mode)}')
-    if not (np.isfinite(step.wait) and step.wait >= 0.0):
+    if not 0.0 <= step.wait <= LONGEST:
         raise InputError(f"{name}.wait is {step.wait:g} s; it must be finite and not negative")
-    if step.move and (len(step.to) != 3 or not np.all(np.isfinite(step.to))):
+    if step.move and (len(step.to) != 3 or not np.all(np.abs(step.to) <= FARTHEST)):
         raise InputError(f"{name}.to must be three finite numbers, an offset x, y, z")
     previous = 0.0
     for number, via in enumerate(step.lead):
         for key, vector in (("position", via.position), ("rpy", via.rpy)):
-            if len(vector) != 3 or not np.all(np.isfinite(vector)):
+            if len(vector) != 3 or not np.all(np.abs(vector) <= FARTHEST):
                 raise InputError(f"{name}.lead[{number}].{key} must be three finite numbers")
-        if not via.time > previous:
+        if not previous + 1e-3 <= via.time <= LONGEST:
             raise InputError(f"{name}.lead[{number}].time must be above 0 and increase")
         previous = via.time
     if len(step.lead) == 1:

@@ -172,15 +172,11 @@ class LiveSimulation:
 
     def goal_is_seen(self) -> bool:
         """Tells whether Pepper knows where the goal is."""
-        estimator = self.diagram.perception.goal_estimator
-        return estimator is None or bool(self._eval(estimator, "valid")[0])
+        return bool(self._eval(self.diagram.perception, "goal_valid")[0])
 
     def cloud(self) -> Vector:
         """Returns the obstacles that Pepper sees or remembers (P, 3) in W [m]."""
-        source = self.diagram.perception.cloud_source
-        if source is None:
-            return np.zeros((0, 3))
-        return cloud_points(self._eval(source, "cloud"))
+        return cloud_points(self._eval(self.diagram.perception, "cloud"))
 
     def tau(self) -> float:
         """Returns the duration of the movement, as the goal has extended it so far [s]."""

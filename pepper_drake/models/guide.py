@@ -5,7 +5,12 @@ from pathlib import Path
 from typing import Self
 
 from pepper_drake.errors import InputError
-from pepper_drake.models.teaching_script import TeachingScript, check_vector, load_script
+from pepper_drake.models.teaching_script import (
+    TeachingScript,
+    check_duration,
+    check_vector,
+    load_script,
+)
 
 GUIDES = ("reach",)
 """The names of the guide scripts that ship."""
@@ -55,6 +60,7 @@ def check_via_points(via_points: list[ViaPoint]) -> None:
         check_vector(f"{name}.rpy", via.rpy)
         if not via.time > previous:
             raise InputError(f"{name}.time is {via.time:g} s; times must be above 0 and increase")
+        check_duration(f"{name}.time", via.time - previous, whole=via.time)
         previous = via.time
 
 

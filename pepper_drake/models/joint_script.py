@@ -4,11 +4,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
-import numpy as np
-
 from pepper_drake.errors import InputError
+from pepper_drake.models.motion import FARTHEST
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, mirror_joint_positions
-from pepper_drake.models.teaching_script import TeachingScript, load_script
+from pepper_drake.models.teaching_script import TeachingScript, check_duration, load_script
 
 JOINT_SCRIPTS = ("joints",)
 """The names of the joint scripts that ship."""
@@ -38,16 +37,16 @@ class JointScript(TeachingScript):
             raise InputError("moves holds none; it needs at least one")
         if self.pause < 0.0:
             raise InputError(f"pause is {self.pause:g} s; it must not be negative")
+        whole = self.pause * len(self.moves) + sum(move.duration for move in self.moves)
         for index, move in enumerate(self.moves):
             name = f"moves[{index}]"
             if move.joint not in joints:
                 raise InputError(
                     f'{name}.joint is "{move.joint}"; the {self.arm} arm has {", ".join(joints)}'
                 )
-            if not np.isfinite(move.angle):
-                raise InputError(f"{name}.angle must be a finite number")
-            if not move.duration > 0.0:
-                raise InputError(f"{name}.duration is {move.duration:g} s; it must be above 0")
+            if not abs(move.angle) <= FARTHEST:
+                raise InputError(f"{name}.angle must be a finite number of at most {FARTHEST:g}")
+            check_duration(f"{name}.duration", move.duration, whole=whole)
 
     def mirrored(self) -> Self:
         """Returns the script for the other arm, mirrored at the robot's x-z plane."""

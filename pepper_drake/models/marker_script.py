@@ -9,7 +9,13 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.guide import ViaPoint
-from pepper_drake.models.teaching_script import TeachingScript, check_vector, load_script
+from pepper_drake.models.motion import FARTHEST
+from pepper_drake.models.teaching_script import (
+    TeachingScript,
+    check_duration,
+    check_vector,
+    load_script,
+)
 
 MARKER_SCRIPTS = ("marker",)
 """The names of the marker scripts that ship."""
@@ -43,11 +49,15 @@ class MarkerScript(TeachingScript):
             raise InputError(f'camera is "{self.camera}"; it must be one of {", ".join(CAMERAS)}')
         if not 0 <= self.marker_id < 50:
             raise InputError(f"marker_id is {self.marker_id}; DICT_4X4_50 has 0 to 49")
-        for name in ("period", "marker_size", "scale"):
-            if not getattr(self, name) > 0.0:
-                raise InputError(f"{name} is {getattr(self, name):g}; it must be above 0")
-        if not np.isfinite(self.yaw):
-            raise InputError("yaw must be a finite number")
+        limits = {"period": (0.01, 10.0), "marker_size": (0.005, 0.5), "scale": (0.01, 10.0)}
+        for name, (lower, upper) in limits.items():
+            value = getattr(self, name)
+            if not value > 0.0:
+                raise InputError(f"{name} is {value:g}; it must be above 0")
+            if not lower <= value <= upper:
+                raise InputError(f"{name} is {value:g}; it must be {lower:g} to {upper:g}")
+        if not abs(self.yaw) <= FARTHEST:
+            raise InputError(f"yaw must be a finite number of at most {FARTHEST:g}")
         if len(self.path) < 3:
             raise InputError(f"path holds {len(self.path)} poses; it needs at least three")
         if self.path[0].time != 0.0:
@@ -57,6 +67,9 @@ class MarkerScript(TeachingScript):
             check_vector(f"path[{index}].rpy", via.rpy)
             if index and not via.time > self.path[index - 1].time:
                 raise InputError(f"path[{index}].time is {via.time:g} s; times must increase")
+            if index:
+                gap = via.time - self.path[index - 1].time
+                check_duration(f"path[{index}].time", gap, whole=via.time)
 
     def poses(self) -> tuple[list[float], list[RigidTransform]]:
         """Returns the times [s], the rest at the start included, and the poses X_TM."""

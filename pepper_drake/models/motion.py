@@ -1,12 +1,24 @@
 """Motions of obstacles and the goal object: a smooth path through rows of time and offset."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
+
+LONGEST = 600.0
+"""No path or script takes longer [s]."""
+
+FARTHEST = 100.0
+"""Nothing is moved or put farther away than this [m]."""
+
+_SHORTEST = 1e-3
+_MOST_ROWS = 5_000
+_FILE_LIMIT = 2**20
 
 MOTION_DIRECTIONS: dict[str, tuple[float, float, float]] = {
     "up": (0.0, 0.0, 1.0),
@@ -29,6 +41,19 @@ def check_path(path: Sequence[Sequence[float]], field: str) -> None:
             raise InputError(f"{field}[{index}] must be later than the row before it")
     if path and path[0][0] < 0.0:
         raise InputError(f"{field}[0] must not begin before time 0")
+    _check_range(path, field)
+
+
+def _check_range(path: Sequence[Sequence[float]], name: str) -> None:
+    if len(path) > _MOST_ROWS:
+        raise InputError(f"{name} has {len(path)} rows; give at most {_MOST_ROWS}")
+    if path and path[-1][0] > LONGEST:
+        raise InputError(f"{name} ends at {path[-1][0]:g} s; it must end by {LONGEST:g} s")
+    for one, other in pairwise(path):
+        if other[0] - one[0] < _SHORTEST:
+            raise InputError(f"{name} has rows less than {_SHORTEST:g} s apart, at {one[0]:g} s")
+    if path and np.abs(np.array(path)[:, 1:]).max() > FARTHEST:
+        raise InputError(f"{name} leads farther than {FARTHEST:g} m away")
 
 
 def path_trajectory(path: Sequence[Sequence[float]]) -> PiecewisePolynomial:
@@ -88,12 +113,7 @@ def load_path(file: Path) -> list[list[float]]:
     Raises:
         InputError: If the file is missing or a row is wrong; the sentence names file and line.
     """
-    try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        raise InputError(f"{file} does not exist") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{file} cannot be read as a text file ({error})") from None
+    lines = read_text(file, _FILE_LIMIT).splitlines()
     rows: list[list[float]] = []
     for number, line in enumerate(lines, start=1):
         words = line.split("#", 1)[0].replace(",", " ").split()
@@ -113,4 +133,5 @@ def load_path(file: Path) -> list[list[float]]:
         rows.append(row)
     if len(rows) < 2:
         raise InputError(f"{file} has {len(rows)} rows of numbers; a path has at least two")
+    _check_range(rows, str(file))
     return rows

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from pepper_drake.errors import InputError
-from pepper_drake.models.teaching_script import TeachingScript, load_script
+from pepper_drake.models.teaching_script import TeachingScript, check_duration, load_script
 
 PAD_SCRIPTS = ("pad",)
 """The names of the pad scripts that ship."""
@@ -42,8 +42,7 @@ class PadScript(TeachingScript):
             raise InputError("steps holds none; it needs at least one")
         for index, step in enumerate(self.steps):
             name = f"steps[{index}]"
-            if not step.duration > 0.0:
-                raise InputError(f"{name}.duration is {step.duration:g} s; it must be above 0")
+            check_duration(f"{name}.duration", step.duration, whole=self.end_time)
             if len(step.axes) != _AXES or not np.all(np.abs(step.axes) <= 1.0):
                 raise InputError(f"{name}.axes must be {_AXES} numbers from -1 to 1")
             if not all(0 <= number < _BUTTONS for number in step.pressed):

@@ -10,7 +10,8 @@ from pydrake.geometry import Box, Capsule, Cylinder, Shape, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from pepper_drake.errors import InputError
-from pepper_drake.models.motion import check_path, path_trajectory
+from pepper_drake.files import path_inside
+from pepper_drake.models.motion import FARTHEST, check_path, path_trajectory
 from pepper_drake.models.pepper import (
     ARMS,
     MODELS_DIR,
@@ -27,6 +28,9 @@ SCENES = ("table", "shelf", "clutter", "free")
 
 COUPLINGS = ("barrier", "report")
 """The obstacle couplings that a scene may name: the default, and the report's equation 2.7."""
+
+_SMALLEST = 1e-4
+_MOST_OBSTACLES = 200
 
 _SIZES = {
     "box": "x, y and z lengths",
@@ -169,6 +173,8 @@ class Scene:
             )
         _check_robot(self.robot)
         _check_goal(self.goal)
+        if len(self.obstacles) > _MOST_OBSTACLES:
+            raise InputError(f"obstacles are {len(self.obstacles)}; give at most {_MOST_OBSTACLES}")
         for index, obstacle in enumerate(self.obstacles):
             _check_obstacle(obstacle, f"obstacles[{index}]")
         names = [obstacle.name for obstacle in self.obstacles]
@@ -262,21 +268,27 @@ def load_scene(name_or_path: str | Path) -> Scene:
     path = Path(name_or_path)
     if str(name_or_path) in SCENES:
         path = SCENES_DIR / f"{name_or_path}.yaml"
-    elif not path.exists():
+    elif not _is_there(path):
         raise InputError(
             f"{path} is neither a scene file nor one of the shipped scenes {', '.join(SCENES)}"
         )
     scene = load_yaml(Scene, path)
     for obstacle in scene.obstacles:
-        beside = path.parent / obstacle.mesh
-        if obstacle.mesh and beside.is_file():
-            obstacle.mesh = str(beside.resolve())
+        if obstacle.mesh and _is_there(path.parent / obstacle.mesh):
+            obstacle.mesh = str(path_inside(path.parent, obstacle.mesh).resolve())
     try:
         scene.check()
     except InputError as error:
         line = line_of_field(path, str(error).split()[0])
         raise InputError(f"{path} line {line}: {error}") from None
     return scene
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # A name that no file can have.
+        return False
 
 
 def save_scene(scene: Scene, path: Path) -> None:
@@ -293,6 +305,8 @@ def _check_vector(value: Sequence[float], length: int, name: str, what: str) -> 
         raise InputError(f"{name} has {len(value)} numbers; it must have {length}: {what}")
     if not np.all(np.isfinite(value)):
         raise InputError(f"{name} must hold finite numbers")
+    if np.abs(value).max() > FARTHEST:
+        raise InputError(f"{name} must hold numbers of at most {FARTHEST:g}")
 
 
 def _check_color(color: Sequence[float], name: str) -> None:
@@ -302,8 +316,9 @@ def _check_color(color: Sequence[float], name: str) -> None:
 
 
 def _check_robot(robot: RobotStart) -> None:
-    if not np.all(np.isfinite([robot.x, robot.y, robot.yaw, *robot.joints.values()])):
-        raise InputError("robot must hold finite numbers")
+    numbers = [robot.x, robot.y, robot.yaw, *robot.joints.values()]
+    if not np.all(np.abs(numbers) <= FARTHEST):
+        raise InputError(f"robot must hold finite numbers of at most {FARTHEST:g}")
     if robot.posture not in POSTURES:
         raise InputError(
             f'robot.posture is "{robot.posture}"; it must be one of {", ".join(POSTURES)}'
@@ -323,8 +338,8 @@ def _check_goal(goal: GoalObject) -> None:
             )
     if goal.position[2] < 0.0:
         raise InputError(f"goal.position is {-goal.position[2]:g} m below the floor; raise it")
-    if not np.isfinite(goal.yaw):
-        raise InputError("goal.yaw must be a finite number")
+    if not abs(goal.yaw) <= FARTHEST:
+        raise InputError(f"goal.yaw must be a finite number of at most {FARTHEST:g}")
     _check_color(goal.color, "goal.color")
     marker = goal.marker
     if not 0 <= marker.id < 50:
@@ -355,8 +370,10 @@ def _check_obstacle(obstacle: Obstacle, field_name: str) -> None:
     what = _SIZES[obstacle.shape]
     length = {"box": 3, "cylinder": 2, "capsule": 2}.get(obstacle.shape, 1)
     _check_vector(obstacle.size, length, f"{field_name}.size", what)
-    if min(obstacle.size) <= 0.0:
-        raise InputError(f"{field_name}.size has {min(obstacle.size):g}; sizes must be above 0")
+    if min(obstacle.size) < _SMALLEST:
+        raise InputError(
+            f"{field_name}.size has {min(obstacle.size):g}; sizes must be at least {_SMALLEST:g}"
+        )
     if obstacle.shape == "mesh":
         try:
             mesh_path(obstacle.mesh)

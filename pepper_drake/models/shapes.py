@@ -18,6 +18,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 
 from pepper_drake.errors import InputError
+from pepper_drake.models.obj_files import check_obj
 from pepper_drake.models.pepper import MODELS_DIR
 
 MESHES_DIR = MODELS_DIR / "meshes"
@@ -37,14 +38,19 @@ def mesh_path(mesh: str) -> Path:
     """Returns the file of a mesh, one that ships with the package if `mesh` has no folder.
 
     Raises:
-        InputError: If there is no such OBJ file.
+        InputError: There is no such OBJ file, or it is no mesh of a solid.
     """
     path = Path(mesh)
     if path.parent == Path():
         path = MESHES_DIR / path
-    if path.suffix.lower() != ".obj" or not path.is_file():
+    try:
+        is_there = path.is_file()
+    except (OSError, ValueError):  # A name that no file can have.
+        is_there = False
+    if path.suffix.lower() != ".obj" or not is_there:
         shipped = ", ".join(sorted(p.name for p in MESHES_DIR.glob("*.obj")))
         raise InputError(f'mesh is "{mesh}", which is no OBJ file here; shipped are {shipped}')
+    check_obj(path)
     return path
 
 

@@ -8,6 +8,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from pepper_drake.errors import InputError
+from pepper_drake.models.motion import FARTHEST, LONGEST
 from pepper_drake.models.pepper import (
     ARMS,
     MODELS_DIR,
@@ -16,6 +17,8 @@ from pepper_drake.models.pepper import (
     posture_positions,
 )
 from pepper_drake.models.typed_yaml import line_of_field, load_yaml
+
+_SHORTEST = 1e-3
 
 GUIDES_DIR = MODELS_DIR / "guides"
 
@@ -39,11 +42,11 @@ class TeachingScript:
             raise InputError(
                 f'posture is "{self.posture}"; it must be one of {", ".join(POSTURES)}'
             )
-        if not np.all(np.isfinite(list(self.joints.values()))):
-            raise InputError("joints must hold finite numbers")
+        if not np.all(np.abs(list(self.joints.values())) <= FARTHEST):
+            raise InputError(f"joints must hold finite numbers of at most {FARTHEST:g}")
         self.positions()
-        if self.rest < 0.0:
-            raise InputError(f"rest is {self.rest:g} s; it must not be negative")
+        if not 0.0 <= self.rest <= LONGEST:
+            raise InputError(f"rest is {self.rest:g} s; it must be 0 to {LONGEST:g} s")
 
     def mirrored(self) -> Self:
         """Returns the script for the other arm, mirrored at the robot's x-z plane."""
@@ -89,5 +92,19 @@ def load_script(schema: type[Script], name_or_path: str | Path, shipped: tuple[s
 
 def check_vector(name: str, vector: list[float]) -> None:
     """Raises InputError, naming the field, unless a vector holds three finite numbers."""
-    if len(vector) != 3 or not np.all(np.isfinite(vector)):
-        raise InputError(f"{name} must be three finite numbers")
+    if len(vector) != 3 or not np.all(np.abs(vector) <= FARTHEST):
+        raise InputError(f"{name} must be three finite numbers of at most {FARTHEST:g}")
+
+
+def check_duration(name: str, duration: float, *, whole: float = 0.0) -> None:
+    """Raises InputError, naming the field, unless a time [s] makes sense.
+
+    Args:
+        name: The field.
+        duration: Its value; at least a millisecond.
+        whole: What all such times are together.
+    """
+    if not duration >= _SHORTEST:
+        raise InputError(f"{name} is {duration:g} s; it must be above 0")
+    if not max(duration, whole) <= LONGEST:
+        raise InputError(f"{name} makes the script longer than {LONGEST:g} s; shorten it")

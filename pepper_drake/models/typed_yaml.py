@@ -14,10 +14,11 @@ from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
+from pepper_drake.yaml_files import compose, construct, number_of
 
 T = TypeVar("T")
 
-YAML_LIMIT = 2**20
+YAML_LIMIT = 2**18
 """Largest YAML file of settings or scenes that is read [bytes]."""
 
 _SCALARS: dict[type, tuple[str, ...]] = {
@@ -26,7 +27,11 @@ _SCALARS: dict[type, tuple[str, ...]] = {
     bool: ("tag:yaml.org,2002:bool",),
     str: ("tag:yaml.org,2002:str",),
 }
-_STRINGS = ("tag:yaml.org,2002:str",)
+_LARGEST = 1e9
+"""No number in SI units of a robot's world is larger."""
+
+_LINES = str.maketrans("\n\t", "  ")
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
 
 
@@ -59,11 +64,13 @@ def parse_yaml(schema: type[T], text: str, name: str, defaults: T | None = None)
     Raises:
         InputError: As `load_yaml`.
     """
-    root = _compose(text, name)
+    root = compose(text, name)
     if root is None:
         raise InputError(f"{name} is empty; it must hold the fields of a {schema.__name__}")
     _check_node(root, schema, "", name)
-    return yaml_load_typed(schema=schema, data=text, defaults=defaults)
+    # Drake reads words as YAML 1.1 does: it is told what was checked, written without doubt.
+    plain = yaml.dump(construct(root, name), Dumper=_DUMPER)
+    return yaml_load_typed(schema=schema, data=plain, defaults=defaults)
 
 
 def with_settings(config: T, settings: Sequence[str]) -> T:
@@ -98,22 +105,6 @@ def with_settings(config: T, settings: Sequence[str]) -> T:
     return config
 
 
-def _compose(text: str, name: str) -> yaml.Node | None:
-    try:
-        for event in yaml.parse(text, Loader=yaml.SafeLoader):
-            if isinstance(event, yaml.AliasEvent):
-                line = event.start_mark.line + 1 if event.start_mark else 1
-                raise InputError(f"{name} line {line}: aliases (*) are not read; write it out")
-        return yaml.compose(text, Loader=yaml.SafeLoader)
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise InputError(f"{name} line {line}: not valid YAML ({error.problem})") from None
-    except yaml.YAMLError as error:
-        raise InputError(f"{name}: not valid YAML ({error})") from None
-    except RecursionError:
-        raise InputError(f"{name}: nested too deeply to be a file of settings") from None
-
-
 def save_yaml(data: Any, path: Path) -> None:
     """Writes a dataclass to a YAML file that `load_yaml` reads back."""
     path.write_text(yaml_dump_typed(data, schema=type(data)), encoding="utf-8")
@@ -124,7 +115,7 @@ def line_of_field(path: Path, field: str) -> int:
 
     If the file leaves the field out, the line of the innermost field around it that is there.
     """
-    node = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
+    node = compose(read_text(path, YAML_LIMIT), str(path))
     line = 1
     for key, index in re.findall(r"(\w+)|\[(\d+)\]", field):
         if isinstance(node, yaml.MappingNode) and key:
@@ -175,43 +166,22 @@ def _check_node(node: yaml.Node, schema: Any, field: str, path: str) -> None:
     else:
         if not isinstance(node, yaml.ScalarNode):
             raise InputError(f"{where}{name} is a list or a mapping; it must be {_WORDS[schema]}")
-        if not _fits(node, schema):
+        if node.tag not in _SCALARS[schema]:
             raise InputError(f'{where}{name} is "{node.value}"; it must be {_WORDS[schema]}')
-        if schema is float and not math.isfinite(_number(node.value)):
-            raise InputError(f"{where}{name} is {node.value}; it must be a finite number")
+        if schema is float:
+            number = number_of(node.value)
+            if not math.isfinite(number):
+                raise InputError(f"{where}{name} is {node.value}; it must be a finite number")
+            if abs(number) > _LARGEST:
+                raise InputError(f"{where}{name} is {node.value}, more than {_LARGEST:g}")
+        if schema is str and not node.value.translate(_LINES).isprintable():
+            raise InputError(f"{where}{name} has control characters; write plain text")
 
 
 def _items(node: yaml.MappingNode, path: str) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
-    """Returns the entries of a mapping, whose keys must be single words, each of them once."""
-    seen: set[str] = set()
+    """Returns the entries of a mapping, whose keys must be texts."""
     for key, _ in node.value:
-        where = f"{path} line {key.start_mark.line + 1}: "
-        if not isinstance(key, yaml.ScalarNode):
-            raise InputError(f"{where}a list or mapping stands where a field's name should")
-        if key.tag not in _STRINGS:
+        if key.tag not in _SCALARS[str]:
+            where = f"{path} line {key.start_mark.line + 1}: "
             raise InputError(f"{where}{key.value} is no text to YAML; quote it")
-        if key.value in seen:
-            raise InputError(f'{where}"{key.value}" is there twice; leave one out')
-        seen.add(key.value)
     return list(node.value)
-
-
-def _fits(node: yaml.ScalarNode, schema: type) -> bool:
-    if schema in (int, float) and node.tag not in _STRINGS + _SCALARS[float]:
-        return False
-    if schema is int:
-        return re.fullmatch(r"[-+]?\d+", node.value) is not None and node.style is None
-    if schema is float:
-        # YAML 1.1 has numbers to the base of 60 and 16, and takes 1e-3, without a dot, for a text.
-        try:
-            _number(node.value)
-        except ValueError:
-            return False
-        return node.style is None
-    return node.tag in _SCALARS[schema]
-
-
-def _number(text: str) -> float:
-    """Returns the number that a YAML scalar stands for, including `.nan` and `-.inf`."""
-    word = text.lower().replace("_", "")
-    return float(word.replace(".inf", "inf").replace(".nan", "nan"))

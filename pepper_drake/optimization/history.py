@@ -2,7 +2,7 @@
 
 import io
 import json
-import zipfile
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -10,11 +10,17 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.array_files import read_npz
 from pepper_drake.errors import InputError
-from pepper_drake.files import write_atomically
+from pepper_drake.files import parse_json, write_atomically
 from pepper_drake.optimization.problem import total_costs
 
 Array = npt.NDArray[np.float64]
+
+_MOST_UPDATES = 100_000
+
+_KEEP_PERIOD = 0.8
+"""Wall time from when a history was kept until it is kept again [s]."""
 
 
 @dataclass
@@ -79,8 +85,12 @@ class History:
                     " give the same options, or start anew without --resume"
                 )
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path, *, compress: bool = True) -> None:
         """Writes the history as numpy's npz; a crash leaves the file as it was before.
+
+        Args:
+            path: The file.
+            compress: Whether it is to be small rather than written fast.
 
         Raises:
             InputError: The path cannot be written to.
@@ -95,7 +105,7 @@ class History:
         pending = self.pending.get(self.updates, {})
         arrays |= {f"pending_{k}": costs for k, costs in pending.items()}
         content = io.BytesIO()
-        np.savez_compressed(content, **arrays)
+        (np.savez_compressed if compress else np.savez)(content, **arrays)
         write_atomically(path, content.getvalue())
 
     @classmethod
@@ -105,25 +115,78 @@ class History:
         Raises:
             InputError: The file is missing or is no history.
         """
+        if not path.exists():
+            raise InputError(f"{path}: no such file; there is nothing to resume")
         try:
-            with np.load(path, allow_pickle=False) as file:
-                data = {name: file[name] for name in file.files}
-            updates = sum(name.startswith("costs_") for name in data)
-            return cls(
-                settings=json.loads(str(data["settings"])),
-                samples=[data[f"samples_{k}"] for k in range(updates)],
-                costs=[data[f"costs_{k}"] for k in range(updates)],
-                means=list(data["means"]),
-                mean_costs=data["mean_costs"].tolist(),
-                pending={
-                    updates: {
-                        int(name.removeprefix("pending_")): costs
-                        for name, costs in data.items()
-                        if name.startswith("pending_")
-                    }
-                },
-            )
-        except FileNotFoundError:
-            raise InputError(f"{path}: no such file; there is nothing to resume") from None
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError):
+            return cls._of(read_npz(path, kinds="fiubU"), str(path))
+        except (InputError, ValueError, KeyError, TypeError, IndexError):
             raise InputError(f"{path}: not a history of a search; start anew") from None
+
+    @classmethod
+    def _of(cls, data: dict[str, Array], name: str) -> Self:
+        """Makes a history of what `save` wrote, or raises ValueError, KeyError or TypeError."""
+        if data["means"].ndim and len(data["means"]) > _MOST_UPDATES:
+            raise ValueError("more updates than any search makes")
+        updates = sum(key.startswith("costs_") for key in data)
+        history = cls(
+            settings=parse_json(str(data["settings"]), name),
+            samples=[data[f"samples_{k}"] for k in range(updates)],
+            costs=[data[f"costs_{k}"] for k in range(updates)],
+            means=list(data["means"]),
+            mean_costs=data["mean_costs"].tolist(),
+            pending={
+                updates: {
+                    int(key.removeprefix("pending_")): costs
+                    for key, costs in data.items()
+                    if key.startswith("pending_")
+                }
+            },
+        )
+        if not history._is_whole() or data["means"].shape[0] != len(data["mean_costs"]):
+            raise ValueError("shapes that belong to no search")
+        return history
+
+    def _is_whole(self) -> bool:
+        """Tells whether shapes and numbers are those of one search."""
+        pending = self.pending[self.updates].items()
+        tables = [*self.samples, *self.means]
+        sizes = {table.shape[-1] for table in tables if table.ndim}
+        return (
+            isinstance(self.settings, dict)
+            and self.updates <= len(self.means) <= self.updates + 1
+            and len(sizes) <= 1
+            and all(mean.ndim == 1 for mean in self.means)
+            and all(samples.ndim == 2 and len(samples) for samples in self.samples)
+            and all(costs.ndim in (1, 2) and costs.size for costs in self.costs)
+            and all(len(s) == len(c) for s, c in zip(self.samples, self.costs, strict=True))
+            and all(start >= 0 and costs.ndim in (1, 2) for start, costs in pending)
+            and all(
+                table.dtype.kind in "fiub" and bool(np.all(np.isfinite(table)))
+                for table in (*tables, *self.costs, *(costs for _, costs in pending))
+            )
+            and all(isinstance(cost, float) for cost in self.mean_costs)
+        )
+
+
+@dataclass
+class HistoryKeeper:
+    """Keeps a history in a file while the search goes on, about once a second.
+
+    Attributes:
+        path: The file; its folder is made when there is something to keep.
+        history: Of the search.
+    """
+
+    path: Path
+    history: History
+    _kept: float = field(default_factory=time.monotonic, repr=False)
+
+    def keep(self, *, now: bool = False) -> None:
+        """Writes the file if it is time to, or at once.
+
+        Raises:
+            InputError: The path cannot be written to.
+        """
+        if self.history.means and (now or time.monotonic() - self._kept > _KEEP_PERIOD):
+            self.history.save(self.path, compress=False)
+            self._kept = time.monotonic()

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.array_files import read_npz
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
 from pepper_drake.learning import Demonstration, MovementPrimitive
@@ -15,6 +16,9 @@ from pepper_drake.optimization.parameters import MovementParameters
 from pepper_drake.optimization.problem import Evaluate, Problem
 
 Array = npt.NDArray[np.float64]
+
+_FARTHEST = 1e3
+"""No obstacle is farther than this [m]."""
 
 EXPLORATION = 0.02
 """Default standard deviation of each parameter [m]: r = 4e-4 m² in equation 3.2."""
@@ -110,11 +114,10 @@ def load_points(path: Path) -> Array:
         InputError: With file and line.
     """
     if path.suffix == ".npz":
-        try:
-            with np.load(path, allow_pickle=False) as log:
-                return np.asarray(log["cloud_torso_m"])
-        except (OSError, ValueError, KeyError):
-            raise InputError(f"{path}: holds no cloud_torso_m; give a reach's log.npz") from None
+        points = read_npz(path, ("cloud_torso_m",)).get("cloud_torso_m", np.zeros(0))
+        if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.abs(points) < _FARTHEST):
+            raise InputError(f"{path}: holds no cloud_torso_m; give a reach's log.npz")
+        return np.asarray(points, dtype=float)
     rows = []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         words = line.partition("#")[0].split()
@@ -124,7 +127,7 @@ def load_points(path: Path) -> Array:
             row = [float(word) for word in words]
         except ValueError:
             row = []
-        if len(row) != 3 or not np.isfinite(row).all():
+        if len(row) != 3 or not np.all(np.abs(row) < _FARTHEST):
             raise InputError(f"{path}, line {number}: '{line.strip()}' is not x y z, in metres")
         rows.append(row)
     if not rows:

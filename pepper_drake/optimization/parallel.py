@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.cli import quiet_libraries
+from pepper_drake.cli import limit_linear_algebra, quiet_libraries
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.optimization.problem import Evaluate, Problem
 
@@ -126,6 +126,7 @@ def processes(jobs: int) -> Iterator[Executor | None]:
 
 def _prepare_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    limit_linear_algebra()
     quiet_libraries()
 
 

@@ -7,6 +7,13 @@ from pepper_drake.perception.cameras.camera import (
     CameraIntrinsics,
     HeadCamera,
 )
+from pepper_drake.perception.cameras.camera_files import (
+    StereoCalibration,
+    load_intrinsics,
+    load_stereo,
+    make_intrinsics,
+)
+from pepper_drake.perception.cameras.image_files import read_depth, read_image
 from pepper_drake.perception.cameras.noise import (
     ColorNoise,
     DepthNoise,
@@ -23,8 +30,16 @@ from pepper_drake.perception.goal.imm_filter import (
     update_goal,
 )
 from pepper_drake.perception.goal.marker import detect_markers, marker_poses
-from pepper_drake.perception.mapping.cloud import CloudParameters, SurfacePoints, to_point_cloud
+from pepper_drake.perception.goal.photo import MarkerSighting, find_in_photo, markers_shown
+from pepper_drake.perception.mapping.cloud import (
+    CloudParameters,
+    SurfacePoints,
+    depth_in_metres,
+    to_point_cloud,
+)
+from pepper_drake.perception.mapping.cloud_files import load_cloud
 from pepper_drake.perception.mapping.cloud_points import cloud_points, make_cloud
+from pepper_drake.perception.mapping.depth_validity import DepthFault, ValidityParameters
 from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
     DynamicObstacleTracker,
     update_tracker,
@@ -34,9 +49,14 @@ from pepper_drake.perception.mapping.obstacle_map import (
     ObstacleParameters,
     update_obstacles,
 )
+from pepper_drake.perception.mapping.seen_space import SeenSpace, SpaceState
 from pepper_drake.perception.mapping.solids import RobotSolids, Solid
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
-from pepper_drake.perception.stereo.matching import StereoParameters, make_stereo_cameras
+from pepper_drake.perception.stereo.matching import (
+    StereoParameters,
+    make_stereo_cameras,
+    rectify_pair,
+)
 
 # Names of release 0.1, kept for one release.
 measure_goal = detect_goal
@@ -51,6 +71,7 @@ __all__ = [
     "CloudParameters",
     "CloudReport",
     "ColorNoise",
+    "DepthFault",
     "DepthNoise",
     "DynamicObstacleTracker",
     "ExcludedSolids",
@@ -59,12 +80,17 @@ __all__ = [
     "GoalState",
     "HeadCamera",
     "MarkedObject",
+    "MarkerSighting",
     "ObstacleParameters",
     "RobotSolids",
+    "SeenSpace",
     "Solid",
+    "SpaceState",
+    "StereoCalibration",
     "StereoParameters",
     "SurfacePoints",
     "TrueSurfaces",
+    "ValidityParameters",
     "VoxelMap",
     "VoxelMapParameters",
     "Watch",
@@ -73,15 +99,25 @@ __all__ = [
     "cloud_points",
     "degrade_color",
     "degrade_depth",
+    "depth_in_metres",
     "detect_goal",
     "detect_markers",
     "evaluate_cloud",
+    "find_in_photo",
     "keep_watch",
+    "load_cloud",
+    "load_intrinsics",
+    "load_stereo",
     "look_at",
     "make_cloud",
+    "make_intrinsics",
     "make_stereo_cameras",
     "marker_poses",
+    "markers_shown",
     "measure_goal",
+    "read_depth",
+    "read_image",
+    "rectify_pair",
     "to_point_cloud",
     "update_goal",
     "update_obstacles",

@@ -1,18 +1,20 @@
 """From files to motions: a run's folder, a demonstration, a primitive."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pepper_drake.errors import InputError
+from pepper_drake.array_files import npz_names
+from pepper_drake.errors import InputError, one_line
+from pepper_drake.files import path_inside, read_json
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import ARMS, BODY_JOINTS, JOINT_GROUPS, arm_group
 from pepper_drake.models.scene import Scene, load_scene
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.playback.motion import Motion, Signal, Vector
-from pepper_drake.results.log_files import array_names, check_rows, read_arrays
+from pepper_drake.results.folder import INTERRUPTED
+from pepper_drake.results.log_files import check_rows, read_arrays
 from pepper_drake.results.reach_log import ReachLog
 
 LOG, REPORT, SCENE = "log.npz", "report.json", "scene.yaml"
@@ -41,8 +43,15 @@ def load_motion(path: str | Path) -> Motion:
     path = Path(path)
     if path.name == LOG:
         path = path.parent
+    if not (path / LOG).exists() and (path / INTERRUPTED / LOG).exists():
+        path = path / INTERRUPTED
     if (path / LOG).exists():
-        is_reproduction = "slowdown" in array_names(path / LOG)
+        log = path_inside(path, LOG)
+        try:
+            is_reproduction = "slowdown" in npz_names(log)
+        except InputError as error:
+            why = str(error).removeprefix(f"{log}: ")
+            raise InputError(f"{log}: this is no log of a run ({why})") from None
         return _load_reproduction(path) if is_reproduction else _load_run(path)
     if path.suffix == ".txt" or (path / TRANSLATION).exists():
         return _load_demonstration(path, path.resolve().name.removesuffix(".txt"))
@@ -59,11 +68,11 @@ def load_motion(path: str | Path) -> Motion:
 
 
 def _load_run(folder: Path) -> Motion:
-    log = ReachLog.load(folder / LOG)
+    log = ReachLog.load(path_inside(folder, LOG))
     if not (folder / SCENE).exists():
         raise InputError(f"{folder}: the run lacks {SCENE}; record the run again")
-    scene = load_scene(folder / SCENE)
-    report = _load_report(folder / REPORT)
+    scene = load_scene(path_inside(folder, SCENE))
+    report = _load_report(path_inside(folder, REPORT))
     positions = {
         **dict(zip(BODY_JOINTS, log.joint_position_rad.T, strict=True)),
         **dict(zip(JOINT_GROUPS["base"], log.base_pose_m_m_rad.T, strict=True)),
@@ -91,18 +100,21 @@ def _load_run(folder: Path) -> Motion:
 
 
 def _load_reproduction(folder: Path) -> Motion:
-    path = folder / LOG
+    path = path_inside(folder, LOG)
     log = read_arrays(path, ("time_s", "goal_position_torso_m", *_REPRODUCTION_COLUMNS))
     check_rows(path, log, _REPRODUCTION_COLUMNS)
-    report = _load_report(folder / REPORT)
+    report = _load_report(path_inside(folder, REPORT))
     arm = str(report.get("arm"))
     if arm not in ARMS:
         raise InputError(f"{folder / REPORT}: arm is {arm}; it must be one of {', '.join(ARMS)}")
+    goal = log["goal_position_torso_m"]
+    if goal.shape != (3,) or not np.all(np.abs(goal) < 1e3):
+        raise InputError(f"{path}: goal_position_torso_m must be x y z; record the run again")
     positions = dict(zip(JOINT_GROUPS[arm_group(arm)], log["joint_position_rad"].T, strict=True))
     _check_finite(path, positions)
     times, hand = log["time_s"], log["hand_position_torso_m"]
     moving = np.flatnonzero(log["phase"] < 1.0)
-    distance = np.linalg.norm(hand - log["goal_position_torso_m"], axis=1)
+    distance = np.linalg.norm(hand - goal, axis=1)
     return Motion(
         name=folder.resolve().name,
         arm=arm,
@@ -125,7 +137,7 @@ def _load_reproduction(folder: Path) -> Motion:
 
 def _check_finite(path: Path, positions: dict[str, Vector]) -> None:
     for name, values in positions.items():
-        if not np.all(np.isfinite(values)):
+        if not np.all(np.abs(values) < 1e3):
             raise InputError(f"{path}: {name} is not finite; record the run again")
 
 
@@ -163,7 +175,7 @@ def _run_figures(log: ReachLog, report: dict[str, Any]) -> dict[str, str | float
 
 def _report_figures(report: dict[str, Any]) -> dict[str, str | float]:
     figures: dict[str, str | float] = {
-        name: str(report.get(name, "")) for name in ("outcome", "reason", "scene", "coupling")
+        name: one_line(report.get(name, "")) for name in ("outcome", "reason", "scene", "coupling")
     }
     scales = {
         "hand to goal [mm]": ("final_position_error", 1000.0),
@@ -173,20 +185,24 @@ def _report_figures(report: dict[str, Any]) -> dict[str, str | float]:
     }
     for name, (key, scale) in scales.items():
         value = report.get(key)
-        if isinstance(value, int | float):
+        if isinstance(value, int | float) and not isinstance(value, bool):
             figures[name] = scale * value
     return figures
 
 
 def _load_report(path: Path) -> dict[str, Any]:
+    if not path.exists():
+        raise InputError(f"{path}: the report is missing; record the run again")
     try:
-        report = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: the report is missing; record the run again") from None
-    except (OSError, ValueError):
-        raise InputError(f"{path}: this is no report of a run; record the run again") from None
-    if not isinstance(report, dict) or "outcome" not in report:
+        report = read_json(path)
+    except InputError as error:
+        why = str(error).removeprefix(f"{path}: ")
+        raise InputError(f"{path}: this is no report of a run ({why}); record it again") from None
+    if not isinstance(report, dict) or not isinstance(report.get("outcome"), str):
         raise InputError(f"{path}: the report says no outcome; record the run again")
+    for name in ("reason", "scene", "coupling", "arm"):
+        if not isinstance(report.get(name, ""), str):
+            raise InputError(f"{path}: {name} is no text; record the run again")
     return report
 
 

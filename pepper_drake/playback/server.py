@@ -10,12 +10,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from ipaddress import ip_address
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import zmq
 
 from pepper_drake.errors import InputError
+from pepper_drake.web.access import Access
 
 if TYPE_CHECKING:
     from pepper_drake.playback.drawing import Command
@@ -25,7 +27,8 @@ DEFAULT_URL = "tcp://127.0.0.1:6000"
 
 _ANSWER_MS = 10_000
 _START_SECONDS = 20.0
-_QUIT = b"quit"
+QUIT = b"quit"
+"""The command that ends the server."""
 
 
 def is_listening(url: str) -> bool:
@@ -46,10 +49,31 @@ def is_listening(url: str) -> bool:
     return False
 
 
-def start_server(url: str) -> subprocess.Popen[bytes]:
-    """Starts a server at an address, as a process of its own, and does not wait for it."""
+def start_server(url: str, host: str | None = None) -> subprocess.Popen[bytes]:
+    """Starts a server at an address, as a process of its own, and does not wait for it.
+
+    Args:
+        url: Where it takes commands; an address of this computer alone, for whoever sends commands
+            runs what he likes in the browsers.
+        host: Where it shows the window to other computers, too, with a token in the address.
+
+    Raises:
+        InputError: Other computers could send commands to the address, or there is no such host.
+    """
+    name = urlsplit(url).hostname or ""
+    try:
+        is_here = name == "localhost" or ip_address(name).is_loopback
+    except ValueError:
+        is_here = False
+    if not is_here:
+        raise InputError(
+            f'--zmq-url "{url}": a server is started for this computer only; give 127.0.0.1, and '
+            "--host to show its window to others"
+        )
+    Access.to(host)
+    hosts = [] if host is None else [host]
     return subprocess.Popen(
-        [sys.executable, "-m", "pepper_drake.playback.server", url],
+        [sys.executable, "-m", "pepper_drake.playback.server", url, *hosts],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -104,7 +128,7 @@ def quit_server(url: str) -> None:
     """
     if not is_listening(url):
         raise InputError(f"{url}: there is no server to stop")
-    if _ask(url, [_QUIT]) != b"ok":
+    if _ask(url, [QUIT]) != b"ok":
         raise InputError(f"{url}: this server was not started by play.py; end it where it began")
     deadline = time.monotonic() + _START_SECONDS
     while is_listening(url) and time.monotonic() < deadline:
@@ -132,23 +156,17 @@ def _exchange(connection: zmq.Socket[bytes], message: list[bytes], url: str) -> 
         raise InputError(f"{url}: no meshcat server answers here; try another --zmq-url") from None
 
 
-def serve(url: str) -> None:
-    """Serves at an address until told to quit."""
-    from meshcat.servers.zmqserver import ZMQWebSocketBridge
+def serve(url: str, host: str | None = None) -> None:
+    """Serves at an address until told to quit.
 
-    class Bridge(ZMQWebSocketBridge):
-        """meshcat's server, which can also be told to quit."""
+    Args:
+        url: Where commands come from, on this computer.
+        host: Where browsers may come from; see `Access.to`.
+    """
+    from pepper_drake.playback.bridge import Bridge
 
-        def handle_zmq(self, frames: list[bytes]) -> None:
-            """Answers one message."""
-            if frames == [_QUIT]:
-                self.zmq_socket.send(b"ok")
-                self.ioloop.call_later(0.1, self.ioloop.stop)
-            else:
-                super().handle_zmq(frames)
-
-    Bridge(zmq_url=url).run()
+    Bridge(url, Access.to(host)).run()
 
 
 if __name__ == "__main__":
-    serve(sys.argv[1])
+    serve(*sys.argv[1:])

@@ -1,5 +1,6 @@
 """A picture of the robot in its scene, as seen by a bystander."""
 
+import weakref
 from pathlib import Path
 
 import cv2
@@ -27,6 +28,7 @@ from pydrake.systems.sensors import CameraInfo
 from pepper_drake.models.objects import add_scene
 from pepper_drake.models.pepper import add_pepper
 from pepper_drake.models.scene import Scene
+from pepper_drake.systems.framework import build, release
 
 Vector = npt.NDArray[np.float64]
 
@@ -78,7 +80,8 @@ class ExternalCamera:
             add_scene(self.plant, scene)
         self.plant.Finalize()
         _show_illustrations(self.plant, self._scene_graph)
-        self._diagram = builder.Build()
+        self._diagram = build(builder)
+        weakref.finalize(self, release, self._diagram).atexit = False
         self._context = self._diagram.CreateDefaultContext()
 
         side = 1.0 if arm == "left" else -1.0

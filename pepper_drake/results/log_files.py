@@ -1,16 +1,21 @@
 """Logs as files of named arrays: what cannot be read is answered with one clear sentence."""
 
-import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.array_files import read_npz
 from pepper_drake.errors import InputError
 
 Array = npt.NDArray[np.float64]
+
+LONGEST = 3600.0
+"""No run that is read takes longer [s]."""
+
+_LARGEST = 1e6
+"""No number of a log is larger, in SI units."""
 
 
 def read_arrays(path: Path, names: Iterable[str]) -> dict[str, Array]:
@@ -23,25 +28,20 @@ def read_arrays(path: Path, names: Iterable[str]) -> dict[str, Array]:
     Raises:
         InputError: The file is missing, is no log, or lacks an array.
     """
+    wanted = tuple(names)
+    if not path.exists():
+        raise InputError(f"{path}: there is no such log; run a reach first")
     try:
-        with np.load(path, allow_pickle=False) as data:
-            return {name: data[name] for name in names}
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such log; run a reach first") from None
-    except KeyError as error:
-        missing = str(error.args[0]).split()[0]
-        raise InputError(f"{path}: the log lacks {missing}; record the run again") from None
-    except (ValueError, OSError, EOFError, BadZipFile, zlib.error):
-        raise InputError(f"{path}: this is no log of a run; record the run again") from None
-
-
-def array_names(path: Path) -> frozenset[str]:
-    """Returns the names of the arrays that a log has; none if it cannot be read."""
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return frozenset(data.files)
-    except (ValueError, OSError, EOFError, BadZipFile, AttributeError):
-        return frozenset()
+        arrays = read_npz(path, wanted)
+    except InputError as error:
+        why = str(error).removeprefix(f"{path}: ")
+        raise InputError(f"{path}: this is no log of a run ({why}); record the run again") from None
+    for name in wanted:
+        if name not in arrays:
+            raise InputError(f"{path}: the log lacks {name}; record the run again")
+        if arrays[name].dtype.kind == "b":
+            raise InputError(f"{path}: {name} holds no numbers; record the run again")
+    return {name: array.astype(float) for name, array in arrays.items()}
 
 
 def check_rows(path: Path, arrays: Mapping[str, Array], shapes: Mapping[str, int | None]) -> None:
@@ -60,10 +60,17 @@ def check_rows(path: Path, arrays: Mapping[str, Array], shapes: Mapping[str, int
         raise InputError(
             f"{path}: time_s must hold at least two increasing times; record the run again"
         )
+    if not (times[0] >= 0.0 and times[-1] <= LONGEST):
+        raise InputError(f"{path}: time_s must be from 0 to {LONGEST:g} s; record the run again")
     for name, columns in shapes.items():
         wanted = (len(times),) if columns is None else (len(times), columns)
         if arrays[name].shape != wanted:
             raise InputError(
                 f"{path}: {name} is {arrays[name].shape} where {wanted} is expected; "
                 "record the run again"
+            )
+        known = arrays[name][np.isfinite(arrays[name])].astype(float)
+        if np.any(np.abs(known) > _LARGEST):
+            raise InputError(
+                f"{path}: {name} holds numbers above {_LARGEST:g}; record the run again"
             )

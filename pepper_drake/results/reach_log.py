@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.errors import InputError
 from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.results.log_files import check_rows, read_arrays
 
@@ -86,7 +87,14 @@ class ReachLog:
             InputError: The file is missing, is no log, lacks an array, or one has another shape.
         """
         arrays = read_arrays(path, (f.name for f in fields(cls)))
+        for name in ("cloud_torso_m", "demonstration_m"):
+            points = arrays[name]
+            if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.abs(points) < 1e3):
+                raise InputError(f"{path}: {name} must be rows of x y z; record the run again")
         offsets = arrays["object_offset_m"]
         things = offsets.shape[1] // 3 if offsets.ndim == 2 else 1
         check_rows(path, arrays, {**_COLUMNS, "object_offset_m": 3 * things})
-        return cls(**arrays)
+        mode = arrays["mode"]
+        if not np.all((mode >= 0) & (mode < 100) & (mode == np.round(mode))):
+            raise InputError(f"{path}: mode must hold whole numbers; record the run again")
+        return cls(**arrays | {"mode": mode.astype(np.int64)})

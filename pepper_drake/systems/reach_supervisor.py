@@ -14,7 +14,6 @@ from pydrake.systems.framework import (
     DependencyTicket,
     EventStatus,
     InputPort,
-    LeafSystem,
     State,
 )
 
@@ -28,6 +27,7 @@ from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.reach_state_machine import step
+from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class ReachSupervisor(LeafSystem):
         - cloud
         - cloud_time
         - cloud_fault (optional)
-        - approaching (optional)
+        - predicted_cloud (optional)
         - joint_position
         - base_pose
         - hand_pose
@@ -65,13 +65,12 @@ class ReachSupervisor(LeafSystem):
         - movement
         - started
         - base_goal
-        - resting_head
         - mode
         - progress
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
     hand's goal in T [m]; `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last
-    image [s], not finite before the first; `cloud_fault` (1), a `DepthFault`; `approaching`
+    image [s], not finite before the first; `cloud_fault` (1), a `DepthFault`; `predicted_cloud`
     (PointCloud in W), predicted positions of moving obstacles; `joint_position` (15) [rad];
     `base_pose` (3) [m, rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive
     wants the hand in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at
@@ -80,8 +79,8 @@ class ReachSupervisor(LeafSystem):
     -1; `base_blocked` (1), whether the base waits for something in its way.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
-    `base_goal` (3) [m, rad], NaN for "stay"; `resting_head` (2), yaw and pitch of the head while
-    the goal is searched [rad]; `mode` (1), a `ReachMode`; `progress`, the whole `ReachState`.
+    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `progress`, the whole
+    `ReachState`.
     State: `ReachState` (abstract), every `timing.time_step`.
     """
 
@@ -101,7 +100,7 @@ class ReachSupervisor(LeafSystem):
             for name, value in (
                 ("object_pose", Value(RigidTransform())),
                 ("cloud", Value(PointCloud())),
-                ("approaching", Value(PointCloud())),
+                ("predicted_cloud", Value(PointCloud())),
                 ("hand_pose", Value(RigidTransform())),
             )
         }
@@ -128,12 +127,6 @@ class ReachSupervisor(LeafSystem):
         self._declare_output("started", 1, lambda now: [now.has_started], state)
         self._declare_output("base_goal", 3, lambda now: now.base_goal, state)
         self._declare_output("mode", 1, lambda now: [now.mode], state)
-        self.DeclareVectorOutputPort(
-            "resting_head",
-            2,
-            lambda context, out: out.SetFromVector(head_search_pattern(context.get_time())),
-            prerequisites_of_calc={self.time_ticket()},
-        )
         self.DeclareAbstractOutputPort(
             "progress",
             lambda: Value[object](ReachState()),
@@ -187,8 +180,8 @@ class ReachSupervisor(LeafSystem):
         measured = joints[self._arm_in_body]
         position, velocity = optional("arm_position_command"), optional("arm_velocity_command")
         predicted = np.zeros((0, 3))
-        if ports["approaching"].HasValue(context):
-            predicted = cloud_points(value("approaching"))
+        if ports["predicted_cloud"].HasValue(context):
+            predicted = cloud_points(value("predicted_cloud"))
         near = np.sum((predicted - X_WO.translation()) ** 2, axis=1) < _NEAR**2
         fault = 0.0
         if ports["cloud_fault"].HasValue(context):
@@ -237,20 +230,3 @@ class ReachSupervisor(LeafSystem):
             return EventStatus.DidNothing()
         state.get_mutable_abstract_state(int(self._state)).set_value(after)
         return EventStatus.Succeeded()
-
-
-def head_search_pattern(time: float) -> Vector:
-    """Head angles while the goal is searched.
-
-    Args:
-        time: Since the search began [s].
-
-    Returns:
-        Head yaw and pitch (2,) [rad]: first ahead at the height of tables, then sweeping to the
-        left and right, by turns at that height and above it.
-    """
-    patience, sweep, period = 1.5, np.radians(60), 6.0
-    pitches = (0.25, -0.1)  # Tables, then what is higher.
-    swept = max(time - patience, 0.0)
-    pitch = pitches[int(swept / period) % len(pitches)]
-    return np.array([sweep * np.sin(2 * np.pi * swept / period), pitch])

@@ -14,7 +14,8 @@ from tornado.netutil import bind_sockets
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from pepper_drake.errors import InputError
-from pepper_drake.web.access import Access, GuardedHandler
+from pepper_drake.web.access import Access
+from pepper_drake.web.guarded_handler import GuardedHandler
 from pepper_drake.web.messages import (
     MESSAGE_LIMIT,
     BadMessageError,
@@ -77,9 +78,7 @@ class PageServer:
         Raises:
             InputError: No port is free.
         """
-        # What strangers send wrong is no business of the terminal.
-        for name in ("access", "application", "general"):
-            logging.getLogger(f"tornado.{name}").setLevel(logging.CRITICAL)
+        quiet_tornado()
         options = {"access": self._access, "assets": self._assets, "server": self}
         application = tornado.web.Application(
             [(r"(/.*)", _Page, options)],
@@ -141,6 +140,12 @@ class PageServer:
             for other in self._browsers - {browser}:
                 other.send(moved)
         self._on_message(message)
+
+
+def quiet_tornado() -> None:
+    """Keeps what strangers send wrong off the terminal."""
+    for name in ("access", "application", "general"):
+        logging.getLogger(f"tornado.{name}").setLevel(logging.CRITICAL)
 
 
 def listening_sockets(host: str) -> list[socket.socket]:

@@ -23,7 +23,12 @@ def run_app(monkeypatch, *arguments):
 def motions(tmp_path_factory):
     folder = tmp_path_factory.mktemp("motions")
     paths = []
-    for demonstration in example_demonstrations(2):
+    first = example_demonstrations(1)[0]
+    # The same movement again, slower, and 2 cm aside.
+    again = Demonstration.from_positions(
+        1.2 * first.times, first.positions + [0.0, 0.02, 0.0], name="again"
+    )
+    for demonstration in (first, again):
         paths.append(folder / f"{demonstration.name}.txt")
         demonstration.save(paths[-1])
     return paths

@@ -4,10 +4,14 @@ import math
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from pepper_drake import cli
 from pepper_drake.evaluation.perception_evaluation import GoalSample
+from pepper_drake.perception.cameras.camera_files import load_intrinsics
+from pepper_drake.perception.mapping.cloud_files import load_cloud
 
 APP = Path(__file__).parents[2] / "apps" / "perceive.py"
 
@@ -96,3 +100,92 @@ def test_a_marker_that_was_never_found_is_said_so(app):
     cloud = {"points": 0, "rms_error": 0.0, "bias": {"x": 0.0}, "coverage": 0.0}
     cloud |= {"outlier_share": 0.0, "milliseconds": 1.0}
     assert "never found" in app.summary(report | {"depth": cloud, "stereo": cloud})
+
+
+CAMERA_YAML = """image_width: 640
+image_height: 480
+camera_matrix: {rows: 3, cols: 3, data: [598.5, 0, 319.5, 0, 598.5, 239.5, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
+"""
+
+
+@pytest.fixture
+def own(tmp_path, draw_marker, facing):
+    """Files as a user brings them: a photo, its camera, a depth image and a cloud."""
+    (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
+    camera = load_intrinsics(tmp_path / "camera.yaml")
+    photo = draw_marker(facing([0.05, 0.02, 0.7], 0.3), camera, marker_id=7, size=0.06)
+    cv2.imwrite(str(tmp_path / "photo.png"), photo)
+    depth = np.full((480, 640), 1200, np.uint16)
+    depth[:, :100] = 0
+    cv2.imwrite(str(tmp_path / "depth.png"), depth)
+    np.save(tmp_path / "cloud.npy", np.random.default_rng(0).uniform(0, 1, (90, 3)))
+    return tmp_path
+
+
+def test_it_finds_a_marker_in_a_photo(app, monkeypatch, capsys, own):
+    options = ["--image", own / "photo.png", "--camera", own / "camera.yaml", "--marker", 7]
+    options += ["--size", 0.06, "--output", own / "out"]
+    code, out, _ = run(app, monkeypatch, capsys, *options)
+    assert code == 0
+    assert "marker 7 at (0.05" in out
+    report = json.loads((own / "out" / "report.json").read_text())
+    (found,) = report["markers"]
+    np.testing.assert_allclose(found["position"], [0.05, 0.02, 0.7], atol=0.003)
+    drawn = cv2.imread(str(own / "out" / "image.png"))
+    assert drawn.shape == (480, 640, 3)
+    assert np.ptp(drawn, axis=2).max() > 100, "axes in colour"
+
+
+def test_a_photo_without_the_marker_says_what_it_shows(app, monkeypatch, capsys, own):
+    options = ["--image", own / "photo.png", "--camera", own / "camera.yaml", "--marker", 8]
+    options += ["--size", 0.06, "--output", own / "out"]
+    code, out, _ = run(app, monkeypatch, capsys, *options)
+    assert code == 1
+    assert "7 of DICT_4X4_1000" in out
+
+
+def test_it_makes_a_cloud_of_a_depth_image(app, monkeypatch, capsys, own):
+    options = ["--depth", own / "depth.png", "--camera", own / "camera.yaml"]
+    code, out, _ = run(app, monkeypatch, capsys, *options, "--output", own / "out")
+    assert code == 0
+    assert "84 % measured" in out
+    positions = load_cloud(own / "out" / "cloud.npz")
+    np.testing.assert_allclose(positions[:, 2], 1.2, atol=1e-5)
+    assert (own / "out" / "cloud.html").stat().st_size > 1000
+    # Of the same numbers in half millimetres.
+    code, out, _ = run(
+        app, monkeypatch, capsys, *options, "--scale", 0.0005, "--output", own / "half"
+    )
+    assert "0.60 m" in out
+
+
+def test_it_reads_a_cloud(app, monkeypatch, capsys, own):
+    options = ["--cloud", own / "cloud.npy", "--output", own / "out"]
+    code, out, _ = run(app, monkeypatch, capsys, *options)
+    assert code == 0
+    assert "90 points" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--image", "photo.png", "--marker", 7, "--size", 0.06], "--camera"),
+        (["--image", "photo.png", "--camera", "camera.yaml", "--marker", 7], "--size"),
+        (["--image", "photo.png", "--camera", "camera.yaml", "--marker", 70, "--size", 1], "49"),
+        (["--image", "photo.png", "--camera", "camera.yaml", "--marker", 7, "--size", 0], "--size"),
+        (["--depth", "photo.png", "--camera", "camera.yaml"], "uint8"),
+        (["--depth", "none.png", "--camera", "camera.yaml"], "none.png"),
+        (["--cloud", "photo.png"], ".pcd"),
+        (["--cloud", "cloud.npy", "--scale", -1], "--scale"),
+        (["--marker", 7], "--image"),
+        (["--depth", "depth.png", "--cloud", "cloud.npy"], "not allowed"),
+    ],
+)
+def test_bad_own_data_is_one_sentence(app, monkeypatch, capsys, own, options, words):
+    placed = [own / str(o) if "." in str(o) and str(o)[0].isalpha() else o for o in options]
+    code, _, err = run(app, monkeypatch, capsys, *placed, "--output", own / "out")
+    assert code == 2
+    assert words in err
+    assert err.count("\n") == 1

@@ -27,7 +27,7 @@ def make_demonstration(duration=2.5, seed=0, moving=True, rate=100.0):
         )
     turn = np.column_stack((times**2 / 6, np.sin(times) / 2, 1 - np.cos(times)))
     rotations = so3.multiply(so3.exp_map(turn), so3.from_angles([0.3, -0.4, 1.0]))
-    joints = np.column_stack((np.sin(times), 0.2 * times, np.cos(2 * times)))
+    joints = np.column_stack((np.sin(times), -0.2 - 0.2 * times, np.cos(2 * times)))
     return Demonstration.from_positions(
         times,
         p,

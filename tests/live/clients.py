@@ -45,9 +45,9 @@ class Loop:
 class ProtocolClient:
     """Says what the page's script would say, over the page's own websocket."""
 
-    def __init__(self, meshcat):
+    def __init__(self, drake_page):
         self._loop = Loop()
-        self._socket = self._loop.run(websocket_connect, meshcat.ws_url())
+        self._socket = self._loop.run(websocket_connect, drake_page.ws_url)
 
     def close(self):
         self._socket.close()

@@ -1,7 +1,6 @@
 """A live session without cameras, and its page."""
 
 import pytest
-from pydrake.geometry import Meshcat, MeshcatParams
 
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.live.page import LivePage
@@ -9,6 +8,7 @@ from pepper_drake.live.session import LiveSession
 from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
+from pepper_drake.web.drake_page import DrakePage
 
 
 def _make_session(folder=None, *, cameras=False, meshcat=None):
@@ -27,8 +27,14 @@ def make_session():
 
 
 @pytest.fixture
-def meshcat():
-    return Meshcat(MeshcatParams(host="localhost"))
+def drake_page():
+    with DrakePage() as page:
+        yield page
+
+
+@pytest.fixture
+def meshcat(drake_page):
+    return drake_page.meshcat
 
 
 @pytest.fixture

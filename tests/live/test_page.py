@@ -14,8 +14,8 @@ def page(meshcat):
 
 
 @pytest.fixture
-def client(meshcat):
-    client = ProtocolClient(meshcat)
+def client(drake_page, page):
+    client = ProtocolClient(drake_page)
     yield client
     client.close()
 

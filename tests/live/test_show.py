@@ -14,9 +14,9 @@ UP = "hand up PgDn PgUp"
 class ByProtocol(ProtocolClient):
     """Without a browser: the messages that the page sends for a key and for a click."""
 
-    def __init__(self, meshcat):
-        super().__init__(meshcat)
-        self._meshcat = meshcat
+    def __init__(self, drake_page):
+        super().__init__(drake_page)
+        self._meshcat = drake_page.meshcat
 
     def go_ahead(self):
         label = "hand ahead ↓↑"
@@ -34,8 +34,8 @@ class ByProtocol(ProtocolClient):
 class InBrowser(BrowserClient):
     """With a browser: real keys and clicks."""
 
-    def __init__(self, meshcat):
-        super().__init__(meshcat.web_url())
+    def __init__(self, drake_page):
+        super().__init__(drake_page.url)
 
     def go_ahead(self):
         self.key("ArrowUp")
@@ -48,9 +48,9 @@ class InBrowser(BrowserClient):
 
 
 @pytest.fixture(params=[ByProtocol] + [InBrowser] * (find_browser() is not None))
-def person(request, meshcat, show):
+def person(request, drake_page, show):
     show.step()
-    person = request.param(meshcat)
+    person = request.param(drake_page)
     yield person
     person.close()
 
@@ -78,13 +78,13 @@ def test_a_person_leads_the_hand_and_records(show, person):
     step_until(show, lambda: "Recording" in person.status())
 
 
-def test_a_game_pad_leads_the_hand_and_the_sliders_follow(show, meshcat):
-    simulation, pad = show.session.simulation, ProtocolClient(meshcat)
+def test_a_game_pad_leads_the_hand_and_the_sliders_follow(show, drake_page):
+    simulation, pad = show.session.simulation, ProtocolClient(drake_page)
     show.step()
     before = simulation.hand_pose().translation()
     pad.pad([0.0, 0.0, 0.0, -1.0], [0.0] * 16)
     step_until(show, lambda: simulation.hand_pose().translation()[2] > before[2] + 0.05)
-    assert meshcat.GetSliderValue(UP) > before[2] + 0.04
+    assert drake_page.meshcat.GetSliderValue(UP) > before[2] + 0.04
     pad.pad([0.0, 0.0, 0.0, 0.0], [0.0] * 16)
     step_until(show, lambda: not show.page.pad_velocity().any())
     for _ in range(20):

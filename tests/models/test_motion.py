@@ -71,5 +71,5 @@ def test_bad_path_files(tmp_path, text, sentence):
     file.write_text(text)
     with pytest.raises(InputError, match=sentence):
         load_path(file)
-    with pytest.raises(InputError, match="does not exist"):
+    with pytest.raises(InputError, match="no such file"):
         load_path(tmp_path / "none.txt")

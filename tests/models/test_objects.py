@@ -11,6 +11,7 @@ from pydrake.geometry import (
     ColorRenderCamera,
     MakeRenderEngineVtk,
     Meshcat,
+    MeshcatParams,
     MeshcatVisualizer,
     RenderCameraCore,
     RenderEngineVtkParams,
@@ -121,7 +122,7 @@ def test_the_camera_sees_the_marker_where_it_is_and_meshcat_gets_it_too():
     scene.goal.marker.id = 23
     builder, plant, scene_graph, models = build(scene)
     scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(RenderEngineVtkParams()))
-    meshcat = Meshcat()
+    meshcat = Meshcat(MeshcatParams(host="localhost", port=0))
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()

@@ -77,7 +77,7 @@ def test_a_setting_that_does_not_fit_is_refused(setting, sentence):
     [
         ("inner: {? [1, 2] : 3}", "a list or mapping stands where a field's name should"),
         ("active: true\nactive: false", '"active" is there twice'),
-        ("gains: {on: 1}", "quote it"),
+        ("gains: {true: 1}", "quote it"),
         ("names: [&a x, *a]", "aliases (*) are not read"),
         ("inner: " + "[" * 3000, "here"),
         ("inner: {size: 1", "not valid YAML"),

@@ -129,7 +129,7 @@ def test_a_cost_from_the_command_line():
         ("jerk=-1", "--cost: jerk: -1.0 is negative"),
         ("jerk=0", "--cost: every term has weight 0"),
         ("none.py:cost", "no such file"),
-        ("none.yaml", "none.yaml does not exist"),
+        ("none.yaml", "none.yaml: no such file"),
     ],
 )
 def test_a_bad_cost_from_the_command_line(text, words):

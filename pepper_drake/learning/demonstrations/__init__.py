@@ -1,1 +1,1 @@
-"""Demonstrations: recording, files, alignment."""
+"""Demonstrations: recording, files of many kinds, checking, alignment."""

@@ -2,14 +2,21 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import make_interp_spline, make_smoothing_spline
+from scipy.interpolate import make_smoothing_spline
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
+from pepper_drake.learning.demonstrations.conditioning import (
+    careful,
+    fill_times,
+    hermite,
+    interpolant,
+    strays,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -17,6 +24,9 @@ TORSO_HEIGHT = 0.82
 """Height [m] of Pepper's torso frame over its floor frame (`base_footprint`) when it stands."""
 
 RECORDED = "as recorded"
+
+LARGEST = 1e12
+"""Numbers beyond this are not of a motion; their squares still are numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +48,7 @@ class Demonstration:
         joint_names: J names.
         name: Where it came from; for messages and figures.
         derivation: How velocities and accelerations came about.
+        notes: What was read as what, and what was done to it; for messages.
     """
 
     times: Array
@@ -50,17 +61,24 @@ class Demonstration:
     joint_names: tuple[str, ...] = ()
     name: str = "demonstration"
     derivation: str = RECORDED
+    notes: tuple[str, ...] = ()
 
     @classmethod
-    def load(cls, path: str | Path) -> "Demonstration":
-        """Reads a demonstration from a folder or a text file; see `demonstration_files`.
+    def load(cls, path: str | Path, **said: Any) -> "Demonstration":
+        """Reads a demonstration, or what another tool recorded; see `demonstration_files`.
+
+        Args:
+            path: A folder or a file.
+            said: What the file does not say, as in `importers.ImportOptions`: unit="mm",
+                angle="deg", time="ms", quaternion="xyzw", frame="base_footprint", arm="left".
 
         Raises:
-            InputError: With file, line and how to mend it.
+            InputError: It cannot be right, or cannot be read; with file, line and how to mend it.
         """
         from pepper_drake.learning.demonstrations.demonstration_files import read_demonstration
+        from pepper_drake.learning.demonstrations.importers.options import ImportOptions
 
-        return read_demonstration(Path(path))
+        return read_demonstration(Path(path), ImportOptions.of(**said))
 
     def save(self, path: str | Path) -> None:
         """Writes a folder, or a text file when `path` ends in .txt; see `demonstration_files`.
@@ -87,44 +105,53 @@ class Demonstration:
         """Makes a demonstration of arrays and derives what is missing.
 
         Missing velocities and accelerations are the derivatives of the quintic spline through the
-        positions; with velocities given, accelerations are the derivative of the quintic spline
-        through those.
+        positions, or of the piecewise cubic where samples are so few that the spline strays (see
+        `conditioning.interpolant`); with velocities given, accelerations are the derivative of such
+        a curve through those.
 
         Raises:
-            InputError: Shapes disagree, times do not increase, or a value is not finite.
+            InputError: Shapes disagree, times do not increase, a value is not finite, or a
+                quaternion has not norm 1.
         """
-        t = np.array(times, dtype=float)
-        p = np.array(positions, dtype=float)
-        if t.ndim != 1 or p.shape != (len(t), 3) or len(t) < 4:
-            raise InputError(
-                f"{name}: times {t.shape} and positions {p.shape} must be (N,) and (N, 3), N >= 4"
-            )
-        for label, values in (("times", t), ("positions", p)):
-            if not np.isfinite(values).all():
-                raise InputError(f"{name}: {label} hold a value that is not finite; remove it")
+        t = _numbers(times, (None,), name, "times")
+        if len(t) < 4:
+            raise InputError(f"{name}: times {t.shape} must be (N,), N >= 4")
+        p = _numbers(positions, (len(t), 3), name, "positions")
         if np.any(np.diff(t) <= 0.0):
             raise InputError(f"{name}: times must increase from sample to sample")
         derivation = RECORDED
         if velocities is None:
-            v, a = _spline_derivatives(t, p)
-            derivation = "derivatives of the quintic spline through the positions"
-        elif accelerations is None:
-            v = np.array(velocities, dtype=float)
-            a = _spline_derivatives(t, v)[0]
-            derivation = "accelerations: derivative of the quintic spline through the velocities"
+            v, a, way = interpolant(t, p)
+            derivation = f"derivatives of the {way} through the positions"
         else:
-            v, a = np.array(velocities, dtype=float), np.array(accelerations, dtype=float)
+            v = _numbers(velocities, p.shape, name, "velocities")
+            if accelerations is None:
+                a, _, way = interpolant(t, v)
+                derivation = f"accelerations: derivative of the {way} through the velocities"
+            else:
+                a = _numbers(accelerations, p.shape, name, "accelerations")
         q = None
         if rotations is not None:
-            q = so3.make_continuous(np.array(rotations, dtype=float))
+            q = _numbers(rotations, (len(t), 4), name, "rotations")
+            norms = np.linalg.norm(q, axis=1)
+            k = int(np.argmax(np.abs(norms - 1.0)))
+            if abs(norms[k] - 1.0) > 1e-2:
+                raise InputError(
+                    f"{name}: rotations: sample {k + 1} has norm {norms[k]:.4g}; give unit"
+                    " quaternions w, x, y, z"
+                )
+            q = so3.make_continuous(q)
+        j = None
+        if joints is not None:
+            j = _numbers(joints, (len(t), len(joint_names)), name, "joints")
         return cls(
             times=t,
             positions=p,
             velocities=v,
             accelerations=a,
             rotations=q,
-            joints=None if joints is None else np.array(joints, dtype=float),
-            joint_names=joint_names,
+            joints=j,
+            joint_names=tuple(joint_names),
             name=name,
             derivation=derivation,
         )
@@ -192,7 +219,7 @@ class Demonstration:
         last = min(len(self.times), samples[-1] + 2)
         if last - first < 4:
             raise InputError(f"{self.name}: only {last - first} samples of motion remain; need 4")
-        return self._select(slice(first, last))
+        return self.selected(slice(first, last))
 
     def smoothed(self, cutoff: float = 6.0) -> Self:
         """Returns the motion through a cubic smoothing spline, a zero-phase low-pass filter.
@@ -235,7 +262,47 @@ class Demonstration:
             derivation=f"derivatives of the cubic smoothing spline, cut-off {cutoff:g} Hz",
         )
 
-    def _select(self, samples: slice) -> Self:
+    def filled(self, longest: float) -> Self:
+        """Returns the motion with samples between those that are further apart than `longest` [s].
+
+        They lie on the cubic through positions and velocities (Hermite's), or on the piecewise
+        cubic that does not overshoot where that strays; orientations and joints are interpolated
+        without overshoot as well.
+        """
+        times = fill_times(self.times, longest)
+        if len(times) == len(self.times):
+            return self
+        way = hermite(self.times, self.positions, self.velocities)
+        if strays(self.times, self.positions, way):
+            way = careful(self.times, self.positions)
+
+        def between(values: Array | None) -> Array | None:
+            return None if values is None else careful(self.times, values)(times)
+
+        rotations, angles = between(self.rotations), between(self.angles)
+        if rotations is not None:
+            rotations = so3.normalize(rotations)
+        return replace(
+            self,
+            times=times,
+            positions=way(times),
+            velocities=way.derivative(1)(times),
+            accelerations=way.derivative(2)(times),
+            rotations=rotations,
+            angles=angles,
+            joints=between(self.joints),
+        )
+
+    def thinned(self, most: int) -> Self:
+        """Returns the motion with at most so many samples, evenly chosen; ends are kept."""
+        count = len(self.times)
+        if count <= most:
+            return self
+        return self.selected(np.unique(np.round(np.linspace(0, count - 1, most)).astype(int)))
+
+    def selected(self, samples: slice | npt.NDArray[np.int64]) -> Self:
+        """Returns some of the samples."""
+
         def part(values: Array | None) -> Array | None:
             return None if values is None else values[samples]
 
@@ -251,9 +318,27 @@ class Demonstration:
         )
 
 
-def _spline_derivatives(times: Array, values: Array) -> tuple[Array, Array]:
-    spline = make_interp_spline(times, values, k=5 if len(times) > 5 else 3)
-    return spline.derivative(1)(times), spline.derivative(2)(times)
+def _numbers(values: npt.ArrayLike, shape: tuple[int | None, ...], name: str, label: str) -> Array:
+    """Returns an array of finite numbers of a shape; None in it is any size."""
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: {label} are not an array of numbers") from None
+    fits = len(array.shape) == len(shape) and all(
+        size in (None, own) for own, size in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join(["N", *map(str, shape[1:])]) + ("," if len(shape) == 1 else "")
+        count = "" if shape[0] is None else f", N = {shape[0]}"
+        raise InputError(f"{name}: {label} have shape {array.shape}; give ({wanted}){count}")
+    if not np.isfinite(array).all():
+        k = int(np.argwhere(~np.isfinite(array))[0][0])
+        raise InputError(
+            f"{name}: {label} hold a value that is not finite, in sample {k + 1}; remove it"
+        )
+    if np.abs(array).max(initial=0.0) > LARGEST:
+        raise InputError(f"{name}: {label} hold a value above {LARGEST:g}; correct it")
+    return array
 
 
 def _other_side(name: str) -> str:

@@ -1,19 +1,22 @@
-"""Demonstrations as text files.
+"""Demonstrations as files: this project's own forms, and what other tools record.
 
-Four forms are read; all have one row per sample, separated by white space, `#` starts a comment:
+The project's own forms have one row per sample, separated by white space, `#` starts a comment:
 
 - a folder with `translation.txt` (time, 3 positions, 3 velocities, 3 accelerations) and, if the
   orientation is known, `rotation.txt` (time, roll, pitch, yaw, their rates, their accelerations),
-  and `joints.csv` (a header `time,NAME,...`) where joints were recorded; or one in which a
-  recording was interrupted (see `recording`);
+  and `joints.csv` (a header `time,NAME,...`) where joints were recorded; or `joints.csv` alone, the
+  hand is then found by forward kinematics; or a folder in which a recording was interrupted (see
+  `recording`);
 - a text file with the ten columns of `translation.txt`; an orientation is taken from
   `NAME_pose.txt` beside `NAME.txt` if there is one;
 - a file `NAME_pose.txt`: time, position, unit quaternion w, x, y, z.
 
 In the ten-column files accelerations, or velocities and accelerations, may be left out: they are
-then derived. Units are s, m [rad].
+then derived. Units are s, m, rad, positions in the torso frame. `importers` reads all else; what is
+read is checked (`check`), and filtered where it is noisy (`conditioning`).
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +25,24 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text, write_atomically
 from pepper_drake.learning import rotations as so3
+from pepper_drake.learning.demonstrations.check import refuse_impossible
 from pepper_drake.learning.demonstrations.demonstration import RECORDED, Demonstration
-from pepper_drake.learning.demonstrations.recording import read_partial
-from pepper_drake.learning.demonstrations.text_files import format_table, parse_table
+from pepper_drake.learning.demonstrations.importers import ImportOptions, Track, read_tracks
+from pepper_drake.learning.demonstrations.importers.table import check_file
+from pepper_drake.learning.demonstrations.interpretation import (
+    JointRecording,
+    interpret,
+    interpret_joints,
+)
+from pepper_drake.learning.demonstrations.recording import PARTIAL, read_partial
+from pepper_drake.learning.demonstrations.text_files import (
+    format_table,
+    parse_table,
+    row_lines,
+)
 
 Array = npt.NDArray[np.float64]
+Lines = npt.NDArray[np.int64]
 
 TRANSLATION = "translation.txt"
 ROTATION = "rotation.txt"
@@ -39,26 +55,83 @@ _ROTATION_MEANING = "time, 3 angles, 3 rates, 3 accelerations"
 _POSE_MEANING = "time, 3 positions, quaternion w x y z"
 
 
-def read_demonstration(path: Path) -> Demonstration:
-    """Reads any of the forms.
+def read_demonstration(path: Path, options: ImportOptions | None = None) -> Demonstration:
+    """Reads the one demonstration of a file or a folder.
+
+    Raises:
+        InputError: It holds none, several, or one that cannot be right; with the mend.
+    """
+    said = options or ImportOptions()
+    if path.is_dir():
+        partial = read_partial(path)
+        if partial is not None:
+            refuse_impossible(partial)
+            return partial
+    tracks = read_all_tracks(path)
+    return interpret(_choose(tracks, said, path), said)
+
+
+def read_demonstrations(path: Path, options: ImportOptions | None = None) -> list[Demonstration]:
+    """Reads all demonstrations of a file or a folder, as bags and data sets hold several.
+
+    Raises:
+        InputError: It holds none, or one that cannot be right; with the mend.
+    """
+    said = options or ImportOptions()
+    if said.track is not None or (path.is_dir() and (path / PARTIAL).exists()):
+        return [read_demonstration(path, said)]
+    return [interpret(track, said) for track in read_all_tracks(path)]
+
+
+def read_joint_recording(path: Path, options: ImportOptions | None = None) -> JointRecording:
+    """Reads the motion of any of Pepper's joints, one or more; no hand is made of it.
+
+    Raises:
+        InputError: There is none, or it cannot be right; with the mend.
+    """
+    said = options or ImportOptions()
+    return interpret_joints(_choose(read_all_tracks(path), said, path), said)
+
+
+def read_all_tracks(path: Path) -> list[Track]:
+    """Reads what a file or a folder holds, before units, order and frame are known.
 
     Raises:
         InputError: With file, line and how to mend it.
     """
-    if path.is_dir():
-        return read_partial(path) or _read_folder(path)
+    check_file(path)
+    if path.is_dir() and any((path / name).exists() for name in (TRANSLATION, JOINTS, ROTATION)):
+        return [_read_folder(path)]
+    if path.is_dir() and not any(path.iterdir()):
+        raise InputError(f"{path / TRANSLATION}: no such file; check the path")
     if path.name.endswith(POSE_SUFFIX):
-        table, quaternions = _read_pose(path)
-        return Demonstration.from_positions(
-            table[:, 0], table[:, 1:4], rotations=quaternions, name=path.name[: -len(POSE_SUFFIX)]
-        )
-    table = parse_table(read_text(path), path, _COLUMNS, _TRANSLATION_MEANING)
+        return [_read_pose_file(path)]
+    tracks = read_tracks(path)
     pose_path = path.with_name(path.stem + POSE_SUFFIX)
-    rotations: Array | None = None
-    if pose_path.exists():
-        pose, rotations = _read_pose(pose_path)
-        _check_times(pose[:, 0], table[:, 0], pose_path, path)
-    return _from_table(table, path.stem, rotations)
+    if path.suffix == ".txt" and len(tracks) == 1 and pose_path.exists():
+        pose = _read_pose_file(pose_path)
+        times = tracks[0].times
+        if times is not None and pose.times is not None and tracks[0].rotations is None:
+            _check_times(pose.times, times, pose_path, path)
+            return [replace(tracks[0], rotations=pose.rotations, quaternion="wxyz")]
+    return tracks
+
+
+def _choose(tracks: list[Track], options: ImportOptions, path: Path) -> Track:
+    """Returns the track that was asked for, or the only one."""
+    names = [track.name for track in tracks]
+    shown = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+    if options.track is None:
+        if len(tracks) == 1:
+            return tracks[0]
+        raise InputError(
+            f"{path}: {len(tracks)} motions in it ({shown}); say which (--track NAME or number)"
+        )
+    if options.track in names:
+        return tracks[names.index(options.track)]
+    if options.track.isdecimal() and 1 <= int(options.track[:6]) <= len(tracks):
+        return tracks[int(options.track) - 1]
+    raise InputError(f"{path}: no motion '{options.track}' in it; there are {shown}")
 
 
 def write_demonstration(demonstration: Demonstration, path: Path) -> None:
@@ -96,47 +169,64 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
             (path / JOINTS).unlink(missing_ok=True)
 
 
-def _read_folder(path: Path) -> Demonstration:
-    translation = path / TRANSLATION
-    table = parse_table(read_text(translation), translation, _COLUMNS, _TRANSLATION_MEANING)
-    times = table[:, 0]
-    rotations = angles = joints = None
+def _read_folder(path: Path) -> Track:
+    translation, rotation, joint_file = path / TRANSLATION, path / ROTATION, path / JOINTS
+    joints: Array | None = None
     names: tuple[str, ...] = ()
-    rotation = path / ROTATION
+    if joint_file.exists():
+        times, joints, names, lines = _read_joints(joint_file)
+        if not translation.exists() and not rotation.exists():
+            return Track(
+                joint_file,
+                path.resolve().name,
+                "joints",
+                times,
+                joints=joints,
+                joint_names=names,
+                lines=lines,
+            )
+    table, lines = _read_table(translation, _COLUMNS, _TRANSLATION_MEANING)
+    if joint_file.exists():
+        _check_times(times, table[:, 0], joint_file, translation)
+    angles = None
     if rotation.exists():
-        recorded = parse_table(read_text(rotation), rotation, _COLUMNS, _ROTATION_MEANING)
-        _check_times(recorded[:, 0], times, rotation, translation)
-        recorded[:, 1:4] = np.unwrap(recorded[:, 1:4], axis=0)
-        filled = _from_table(recorded, path.name, None)
-        angles = np.hstack((filled.positions, filled.velocities, filled.accelerations))
-        rotations = so3.make_continuous(so3.from_angles(filled.positions))
-    if (path / JOINTS).exists():
-        joint_times, joints, names = _read_joints(path / JOINTS)
-        _check_times(joint_times, times, path / JOINTS, translation)
-    motion = _from_table(table, path.name, rotations)
-    return Demonstration(
-        times=motion.times,
-        positions=motion.positions,
-        velocities=motion.velocities,
-        accelerations=motion.accelerations,
-        rotations=rotations,
-        angles=angles,
-        joints=joints,
-        joint_names=names,
-        name=motion.name,
-        derivation=motion.derivation,
-    )
-
-
-def _from_table(table: Array, name: str, rotations: Array | None) -> Demonstration:
+        recorded, _ = _read_table(rotation, _COLUMNS, _ROTATION_MEANING)
+        _check_times(recorded[:, 0], table[:, 0], rotation, translation)
+        angles = recorded[:, 1:]
     width = table.shape[1]
-    return Demonstration.from_positions(
+    return Track(
+        translation,
+        path.name,
+        "a folder of a demonstration",
         table[:, 0],
         table[:, 1:4],
         table[:, 4:7] if width >= 7 else None,
         table[:, 7:10] if width >= 10 else None,
-        rotations=rotations,
-        name=name,
+        angles=angles,
+        joints=joints,
+        joint_names=names,
+        lines=lines,
+    )
+
+
+def _read_table(path: Path, columns: tuple[int, ...], meaning: str) -> tuple[Array, Lines]:
+    check_file(path)
+    text = read_text(path)
+    return parse_table(text, path, columns, meaning), row_lines(text)
+
+
+def _read_pose_file(path: Path) -> Track:
+    check_file(path)
+    table, quaternions = _read_pose(path)
+    return Track(
+        path,
+        path.name[: -len(POSE_SUFFIX)],
+        "poses: time, position, quaternion w x y z",
+        table[:, 0],
+        table[:, 1:4],
+        rotations=quaternions,
+        quaternion="wxyz",
+        lines=row_lines(read_text(path)),
     )
 
 
@@ -152,7 +242,8 @@ def _read_pose(path: Path) -> tuple[Array, Array]:
     return table, table[:, 4:]
 
 
-def _read_joints(path: Path) -> tuple[Array, Array, tuple[str, ...]]:
+def _read_joints(path: Path) -> tuple[Array, Array, tuple[str, ...], Lines]:
+    check_file(path)
     text = read_text(path)
     header, _, body = text.partition("\n")
     names = tuple(name.strip() for name in header.split(","))
@@ -160,7 +251,7 @@ def _read_joints(path: Path) -> tuple[Array, Array, tuple[str, ...]]:
         raise InputError(f"{path}, line 1: the header must be time,JOINT,... with NAOqi's names")
     # A leading empty line keeps the line numbers in errors right.
     table = parse_table("\n" + body, path, (len(names),), "as named in the header", separator=",")
-    return table[:, 0], table[:, 1:], names[1:]
+    return table[:, 0], table[:, 1:], names[1:], row_lines("\n" + body)
 
 
 def _check_times(times: Array, reference: Array, path: Path, reference_path: Path) -> None:

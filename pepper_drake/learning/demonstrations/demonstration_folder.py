@@ -12,6 +12,7 @@ from pepper_drake.learning.demonstrations.demonstration_files import (
     ROTATION,
     TRANSLATION,
 )
+from pepper_drake.learning.demonstrations.importers.bags import is_bag
 from pepper_drake.learning.demonstrations.recording import PARTIAL
 
 
@@ -28,9 +29,10 @@ def load_all(paths: Sequence[str | Path]) -> list[Demonstration]:
 
 
 def _find(path: Path) -> list[Path]:
-    if not path.is_dir() or any((path / name).exists() for name in (TRANSLATION, PARTIAL)):
+    own = (TRANSLATION, PARTIAL, JOINTS)
+    if not path.is_dir() or any((path / name).exists() for name in own) or is_bag(path):
         return [path]
-    folders = {file.parent for name in (TRANSLATION, PARTIAL) for file in path.rglob(name)}
+    folders = {file.parent for name in own for file in path.rglob(name)}
     files = [
         file
         for file in path.rglob("*.txt")

@@ -55,6 +55,12 @@ def parse_table(
     return np.array(rows)
 
 
+def row_lines(text: str) -> npt.NDArray[np.int64]:
+    """Returns the line numbers of the rows that `parse_table` reads."""
+    lines = enumerate(text.splitlines(), start=1)
+    return np.array([n for n, line in lines if line.partition("#")[0].strip()], dtype=np.int64)
+
+
 def _number(field: str, path: Path, line: int) -> float:
     try:
         value = float(field)

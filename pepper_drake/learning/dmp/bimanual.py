@@ -22,11 +22,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 from scipy.interpolate import make_interp_spline
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text, write_atomically
+from pepper_drake.files import write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
@@ -34,8 +33,11 @@ from pepper_drake.learning.dmp.coupling import Coupling, make_coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.primitive import DEFAULT_APPROXIMATOR, MovementPrimitive, Path3D
 from pepper_drake.learning.spring import NODES, advance, make_step
+from pepper_drake.yaml_files import read_yaml
 
 Array = npt.NDArray[np.float64]
+
+_FILE_LIMIT = 2**16
 
 SIDES = np.array([0.5, -0.5])[:, None]
 """Positions of left and right hand, in units of the vector from right to left."""
@@ -98,8 +100,8 @@ class BimanualPrimitive:
         samples = max(len(left.times), len(right.times))
         absolute, relative = _told_as_pair(*align([left, right], num_samples=samples))
         return cls(
-            MovementPrimitive.fit(absolute, approximator=approximator, num_basis=num_basis),
-            MovementPrimitive.fit(relative, approximator=approximator, num_basis=num_basis),
+            MovementPrimitive.fit(absolute, approximator, num_basis, check=False),
+            MovementPrimitive.fit(relative, approximator, num_basis, check=False),
             hold_rate,
         )
 
@@ -162,14 +164,16 @@ class BimanualPrimitive:
             InputError: A file is missing or broken.
         """
         path = Path(folder) / "pair.yaml"
-        try:
-            hold_rate = float(yaml.safe_load(read_text(path))["hold_rate"])
-        except (yaml.YAMLError, KeyError, TypeError, ValueError):
-            raise InputError(f"{path}: must hold `hold_rate: ` and a number") from None
+        data = read_yaml(path, _FILE_LIMIT)
+        hold_rate = data.get("hold_rate") if isinstance(data, dict) else None
+        if isinstance(hold_rate, bool) or not isinstance(hold_rate, int | float):
+            raise InputError(f"{path}: must hold `hold_rate: ` and a number")
+        if not 0.1 <= hold_rate <= 1e4:
+            raise InputError(f"{path}: hold_rate is {hold_rate:g}; it must be 0.1 to 10000")
         return cls(
             MovementPrimitive.load(Path(folder) / "absolute.yaml"),
             MovementPrimitive.load(Path(folder) / "relative.yaml"),
-            hold_rate,
+            float(hold_rate),
         )
 
     def _among(

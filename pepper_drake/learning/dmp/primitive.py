@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators.registry import LinearForcingModel
+from pepper_drake.learning.demonstrations.check import refuse_impossible, refuse_unlike
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.learning.dmp.orientation import OrientationAttractor, learn_orientation
@@ -43,6 +44,15 @@ Array = npt.NDArray[np.float64]
 DEFAULT_APPROXIMATOR = "trajectory_slopes"
 DEFAULT_SCALING = "gradual"
 DEFAULT_NUM_BASIS = 40
+"""Basis functions where the data do not ask for another number: some seconds of arm movement."""
+
+MOST_NUM_BASIS = 320
+
+FIT_TOLERANCE = 0.005
+"""Where the motion leaves a demonstration by more than this [m] and the number of basis functions
+is left open, it is doubled."""
+
+_MOST_SAMPLES, _FEWEST_NUM_BASIS = 6000, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,22 +113,30 @@ class MovementPrimitive:
         cls,
         demonstrations: Demonstration | Sequence[Demonstration],
         approximator: str = DEFAULT_APPROXIMATOR,
-        num_basis: int = DEFAULT_NUM_BASIS,
+        num_basis: int | None = None,
         scaling: str = DEFAULT_SCALING,
         orientation: str = "log_map",
         alpha_z: float = ALPHA_Z,
         seed: int = 0,
+        check: bool = True,
     ) -> Self:
         """Learns one primitive from one or several demonstrations, aligned in phase.
+
+        Where samples are further apart than basis functions, the way between them is filled in
+        (see `Demonstration.filled`), so that the motion between samples stays near them.
 
         Args:
             demonstrations: One, or several of the same motion.
             approximator: How the forcing term is learned; see `approximator_names`.
-            num_basis: Number of basis functions.
+            num_basis: Number of basis functions. Left out, it follows the data: 40; no more than
+                there are samples; twice or more as many where the motion would leave a
+                demonstration by more than `FIT_TOLERANCE`.
             scaling: How it adapts to start and goal; see `scaling`.
             orientation: `log_map`, or `angles` for the report's three angles.
             alpha_z: Constant of the spring.
             seed: For approximators with random starts.
+            check: Refuse demonstrations that cannot be a hand's motion, or are not of one movement
+                (see `demonstrations.check`); False for motions that a program made.
 
         Raises:
             InputError: A name is unknown, a number out of range, or a demonstration unusable.
@@ -130,6 +148,40 @@ class MovementPrimitive:
             raise InputError("demonstrations: none given; a primitive needs at least one")
         if not alpha_z > 0.0:
             raise InputError(f"alpha_z: {alpha_z} is not positive")
+        if check:
+            for demo in demos:
+                refuse_impossible(demo)
+            refuse_unlike(demos)
+        if num_basis is not None:
+            return cls._fit(demos, approximator, num_basis, scaling, orientation, alpha_z, seed)
+        fewest = min(len(demo.times) for demo in demos)
+        number = min(DEFAULT_NUM_BASIS, max(_FEWEST_NUM_BASIS, fewest - 1))
+        # Seconds at the usual rates are known to be given back by the usual number.
+        usual = 2 * DEFAULT_NUM_BASIS <= fewest < 8 * DEFAULT_NUM_BASIS
+        while True:
+            learned = cls._fit(demos, approximator, number, scaling, orientation, alpha_z, seed)
+            if usual or len(demos) > 1 or 2 * number > MOST_NUM_BASIS:
+                return learned
+            shown = demos[0].filled(demos[0].duration / (2 * DEFAULT_NUM_BASIS))
+            if learned.distance(shown) <= FIT_TOLERANCE:
+                return learned
+            number *= 2
+
+    @classmethod
+    def _fit(
+        cls,
+        demonstrations: list[Demonstration],
+        approximator: str,
+        num_basis: int,
+        scaling: str,
+        orientation: str,
+        alpha_z: float,
+        seed: int,
+    ) -> Self:
+        demos = [
+            demo.thinned(_MOST_SAMPLES).filled(demo.duration / (2 * max(num_basis, 1)))
+            for demo in demonstrations
+        ]
         samples = [motion_sample(demo) for demo in demos]
         times = [sample.times for sample in samples]
         turning = None
@@ -147,6 +199,20 @@ class MovementPrimitive:
             approximator=approximator,
             name=demos[0].name,
         )
+
+    def distance(self, demonstration: Demonstration) -> float:
+        """Returns how far the motion leaves a demonstration, at its samples [m]."""
+        path = self.rollout(
+            time_step=demonstration.duration / 400,
+            start=demonstration.positions[0],
+            goal=demonstration.positions[-1],
+            duration=demonstration.duration,
+            start_velocity=demonstration.velocities[0],
+        )
+        times = demonstration.times - demonstration.times[0]
+        own = [np.interp(times, path.times, column) for column in path.positions.T]
+        gaps = np.linalg.norm(np.column_stack(own) - demonstration.positions, axis=1)
+        return float(gaps.max())
 
     @property
     def start(self) -> Array:

@@ -14,19 +14,22 @@ import numpy.typing as npt
 import yaml
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text, write_atomically
+from pepper_drake.files import write_atomically
 from pepper_drake.learning.approximators.registry import get_approximator
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS, OrientationAttractor
 from pepper_drake.learning.dmp.posture import PostureProfile
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
+from pepper_drake.learning.dmp.primitive_check import check_movement
 from pepper_drake.learning.dmp.scaling import MotionFrame, check_scaling
 from pepper_drake.learning.dmp.transformation import TransformationModel
+from pepper_drake.yaml_files import read_yaml
 
 Array = npt.NDArray[np.float64]
 
 VERSION = 1
 
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+FILE_LIMIT = 4 * 2**20
+"""Largest file of a primitive that is read [bytes]."""
 
 
 def write_primitive(primitive: MovementPrimitive, path: Path) -> None:
@@ -41,19 +44,19 @@ def write_primitive(primitive: MovementPrimitive, path: Path) -> None:
         "approximator": primitive.approximator,
         "duration": primitive.duration,
         "path_length": primitive.path_length,
-        "translation": _attractor_data(primitive.translation),
+        "translation": transformation_data(primitive.translation),
     }
     if primitive.orientation is not None:
         data["orientation"] = {
             "mode": primitive.orientation.mode,
             "start": primitive.orientation.start.tolist(),
             "goal": primitive.orientation.goal.tolist(),
-            **_attractor_data(primitive.orientation.attractor, prefix="coordinates_"),
+            **transformation_data(primitive.orientation.attractor, prefix="coordinates_"),
         }
     if primitive.posture is not None:
         data["posture"] = primitive.posture.to_data()
     header = "# A movement primitive of pepper_drake. Units: s, m, rad.\n"
-    write_atomically(path, header + "".join(_lines(data, 0)))
+    write_atomically(path, header + "".join(yaml_lines(data, 0)))
 
 
 def read_primitive(path: Path) -> MovementPrimitive:
@@ -62,17 +65,12 @@ def read_primitive(path: Path) -> MovementPrimitive:
     Raises:
         InputError: With file, line or field, and how to mend it.
     """
-    try:
-        data = yaml.load(read_text(path), Loader=_Loader)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"{path}, line {mark.line + 1}" if mark else str(path)
-        problem = getattr(error, "problem", None) or "cannot be read"
-        raise InputError(f"{where}: not valid YAML ({problem})") from None
-    fields = _Fields(data, path)
+    fields = read_fields(path)
     version = fields.value("version", int)
     if version != VERSION:
         raise InputError(f"{path}: version {version} is not known; this program reads {VERSION}")
+    if "joints" in fields.data:
+        raise InputError(f"{path}: a primitive of joints; its class is JointPrimitive")
     approximator = fields.name_of("approximator", get_approximator)
     orientation = posture = None
     if "orientation" in fields.data:
@@ -81,15 +79,15 @@ def read_primitive(path: Path) -> MovementPrimitive:
         if mode not in ORIENTATIONS:
             raise InputError(f"{path}: orientation.mode: '{mode}' is not one of {ORIENTATIONS}")
         orientation = OrientationAttractor(
-            _attractor(inner, approximator, "coordinates_"),
+            read_transformation(inner, approximator, "coordinates_"),
             mode,
             inner.vector("start", 4),
             inner.vector("goal", 4),
         )
     if "posture" in fields.data:
         posture = fields.inner("posture").build(PostureProfile.from_data)
-    return MovementPrimitive(
-        translation=_attractor(fields.inner("translation"), approximator),
+    primitive = MovementPrimitive(
+        translation=read_transformation(fields.inner("translation"), approximator),
         duration=fields.positive("duration"),
         path_length=fields.value("path_length", float),
         orientation=orientation,
@@ -97,9 +95,21 @@ def read_primitive(path: Path) -> MovementPrimitive:
         approximator=approximator,
         name=str(fields.value("name", str)),
     )
+    return check_movement(primitive, path)
 
 
-def _attractor_data(attractor: TransformationModel, prefix: str = "") -> dict[str, Any]:
+def read_fields(path: Path) -> "Fields":
+    """Returns the fields of a primitive's YAML file.
+
+    Raises:
+        InputError: With file and line.
+    """
+    data = read_yaml(path, FILE_LIMIT)
+    return Fields(data, path)
+
+
+def transformation_data(attractor: TransformationModel, prefix: str = "") -> dict[str, Any]:
+    """Returns a transformation system as plain data."""
     return {
         "scaling": attractor.scaling,
         "alpha_z": attractor.alpha_z,
@@ -111,22 +121,29 @@ def _attractor_data(attractor: TransformationModel, prefix: str = "") -> dict[st
     }
 
 
-def _attractor(fields: "_Fields", approximator: str, prefix: str = "") -> TransformationModel:
+def read_transformation(
+    fields: "Fields", approximator: str, prefix: str = "", size: int = 3
+) -> TransformationModel:
+    """Makes a transformation system in `size` coordinates of what `transformation_data` returned.
+
+    Raises:
+        InputError: With file and field.
+    """
     scaling = fields.name_of("scaling", check_scaling)
     return TransformationModel(
         model=fields.inner("forcing").build(get_approximator(approximator).load),
         scaling=scaling,
         frame=MotionFrame(
-            fields.vector(f"{prefix}start", 3),
-            fields.vector(f"{prefix}goal", 3),
-            fields.vector("extent", 3),
+            fields.vector(f"{prefix}start", size),
+            fields.vector(f"{prefix}goal", size),
+            fields.vector("extent", size),
         ),
-        start_rate=fields.vector("start_rate", 3),
+        start_rate=fields.vector("start_rate", size),
         alpha_z=fields.positive("alpha_z"),
     )
 
 
-class _Fields:
+class Fields:
     """A mapping of the file, with errors that name the field."""
 
     def __init__(self, data: object, path: Path, name: str = "") -> None:
@@ -137,6 +154,7 @@ class _Fields:
         self._name = name
 
     def value(self, field: str, kind: type) -> Any:
+        """Returns a field of a kind, a finite one where it is a number."""
         if field not in self.data:
             raise InputError(f"{self._path}: {self._label(field)} is missing; add it")
         value = self.data[field]
@@ -150,6 +168,7 @@ class _Fields:
         return value
 
     def name_of(self, field: str, check: Callable[[str], object]) -> str:
+        """Returns a name that a function knows."""
         name: str = self.value(field, str)
         try:
             check(name)
@@ -158,47 +177,51 @@ class _Fields:
         return name
 
     def positive(self, field: str) -> float:
+        """Returns a number above zero."""
         value: float = self.value(field, float)
         if value <= 0.0:
             raise InputError(f"{self._path}: {self._label(field)}: {value} is not positive")
         return value
 
     def vector(self, field: str, size: int) -> Array:
+        """Returns finite numbers (size,)."""
         values = self.value(field, list)
         try:
             vector = np.array(values, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             vector = np.empty(0)
-        if vector.shape != (size,) or not np.isfinite(vector).all():
+        if vector.shape != (size,) or not np.all(np.abs(vector) <= 1e6):
             raise InputError(
                 f"{self._path}: {self._label(field)}: {values} must be {size} finite numbers"
             )
         return vector
 
-    def inner(self, field: str) -> "_Fields":
-        return _Fields(self.value(field, dict), self._path, self._label(field))
+    def inner(self, field: str) -> "Fields":
+        """Returns a field that is a mapping of fields itself."""
+        return Fields(self.value(field, dict), self._path, self._label(field))
 
     def build(self, load: Any) -> Any:
+        """Returns what a function makes of the mapping."""
         try:
             return load(self.data)
         except KeyError as error:
             raise InputError(
                 f"{self._path}: {self._name}.{error.args[0]} is missing; add it"
             ) from None
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError, AttributeError) as error:
             raise InputError(f"{self._path}: {self._name}: {error}") from None
 
     def _label(self, field: str) -> str:
         return f"{self._name}.{field}" if self._name else field
 
 
-def _lines(data: Mapping[str, Any], indent: int) -> list[str]:
+def yaml_lines(data: Mapping[str, Any], indent: int = 0) -> list[str]:
     """Returns YAML lines; vectors and rows of matrices on one line each."""
     pad = " " * indent
     lines = []
     for key, value in data.items():
         if isinstance(value, Mapping):
-            lines += [f"{pad}{key}:\n", *_lines(value, indent + 2)]
+            lines += [f"{pad}{key}:\n", *yaml_lines(value, indent + 2)]
         elif isinstance(value, list) and value and isinstance(value[0], list):
             lines.append(f"{pad}{key}:\n")
             lines += [f"{pad}  - {_flow(row)}\n" for row in value]
@@ -218,4 +241,8 @@ def _flow(value: Any) -> str:
         return text if "." in text or "e" not in text else text.replace("e", ".0e")
     if isinstance(value, int):
         return str(value)
-    return yaml.safe_dump(str(value), default_flow_style=True, width=10**6).splitlines()[0]
+    text = str(value)
+    # What may be a number to one reader and a text to another is quoted.
+    style = '"' if text[:1] in tuple("+-.0123456789") else None
+    dumped = yaml.safe_dump(text, default_flow_style=True, default_style=style, width=10**6)
+    return dumped.splitlines()[0]

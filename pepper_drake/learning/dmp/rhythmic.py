@@ -9,9 +9,10 @@ Ijspeert, Nakanishi, Hoffmann, Pastor, Schaal, "Dynamical Movement Primitives", 
 The spring pulls the hand into a limit cycle around g from wherever it is.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -20,14 +21,18 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text, write_atomically
+from pepper_drake.files import write_atomically
+from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.dmp.primitive import Path3D
 from pepper_drake.learning.least_squares import ridge_solver
 from pepper_drake.learning.phase import ALPHA_Z
 from pepper_drake.learning.spring import NODES, acceleration, advance, make_step
+from pepper_drake.yaml_files import read_yaml
 
 Array = npt.NDArray[np.float64]
+
+_FILE_LIMIT = 2**20
 
 GRID = 512
 """Points around the circle on which the response to a basis function is computed."""
@@ -43,6 +48,8 @@ class RhythmicPrimitive:
         centre: g (3,) [m], around which the motion runs.
         period: Of the demonstration [s].
         alpha_z: Constant of the spring; its damper is critical.
+        rotation_weights: (K, 3) of the orientation's forcing term; None where it was not shown.
+        rotation_centre: (4,) unit quaternion about which the hand turns to and fro.
     """
 
     weights: Array
@@ -50,6 +57,8 @@ class RhythmicPrimitive:
     centre: Array
     period: float
     alpha_z: float = ALPHA_Z
+    rotation_weights: Array | None = None
+    rotation_centre: Array | None = None
 
     def forcing(self, phases: npt.ArrayLike) -> Array:
         """Returns f (N, 3) at phases (N,) [rad], for an amplitude of one."""
@@ -61,6 +70,34 @@ class RhythmicPrimitive:
         responses = steady_responses(phases, len(self.weights), self.concentration, self.alpha_z)
         tau = self.period / (2 * np.pi)
         return self.centre + responses[0] @ self.weights, responses[1] @ self.weights / tau
+
+    def orientation(
+        self, phases: npt.ArrayLike, amplitude: float = 1.0, period: float | None = None
+    ) -> tuple[Array, Array] | None:
+        """Returns the orientation on its limit cycle, None where it was not shown.
+
+        Its coordinates are those of the logarithm map about `rotation_centre`: a second
+        transformation system with the same phase (Ude et al. 2014, DOI
+        10.1109/ICRA.2014.6907291).
+
+        Args:
+            phases: (N,) [rad].
+            amplitude: Relative to the demonstration.
+            period: [s]; the demonstration's if left out.
+
+        Returns:
+            Unit quaternions (N, 4) and angular velocities (N, 3) [rad/s] in the motion's frame.
+        """
+        if self.rotation_weights is None or self.rotation_centre is None:
+            return None
+        count = len(self.rotation_weights)
+        responses = steady_responses(phases, count, self.concentration, self.alpha_z)
+        turns = amplitude * (responses[0] @ self.rotation_weights)
+        rates = amplitude * (responses[1] @ self.rotation_weights)
+        rates = rates / (float(period or self.period) / (2 * np.pi))
+        centre = np.broadcast_to(self.rotation_centre, (len(turns), 4))
+        rotations = so3.make_continuous(so3.multiply(so3.exp_map(turns), centre))
+        return rotations, so3.angular_velocity(turns, rates)
 
     def advance(
         self,
@@ -150,6 +187,7 @@ class RhythmicPrimitive:
         tau = turn / (2 * np.pi)
         pull = amplitude * self.forcing(phases)
         goal = np.stack((middle, np.zeros(3)))
+        turned = self.orientation(phases, amplitude, turn)
         return Path3D(
             np.asarray(time_step * np.arange(num_steps + 1.0), dtype=float),
             states[:, 0],
@@ -157,12 +195,16 @@ class RhythmicPrimitive:
             np.asarray(acceleration(states, goal, pull, tau, self.alpha_z)),
             phases,
             np.full(num_steps + 1, turn),
+            rotations=None if turned is None else turned[0],
+            angular_velocities=None if turned is None else turned[1],
         )
 
     def save(self, path: str | Path) -> None:
         """Writes the primitive as a readable YAML file, exact to the last bit."""
-        values = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
-        data = {name: value.tolist() for name, value in values.items()}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        data = {
+            name: np.asarray(value).tolist() for name, value in values.items() if value is not None
+        }
         header = "# A rhythmic primitive of pepper_drake. Units: s, m, rad.\n"
         write_atomically(Path(path), header + yaml.safe_dump(data, sort_keys=False))
 
@@ -173,17 +215,32 @@ class RhythmicPrimitive:
         Raises:
             InputError: The file is not a rhythmic primitive.
         """
+        data = read_yaml(Path(path), _FILE_LIMIT)
         try:
-            data = yaml.safe_load(read_text(Path(path)))
-            return cls(
+            primitive = cls(
                 np.array(data["weights"], dtype=float).reshape(-1, 3),
                 float(data["concentration"]),
                 np.array(data["centre"], dtype=float).reshape(3),
                 float(data["period"]),
                 float(data["alpha_z"]),
+                _optional(data, "rotation_weights", (-1, 3)),
+                _optional(data, "rotation_centre", (4,)),
             )
-        except (yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise InputError(f"{path}: not a rhythmic primitive ({error!r})") from None
+        limits = {"concentration": (0.0, 1e6), "period": (0.01, 600.0), "alpha_z": (0.1, 1e3)}
+        for name, (lower, upper) in limits.items():
+            if not lower <= getattr(primitive, name) <= upper:
+                raise InputError(f"{path}: {name} must be {lower:g} to {upper:g}")
+        size = len(primitive.weights)
+        numbers = np.concatenate((primitive.weights.ravel(), primitive.centre))
+        if not 1 <= size <= GRID or not np.all(np.abs(numbers) <= 1e6):
+            raise InputError(f"{path}: weights must be 1 to {GRID} rows of three finite numbers")
+        return primitive
+
+
+def _optional(data: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> Array | None:
+    return None if name not in data else np.array(data[name], dtype=float).reshape(shape)
 
 
 def circular_features(phases: npt.ArrayLike, num_basis: int, concentration: float) -> Array:
@@ -247,7 +304,19 @@ def fit_rhythmic(
     whole = phases <= 2 * np.pi * np.floor(phases[-1] / (2 * np.pi) + 1e-9)
     centre = demonstration.positions[whole].mean(axis=0)
     weights = ridge_solver(columns) @ (demonstration.positions - centre)
-    return RhythmicPrimitive(weights, concentration, centre, turn, alpha_z)
+    turned, middle = None, None
+    if demonstration.rotations is not None:
+        middle = _mean_rotation(demonstration.rotations[whole])
+        turns = so3.log_map(so3.multiply(demonstration.rotations, so3.conjugate(middle)))
+        turned = ridge_solver(columns) @ turns
+    return RhythmicPrimitive(weights, concentration, centre, turn, alpha_z, turned, middle)
+
+
+def _mean_rotation(rotations: Array) -> Array:
+    """Returns the mean (4,) of quaternions (N, 4) (Markley et al. 2007, DOI 10.2514/1.28949)."""
+    _, vectors = np.linalg.eigh(rotations.T @ rotations)
+    mean = vectors[:, -1]
+    return np.asarray(mean if mean[0] >= 0.0 else -mean)
 
 
 def find_period(demonstration: Demonstration) -> float:

@@ -57,6 +57,7 @@ def integrate(
     shape = state.shape[:-2]
     start = state[..., 0, :].reshape(-1, state.shape[-1])[0]
     end = float(phase_at(1.0 + settle, attractor.alpha_x)) * np.exp(1e-6)
+    nominal = tau
     longest = number_of_steps(LONGEST * tau * (1.0 + settle), time_step)
     moving = callable(goal_at)
     known = seen = goal_at(0.0)[0] if callable(goal_at) else goal_at
@@ -105,7 +106,7 @@ def integrate(
         phase, value = phases[..., -1], values[..., -1, :]
         if moving:
             goal = goal.later(time_step, attractor.goal_rate(tau))
-            tau, known = extended_tau(tau, known, seen, extension)
+            tau = extended_tau(tau, nominal, known, seen, extension)
     return record.motion(time_step, field)
 
 
@@ -155,7 +156,6 @@ class _Obstacles:
     ) -> None:
         self._coupling = coupling
         self._field = field
-        self._followed = field if shape else field.follow()
         self._goal_line: Array | None = None
         self._clearance = 0.0
         self._pushed = False
@@ -170,7 +170,7 @@ class _Obstacles:
             return None, 0.0
         self._find_clearance(goal)
         push = self._coupling.push(
-            self._followed, state, acceleration, goal.position, self._clearance, tau
+            self._field, state, acceleration, goal.position, self._clearance, tau
         )
         self._distance, self._position = push.distance, state[..., 0, :]
         self._pushed = bool(np.vdot(push.coupling, push.coupling))

@@ -19,6 +19,7 @@ import yaml
 from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
 from pepper_drake.perception.cameras.camera import (
     CAMERA_BOTTOM,
     CAMERA_DEPTH,
@@ -42,6 +43,9 @@ _HEIGHT_NAMES = ("image_height", "image_Height", "imageHeight", "height")
 _SIZE_NAMES = ("image_size", "imageSize", "img_size", "size")
 _PINHOLE_MODELS = ("plumb_bob", "rational_polynomial", "brown_conrady", "radtan", "")
 _FISHEYE_MODELS = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "omnidir", "fov")
+
+_LARGEST = 2**20
+"""Largest calibration file [bytes]."""
 
 NAOQI_RESOLUTIONS = {
     "kQQQQVGA": (8, (40, 30)),
@@ -75,23 +79,22 @@ def load_intrinsics(path: str | Path) -> CameraIntrinsics:
 
 def _read(path: Path) -> dict[str, Any]:
     """Reads a file's entries; matrices become arrays."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot read the camera file: {error}.") from error
+    text = read_text(path, _LARGEST)
     head = text.lstrip()[:200]
-    if head.startswith(("%YAML:", "<?xml", "<opencv_storage")) or (
-        head.startswith("{") and "opencv-matrix" in text
-    ):
-        return _read_file_storage(path)
-    if "!!opencv-matrix" in text:
-        return _read_file_storage(path)
+    is_storage = head.startswith(("%YAML:", "<?xml", "<opencv_storage", '{"opencv'))
+    if is_storage or "opencv-matrix" in text:
+        return _read_file_storage(text, path)
     try:
+        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+            if isinstance(event, yaml.AliasEvent):
+                raise InputError(f"{path}: has a reference (*); write its values out.")
         content = yaml.safe_load(text)
     except yaml.YAMLError as error:
         line = getattr(getattr(error, "problem_mark", None), "line", None)
-        where = "" if line is None else f":{line + 1}"
-        raise InputError(f"{path}{where}: is no YAML of a camera's calibration.") from error
+        where = "" if line is None else f" line {line + 1}"
+        raise InputError(f"{path}{where}: is no YAML of a camera's calibration.") from None
+    except (RecursionError, ValueError):
+        raise InputError(f"{path}: is no YAML of a camera's calibration.") from None
     if not isinstance(content, dict):
         raise InputError(
             f"{path}: holds no camera; expected are camera_matrix, image_width, image_height and "
@@ -113,15 +116,14 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _read_file_storage(path: Path) -> dict[str, Any]:
+def _read_file_storage(text: str, path: Path) -> dict[str, Any]:
     try:
-        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-    except (cv2.error, SystemError) as error:
-        raise InputError(f"{path}: OpenCV cannot read this file storage.") from error
-    if not storage.isOpened():
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+        entries = _node_value(storage.root()) if storage.isOpened() else None
+    except (cv2.error, SystemError, RecursionError, UnicodeDecodeError):
+        entries = None
+    if not isinstance(entries, dict):
         raise InputError(f"{path}: OpenCV cannot read this file storage.")
-    entries = _node_value(storage.root())
-    storage.release()
     return entries
 
 
@@ -255,7 +257,8 @@ def _distortion(entries: Mapping[str, Any], where: str) -> npt.NDArray[np.float6
             )
         return np.zeros(0)
     name, value = found
-    numbers = np.zeros(0) if value in ([], "") else _numbers(value)
+    is_empty = isinstance(value, str | list) and not value
+    numbers = np.zeros(0) if is_empty else _numbers(value)
     if numbers is None:
         raise InputError(f"{where}: {name} must be a list of numbers.")
     return numbers

@@ -104,7 +104,7 @@ def detect_goal(
     """
     if image.size == 0:
         return None
-    _check_size(image, intrinsics)
+    check_image_size(image, intrinsics)
     image = to_gray(image)
     window = None
     if p_WM_expected is not None:
@@ -152,7 +152,7 @@ def detect_goal(
     )
 
 
-def _check_size(image: npt.NDArray[Any], intrinsics: CameraIntrinsics) -> None:
+def check_image_size(image: npt.NDArray[Any], intrinsics: CameraIntrinsics) -> None:
     """Raises InputError for an image of another size than the camera's."""
     height, width = image.shape[:2]
     if (width, height) != (intrinsics.width, intrinsics.height):

@@ -6,7 +6,7 @@ printed face, z out of it.
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -21,18 +21,24 @@ from pepper_drake.perception.goal.marker_edges import marker_edges, refine_on_ed
 
 MARKER_DICTIONARY = "DICT_4X4_50"
 
-_SMALLEST_SIDE = 10.0
-"""Markers of a shorter side [pixels] are not trusted: their bits are smaller than two pixels."""
+_SMALLEST_SIDE = 7.0
+"""Markers of a shorter side [pixels] are not trusted: their bits are little more than a pixel."""
 
 _CORNER_SIGMA = 0.2
 _SECOND_CORNER_SIGMA = 0.4
-"""Standard deviations of a corner's coordinate, by the detector that found it [pixels]."""
+"""Standard deviations of a corner's coordinate, by the detector that found it [pixels], ..."""
+
+_SMALL_SIDE = 20.0
+"""... and, for both, of markers whose shortest side is shorter than this [pixels]: the second one,
+which grows as the side shrinks."""
 
 _LARGEST_REPROJECTION_ERROR = 1.5
 """A quadrilateral that no square projects to within this rms [pixels] is not a marker."""
 
 _AMBIGUITY_RATIO = 2.5
-"""Two poses are told apart by the errors of four corners when these differ by this factor, ..."""
+_AMBIGUITY_SIGMAS = 1.5
+"""Two poses are told apart by the errors of four corners when these differ by this factor, and by
+more than so many standard deviations of a corner, which is three of what four of them err, ..."""
 
 _EDGE_AMBIGUITY_RATIO = 1.2
 """... and by the errors of all edges of the pattern when these differ by this one."""
@@ -72,12 +78,14 @@ class MarkerPose:
             from where the pose puts them [pixels].
         covariance: Covariance (6, 6) of rotation (rad, axes of C) and position (m, in C).
         on_edges: Whether the pose was fitted to all edges of the pattern.
+        corner_sigma: Standard deviation of a corner's coordinate [pixels].
     """
 
     X_CM: RigidTransform
     reprojection_error: float
     covariance: npt.NDArray[np.float64]
     on_edges: bool = False
+    corner_sigma: float = 0.2
 
 
 @functools.lru_cache(maxsize=32)
@@ -176,10 +184,21 @@ def _detections(
     if ids is None:
         return []
     found = [
-        Detection(int(number), quad.reshape(4, 2).astype(float) + shift, corner_sigma)
+        Detection(int(number), quad.reshape(4, 2).astype(float) + shift)
         for number, quad in zip(np.ravel(ids), corners, strict=True)
     ]
-    return [detection for detection in found if detection.side >= _SMALLEST_SIDE]
+    return [
+        _with_sigma(detection, corner_sigma)
+        for detection in found
+        if detection.side >= _SMALLEST_SIDE
+    ]
+
+
+def _with_sigma(detection: Detection, corner_sigma: float) -> Detection:
+    """The same, with what its corners err: of small markers all detectors err alike."""
+    if detection.side < _SMALL_SIDE:
+        corner_sigma = _SECOND_CORNER_SIGMA * _SMALL_SIDE / detection.side
+    return replace(detection, corner_sigma=corner_sigma)
 
 
 def marker_corners(size: float) -> npt.NDArray[np.float64]:
@@ -232,7 +251,8 @@ def marker_poses(
             continue
         covariance = corner_sigma**2 * np.linalg.pinv(jacobian[:, :6].T @ jacobian[:, :6])
         if not any(_angle(R_CM, other.X_CM.rotation()) < 0.02 for other in poses):
-            poses.append(MarkerPose(RigidTransform(R_CM, translation[:, 0]), error, covariance))
+            X_CM = RigidTransform(R_CM, translation[:, 0])
+            poses.append(MarkerPose(X_CM, error, covariance, corner_sigma=corner_sigma))
     return sorted(poses, key=lambda pose: pose.reprojection_error)
 
 
@@ -259,7 +279,7 @@ def refine_poses(
         The refined poses, the better one first. None when the pattern is not seen where a pose
         puts it. Poses of a marker that is too small in the image are returned as they are.
     """
-    if len(poses) > 1 and _is_better(poses[0], poses[1]):
+    if len(poses) > 1 and is_better(poses[0], poses[1]):
         poses = poses[:1]
     gray, edges = to_gray(image), marker_edges(dictionary, marker_id)
     refined = []
@@ -299,7 +319,7 @@ def choose_pose(
     if len(poses) == 1:
         return poses[0]
     best, other = poses[:2]
-    if _is_better(best, other):
+    if is_better(best, other):
         return best
 
     def strangeness(pose: MarkerPose) -> float:
@@ -311,11 +331,13 @@ def choose_pose(
     return min((best, other), key=strangeness)
 
 
-def _is_better(best: MarkerPose, other: MarkerPose) -> bool:
+def is_better(best: MarkerPose, other: MarkerPose) -> bool:
     """Whether the errors alone tell which of two poses is the right one."""
-    on_edges = best.on_edges and other.on_edges
-    ratio = _EDGE_AMBIGUITY_RATIO if on_edges else _AMBIGUITY_RATIO
-    return other.reprojection_error > ratio * max(best.reprojection_error, 0.02)
+    least, error = max(best.reprojection_error, 0.02), other.reprojection_error
+    if best.on_edges and other.on_edges:
+        return error > _EDGE_AMBIGUITY_RATIO * least
+    noise = _AMBIGUITY_SIGMAS * best.corner_sigma
+    return error > _AMBIGUITY_RATIO * least and error**2 > least**2 + noise**2
 
 
 def _angle(R1: RotationMatrix, R2: RotationMatrix) -> float:

@@ -27,7 +27,7 @@ _OFFSETS = np.linspace(-1, 1, 11)
 _LONGEST_SEARCH = 3.0
 """Largest search range to either side of an edge [pixels]."""
 
-_SHORTEST_SEARCH = 0.9
+_SHORTEST_SEARCH = 1.15
 """Search range below which neighbouring edges blur into each other [pixels]."""
 
 _SEARCH_SHARE = 0.45
@@ -44,6 +44,10 @@ _WORST_CONDITION = 1e12
 
 _LEAST_ERROR = 0.08
 """Systematic error of an edge [pixels]: of lens and sensor, which no residual shows."""
+
+_LEAST_OFFSET = 0.2
+"""Edges that are all farther than this towards black or white are of an image exposed too much or
+too little [pixels]: their common offset is then fitted, too."""
 
 _LEAST_CONTRAST = 0.35
 """An edge counts as seen when its contrast is at least this share of the median one."""
@@ -132,10 +136,36 @@ def refine_on_edges(
     Returns:
         The fit; None when too few edges are seen to fit a pose.
     """
+    fit = _fit(gray, X_CM, edges, size, intrinsics, iterations, offset=None)
+    if fit is None or abs(fit[1]) < _LEAST_OFFSET:
+        return None if fit is None else fit[0]
+    # Too much light makes white wider: all edges are beside where they belong.
+    again = _fit(gray, fit[0].X_CM, edges, size, intrinsics, iterations, offset=fit[1])
+    return fit[0] if again is None else again[0]
+
+
+def _fit(
+    gray: npt.NDArray[np.uint8],
+    X_CM: RigidTransform,
+    edges: MarkerEdges,
+    size: float,
+    intrinsics: CameraIntrinsics,
+    iterations: int,
+    *,
+    offset: float | None,
+) -> tuple[EdgeFit, float] | None:
+    """Fits the pose, and if an offset [pixels] of all edges towards white is given, that too.
+
+    Returns:
+        The fit and the offset; where it was not fitted, what it would be. None when too few edges
+        are seen.
+    """
     flat = np.zeros((len(edges.points), 1))
     model = np.hstack([edges.points * size, flat])
     normals = np.hstack([edges.normals, flat])
     rotation, translation = X_CM.rotation(), X_CM.translation()
+    size_of_state = 6 if offset is None else 7
+    shifted = 0.0 if offset is None else offset
     for iteration in range(iterations + 1):
         R = rotation.matrix()
         arm = model @ R.T
@@ -152,26 +182,34 @@ def refine_on_edges(
         reach = np.minimum(_SEARCH_SHARE * 100 / edges.modules * length, _LONGEST_SEARCH)
         if reach.min() < _SHORTEST_SEARCH:
             return None
-        shift, seen = _find_edges(gray, place, direction, reach)
+        shift, seen = _find_edges(gray, place + shifted * direction, direction, reach)
         if np.count_nonzero(seen) < _LEAST_EDGES * _SAMPLES:
             return None
-        J = _jacobian(arm[seen], p_C[seen], direction[seen], intrinsics)
+        J = np.column_stack(
+            [_jacobian(arm[seen], p_C[seen], direction[seen], intrinsics), np.ones(seen.sum())]
+        )
         r = shift[seen]
         weight = np.minimum(1.0, _OUTLIER / np.maximum(np.abs(r), 1e-9))
-        information = (J * weight[:, None]).T @ J
+        whole = (J * weight[:, None]).T @ J
+        information = whole[:size_of_state, :size_of_state]
         eigenvalues = np.linalg.eigvalsh(information)
         if not eigenvalues[0] * _WORST_CONDITION > eigenvalues[-1]:
             return None
         inverse = np.linalg.inv(information)
         if iteration < iterations:
-            step = inverse @ (J.T @ (weight * r))
+            step = inverse @ (J[:, :size_of_state].T @ (weight * r))
             rotation = RotationMatrix(cv2.Rodrigues(step[:3])[0]) @ rotation
-            translation = translation + step[3:]
+            translation = translation + step[3:6]
+            if offset is not None:
+                shifted += float(step[6])
     error = float(np.sqrt(np.average(np.square(r), weights=weight)))
     # The samples of one edge err together.
     variance = float(max(error, _LEAST_ERROR) ** 2 * _SAMPLES)
     pose = RigidTransform(rotation, translation)
-    return EdgeFit(pose, error, float(np.mean(seen)), np.asarray(variance * inverse, dtype=float))
+    covariance = np.asarray(variance * inverse[:6, :6], dtype=float)
+    if offset is None:
+        shifted = float(np.linalg.lstsq(whole, J.T @ (weight * r), rcond=None)[0][6])
+    return EdgeFit(pose, error, float(np.mean(seen)), covariance), shifted
 
 
 def _jacobian(arm: Array, p_C: Array, direction: Array, intrinsics: CameraIntrinsics) -> Array:

@@ -54,6 +54,11 @@ def make_stereo_cameras(
     )
 
 
+_EXCHANGED, _FEW_MATCHES = 3.0, 0.02
+"""Images are exchanged that match on more than so many times the pixels the other way round, and on
+so large a share more."""
+
+
 @dataclass(frozen=True)
 class Rectification:
     """How two images are made row-aligned, and what the left one then is.
@@ -123,33 +128,60 @@ STEREO_CLOUD = ObstacleParameters(
 """How obstacles are seen and remembered from matched images: more pixels, less sure of each."""
 
 
-@functools.lru_cache(maxsize=4)
 def rectify(left: HeadCamera, right: HeadCamera) -> Rectification:
-    """Computes the rectification of two cameras fixed to each other.
+    """Computes the rectification of two cameras fixed to each other on the head.
 
     Args:
         left: The left camera.
         right: The right camera, of the same image size.
     """
-    size = (left.intrinsics.width, left.intrinsics.height)
-    if size != (right.intrinsics.width, right.intrinsics.height):
+    return rectify_pair(left.intrinsics, right.intrinsics, right.X_HeadC.inverse() @ left.X_HeadC)
+
+
+def rectify_pair(
+    left: CameraIntrinsics, right: CameraIntrinsics, X_RL: RigidTransform
+) -> Rectification:
+    """Computes the rectification of two cameras with any rotation between them.
+
+    Args:
+        left: Intrinsics of the left camera.
+        right: Intrinsics of the right camera, of the same image size.
+        X_RL: Pose of the left optical frame in the right one, as a stereo calibration gives it
+            (see `cameras.camera_files.load_stereo`).
+
+    Raises:
+        InputError: If the images differ in size, or left and right are exchanged.
+    """
+    p_RL = X_RL.translation()
+    return _rectify(left, right, X_RL.rotation().matrix().tobytes(), tuple(map(float, p_RL)))
+
+
+@functools.lru_cache(maxsize=4)
+def _rectify(
+    left: CameraIntrinsics, right: CameraIntrinsics, R_RL: bytes, p_RL: tuple[float, ...]
+) -> Rectification:
+    size = (left.width, left.height)
+    if size != (right.width, right.height):
         raise InputError("stereo: both images must have the same size.")
-    X_RightLeft = right.X_HeadC.inverse() @ left.X_HeadC
+    if not p_RL[0] < 0:
+        raise InputError(
+            "stereo: the left camera is to the right of the right one; exchange left and right."
+        )
     R_left, R_right, P_left, P_right = cv2.stereoRectify(
-        left.intrinsics.matrix,
-        left.intrinsics.distortion_coefficients,
-        right.intrinsics.matrix,
-        right.intrinsics.distortion_coefficients,
+        left.matrix,
+        left.distortion_coefficients,
+        right.matrix,
+        right.distortion_coefficients,
         size,
-        X_RightLeft.rotation().matrix(),
-        X_RightLeft.translation().reshape(3, 1),
+        np.frombuffer(R_RL).reshape(3, 3),
+        np.array(p_RL).reshape(3, 1),
         flags=cv2.CALIB_ZERO_DISPARITY,
         alpha=0,
     )[:4]
     maps = [
         cv2.initUndistortRectifyMap(
-            camera.intrinsics.matrix,
-            camera.intrinsics.distortion_coefficients,
+            camera.matrix,
+            camera.distortion_coefficients,
             R,
             P[:, :3],
             size,
@@ -163,8 +195,8 @@ def rectify(left: HeadCamera, right: HeadCamera) -> Rectification:
         float(P_left[1, 1]),
         float(P_left[0, 2]),
         float(P_left[1, 2]),
-        near=left.intrinsics.near,
-        far=left.intrinsics.far,
+        near=left.near,
+        far=left.far,
     )
     return Rectification(
         maps[0],
@@ -179,11 +211,41 @@ def rectify(left: HeadCamera, right: HeadCamera) -> Rectification:
 def rectify_images(
     left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8], rectification: Rectification
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """Undistorts and aligns two images of any number of channels."""
+    """Undistorts and aligns two images of any number of channels.
+
+    Raises:
+        InputError: If they have another size than the calibrated cameras.
+    """
+    camera = rectification.intrinsics
+    for name, image in (("left", left), ("right", right)):
+        if image.shape[:2] != (camera.height, camera.width):
+            raise InputError(
+                f"stereo: the {name} image is {image.shape[1]}x{image.shape[0]}, but the cameras' "
+                f"calibration is of {camera.width}x{camera.height}."
+            )
     return (
         cv2.remap(left, *rectification.left_maps, cv2.INTER_LINEAR),
         cv2.remap(right, *rectification.right_maps, cv2.INTER_LINEAR),
     )
+
+
+def are_exchanged(
+    left: npt.NDArray[np.uint8],
+    right: npt.NDArray[np.uint8],
+    rectification: Rectification,
+    parameters: StereoParameters,
+) -> bool:
+    """Tells whether two rectified images match only the other way round.
+
+    Args:
+        left: Rectified grey image (height, width).
+        right: Rectified grey image (height, width).
+        rectification: Of the two.
+        parameters: Of the matching.
+    """
+    matched = np.mean(match(left, right, rectification, parameters) > 0)
+    other_way = np.mean(match(right, left, rectification, parameters) > 0)
+    return bool(other_way > _EXCHANGED * matched + _FEW_MATCHES)
 
 
 def match(

@@ -55,7 +55,7 @@ def compute_stereo_depth(
     """Makes a depth image of things from a pair of raw images.
 
     Args:
-        left: The left camera's image (height, width, 3 or 4).
+        left: The left camera's image (height, width[, 3 or 4]), in colour or grey.
         right: The right camera's.
         rectification: Of the two.
         X_WC: Pose of the rectified left camera.
@@ -65,6 +65,8 @@ def compute_stereo_depth(
         segmentation: How the image is cut into things.
     """
     left, right = rectify_images(left, right, rectification)
+    if left.ndim == 2:
+        left = np.repeat(left[..., None], 3, axis=2)
     disparity = match(to_gray(left), to_gray(right), rectification, parameters)
     things = segment_disparity(disparity, left[..., :3], segmentation)
     body = body_mask(solids, poses, X_WC, rectification.intrinsics, parameters.body_margin)

@@ -16,6 +16,10 @@ from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 Vector = npt.NDArray[np.float64]
 
 
+_TIMING_ERROR = 0.2
+"""Greatest lead or lag of the arm on its path, such as by phase stopping, that is noticed [s]."""
+
+
 class PlanStatus(StrEnum):
     """Result of simulating a reach."""
 
@@ -58,14 +62,23 @@ class ReachPlan:
         assert self.joint_path is not None
         return int(np.argmin(np.sum((self.joint_path - arm.position) ** 2, axis=1)))
 
-    def predict(self, arm: ArmState, duration: float) -> ArmState:
-        """Returns the arm's command after some time [s] along this path.
+    def predict(self, arm: ArmState, elapsed: float, duration: float) -> ArmState:
+        """Returns the arm's command after some time along this path.
 
         What it is off the path now, in position and velocity, it will be off the path then.
+
+        Args:
+            arm: The command now.
+            elapsed: Time since the movement began [s]: a path that turns back passes the same
+                place twice.
+            duration: Time from now [s].
         """
         path = self.joint_path
         assert path is not None
-        now = self.nearest(arm)
+        half = round(_TIMING_ERROR / self.time_step)
+        first = min(max(round(elapsed / self.time_step) - half, 0), len(path) - 1)
+        some = path[first : first + 2 * half + 1]
+        now = first + int(np.argmin(np.sum((some - arm.position) ** 2, axis=1)))
         later = min(now + round(duration / self.time_step), len(path) - 1)
         rates = np.diff(path, axis=0, append=path[-1:]) / self.time_step
         return ArmState(

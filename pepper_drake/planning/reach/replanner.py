@@ -102,9 +102,13 @@ class ReachReplanner:
         """Returns the arm's command when a plan from this observation takes effect."""
         plan, latency = state.plan, self.timing.latency
         assert plan is not None
+        # The controller begins with a new movement a tick after it is there.
+        tick, elapsed = plan.time_step, observation.time - state.since
         if not state.will_brake:
-            return plan.predict(observation.arm, latency.plan)
-        arm = observation.arm if state.braking else plan.predict(observation.arm, latency.check)
+            return plan.predict(observation.arm, elapsed, latency.plan + tick)
+        arm = observation.arm
+        if not state.braking:
+            arm = plan.predict(arm, elapsed, latency.check + tick)
         deceleration = self.planner.limits.acceleration
         stopping = arm.velocity * np.abs(arm.velocity) / (2.0 * deceleration)
         return ArmState(arm.position + stopping, np.zeros_like(stopping))

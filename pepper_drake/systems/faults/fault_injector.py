@@ -14,7 +14,6 @@ from pydrake.systems.framework import (
     DiagramBuilder,
     EventStatus,
     InputPort,
-    LeafSystem,
     OutputPort,
     PortDataType,
     State,
@@ -22,6 +21,7 @@ from pydrake.systems.framework import (
 
 from pepper_drake.systems.faults.corruption import corrupt
 from pepper_drake.systems.faults.fault import SIGNALS, Fault
+from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
 Values = tuple[Any, ...]
@@ -153,7 +153,9 @@ class FaultInjector(LeafSystem):
         def calc(context: Context, output: AbstractValue) -> None:
             output.SetFrom(self._value(context, index))
 
-        self.DeclareAbstractOutputPort(name, model.Clone, calc, prerequisites_of_calc=ready)
+        self.DeclareAbstractOutputPort(
+            name, lambda: model.Clone(), calc, prerequisites_of_calc=ready
+        )
 
     def _get(self, context: Context) -> _Memory:
         return context.get_abstract_state(int(self._memory)).get_value()

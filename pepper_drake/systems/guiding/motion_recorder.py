@@ -6,11 +6,12 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from pepper_drake.learning import Demonstration
 from pepper_drake.learning.demonstrations.recording import CUTOFF, recorded_demonstration
+from pepper_drake.systems.framework import Diagram, LeafSystem, build_into
 
 Array = npt.NDArray[np.float64]
 
@@ -85,7 +86,7 @@ class MotionRecorder(Diagram):
         self._log = LogVectorOutput(sampler.sample_output, builder, publish_period=time_step)
         builder.ExportInput(sampler.hand_pose_input, "hand_pose")
         builder.ExportInput(sampler.joint_position_input, "joint_position")
-        builder.BuildInto(self)
+        build_into(builder, self)
 
     def samples(self, root_context: Context) -> tuple[Array, Array]:
         """Returns what has been recorded so far in a simulation.

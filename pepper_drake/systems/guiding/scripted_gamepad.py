@@ -3,8 +3,9 @@
 from collections.abc import Callable
 
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
+from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.guiding.gamepad_velocity import GamepadState
 
 

@@ -8,8 +8,10 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 from pydrake.trajectories import PiecewisePolynomial
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class GuidePath:

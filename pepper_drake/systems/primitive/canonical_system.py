@@ -4,12 +4,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
+from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.learning.phase import extended_tau
 from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.systems.framework import ValueProducer, leaf_system
 
 # Parts of what is remembered beside the phase.
 _GOAL, _NUMBER = slice(1, 4), 4
@@ -40,7 +41,7 @@ class _Present(NamedTuple):
 def CanonicalSystem_(T: type) -> type:
     """Makes `CanonicalSystem` for a scalar type."""
 
-    class Impl(LeafSystem_[T]):
+    class Impl(leaf_system(LeafSystem_[T])):  # type: ignore[misc]
         """The canonical system of a primitive.
 
         .. pydrake_system::
@@ -66,9 +67,10 @@ def CanonicalSystem_(T: type) -> type:
         >= 0; `phase` (1) and `tau` (1) [s] are state; `phase_velocity` (1) [1/s] is that of the
         coming step.
 
-        State: phase, tau [s], goal known (3) [m], number of the motion. Discrete with period
-        `time_step`; with `time_step` 0 the phase is continuous, and tau and goal are updated after
-        each step of the integrator. In continuous time, derivatives exist for Expression as well.
+        State: phase, tau [s], the motion's first goal (3) [m], number of the motion. Discrete with
+        period `time_step`; with `time_step` 0 the phase is continuous, and tau and goal are updated
+        after each step of the integrator. In continuous time, derivatives exist for Expression as
+        well.
         """
 
         def _construct(
@@ -158,7 +160,7 @@ def CanonicalSystem_(T: type) -> type:
             return primitive.duration if self._duration is None else self._duration
 
         def _memory(self, context: Any) -> Any:
-            """Returns tau, the goal known (3) and the number of the motion."""
+            """Returns tau, the motion's first goal (3) and the number of the motion."""
             values = context.get_discrete_state_vector().CopyToVector()
             return values[1:] if self._time_step > 0.0 else values
 
@@ -208,7 +210,8 @@ def CanonicalSystem_(T: type) -> type:
                 known = seen  # The goal that the motion starts with is the one to compare with.
             velocity = self.phase_velocity_port.Eval(context)[0]
             decay = -velocity / now.phase if now.phase > 0.0 else 0.0
-            tau, known = extended_tau(now.tau, known, seen, _extension(now.primitive))
+            nominal = self._nominal_duration(now.primitive)
+            tau = extended_tau(now.tau, nominal, known, seen, _extension(now.primitive))
             later = now.phase * np.exp(-decay * self._time_step)
             state.set_value(np.concatenate(([later, tau], known, [number])))
 
@@ -216,7 +219,8 @@ def CanonicalSystem_(T: type) -> type:
             now, known = self._present(context), self._memory(context)[_GOAL]
             seen = self._goal(context, known)
             if now.movement.runs and now.phase < 1.0:
-                tau, known = extended_tau(now.tau, known, seen, _extension(now.primitive))
+                nominal = self._nominal_duration(now.primitive)
+                tau = extended_tau(now.tau, nominal, known, seen, _extension(now.primitive))
             else:
                 tau, known = self._nominal_duration(now.primitive), seen
                 state.get_mutable_continuous_state().SetFromVector([1.0])

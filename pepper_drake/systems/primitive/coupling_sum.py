@@ -3,7 +3,9 @@
 from functools import partial
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, InputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class CouplingSum(LeafSystem):

@@ -1,9 +1,10 @@
 """The hand's pose to ask for, in the form that Drake's differential inverse kinematics takes."""
 
 from pydrake.common.value import Value
-from pydrake.systems.framework import BusValue, Context, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import BusValue, Context, InputPort, OutputPort
 
 from pepper_drake.planning.ik.differential_ik import feedforward_pose
+from pepper_drake.systems.framework import LeafSystem
 
 
 class FeedforwardPose(LeafSystem):

@@ -1,9 +1,10 @@
 """The arm's posture along the primitive: what the inverse kinematics leans towards."""
 
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, InputPort
 
 from pepper_drake.learning.phase import relative_time_at
+from pepper_drake.systems.framework import LeafSystem
 
 
 class NominalPosture(LeafSystem):

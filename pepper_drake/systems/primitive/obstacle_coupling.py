@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
-from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from pepper_drake.learning.dmp.coupling import Coupling, CouplingOutput
 from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
 from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
 
 
@@ -114,10 +114,7 @@ class ObstacleCoupling(LeafSystem):
         if law is None:
             return
         goal, field = self.goal_position_port.Eval(context), self._field.eval(context)
-        known = value.get_mutable_value()
-        if known.get("field") is not field:
-            known["field"], known["follower"] = field, field.follow()
-        known["clearance"] = law.clearance(known["follower"], goal)
+        value.get_mutable_value()["clearance"] = law.clearance(field, goal)
 
     def _law(self, context: Any) -> Coupling | None:
         """The coupling of the movement that runs."""
@@ -132,7 +129,7 @@ class ObstacleCoupling(LeafSystem):
             )
             return
         value.get_mutable_value()["push"] = law.push(
-            self._field.follower(context),
+            self._field.eval(context),
             np.array((self.position_port.Eval(context), self.velocity_port.Eval(context))),
             self.nominal_acceleration_port.Eval(context),
             self.goal_position_port.Eval(context),

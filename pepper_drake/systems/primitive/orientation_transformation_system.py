@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.dmp.orientation import OrientationAttractor, OrientationState
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 _NUMBER = 13
 """Where in the state the number of the motion is."""

@@ -2,9 +2,10 @@
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
+from pepper_drake.systems.framework import LeafSystem
 
 
 class PhaseStoppingCoupling(LeafSystem):

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
+from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
@@ -15,6 +15,7 @@ from pepper_drake.learning.dmp.transformation import (
     node_phases,
 )
 from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.systems.framework import ValueProducer, leaf_system
 
 # Parts of the discrete state, each of three coordinates.
 _POSITION, _VELOCITY, _GOAL, _DELAYED, _START = (slice(3 * k, 3 * k + 3) for k in range(5))
@@ -52,7 +53,7 @@ class _Present(NamedTuple):
 def TransformationSystem_(T: type) -> type:
     """Makes `TransformationSystem` for a scalar type."""
 
-    class Impl(LeafSystem_[T]):
+    class Impl(leaf_system(LeafSystem_[T])):  # type: ignore[misc]
         """The transformation system of a primitive's translation.
 
         .. pydrake_system::

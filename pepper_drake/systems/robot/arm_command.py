@@ -6,17 +6,11 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiscreteValues,
-    InputPort,
-    LeafSystem,
-    OutputPort,
-)
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, OutputPort
 
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.ik.command_limits import clamp_to_position_limits, limit_joint_command
+from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
 

@@ -3,7 +3,9 @@
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import Context, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import Context, InputPort, OutputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class BodyPose(LeafSystem):

@@ -5,10 +5,11 @@ import math
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
 
 from pepper_drake.models.control_model import BODY_JOINTS, ControlModel
 from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
+from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
 
 

@@ -3,9 +3,10 @@
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, InputPort
 
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.exact_distance import ExactDistance
+from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
 
 
@@ -31,7 +32,7 @@ class CloudClearance(LeafSystem):
     `time_step`.
 
     Args:
-        geometry: Of the arm.
+        shapes: Of the arm.
         extension: How far each point reaches down, m (see `PointCloudDistance`); zero takes the
             cloud as it was seen.
         lookahead: How far ahead the arm's motion is thought on [s]: at least a period and the time
@@ -41,14 +42,14 @@ class CloudClearance(LeafSystem):
 
     def __init__(
         self,
-        geometry: ArmGeometry,
+        shapes: ExactDistance,
         *,
         extension: float = 0.0,
         lookahead: float = 0.1,
         time_step: float = 0.04,
     ) -> None:
         super().__init__()
-        self._geometry, self._lookahead = geometry, lookahead
+        self._shapes, self._lookahead = shapes, lookahead
         self.cloud_input: InputPort = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
         self.predicted_cloud_input: InputPort = self.DeclareAbstractInputPort(
             "predicted_cloud", Value(PointCloud())
@@ -69,5 +70,5 @@ class CloudClearance(LeafSystem):
             return
         now = self.joint_position_input.Eval(context)
         later = now + self._lookahead * self.joint_velocity_input.Eval(context)
-        clearances = self._geometry.clearances(np.stack((now, later)), self._field.eval(context))
+        clearances = self._shapes.distances(np.stack((now, later)), self._field.eval(context))
         discrete_state.set_value(self._clearance, [clearances.min()])

@@ -1,7 +1,9 @@
 """The joints' own servos: between two commands they go on evenly."""
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class JointCommandInterpolator(LeafSystem):

@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context
 
 from pepper_drake.models.control_model import BODY_JOINTS, body_indices
+from pepper_drake.systems.framework import LeafSystem
 
 
 class JointCommandMerge(LeafSystem):

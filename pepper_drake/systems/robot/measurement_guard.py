@@ -2,7 +2,9 @@
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class MeasurementGuard(LeafSystem):

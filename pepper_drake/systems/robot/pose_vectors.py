@@ -2,7 +2,9 @@
 
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, InputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class PoseVectors(LeafSystem):

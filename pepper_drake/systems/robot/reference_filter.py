@@ -2,7 +2,9 @@
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import Context, DiscreteValues, InputPort, OutputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
 

@@ -2,17 +2,11 @@
 
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    InputPort,
-    LeafSystem,
-    OutputPort,
-    ValueProducer,
-)
+from pydrake.systems.framework import BasicVector, Context, InputPort, OutputPort
 
 from pepper_drake.models.control_model import BODY_JOINTS, ControlModel
 from pepper_drake.models.pepper import hand_frame
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 CAMERA_FRAMES = {
     "camera_top": "CameraTop_optical_frame",

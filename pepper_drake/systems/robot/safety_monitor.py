@@ -5,20 +5,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    EventStatus,
-    InputPort,
-    LeafSystem,
-    State,
-    ValueProducer,
-)
+from pydrake.systems.framework import BasicVector, Context, EventStatus, InputPort, State
 
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.ik.command_check import StopReason, check_command
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.safe_command import SafeCommand, slowed
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 _NOT_MEASURED = (
     StopReason.JOINTS_NOT_MEASURED,

@@ -6,7 +6,9 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.multibody.plant import ContactResults
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, InputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class TouchMonitor(LeafSystem):

@@ -1,8 +1,10 @@
 """A motion that begins when something else does."""
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, InputPort
 from pydrake.trajectories import Trajectory
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class TriggeredTrajectory(LeafSystem):

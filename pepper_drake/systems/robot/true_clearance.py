@@ -5,7 +5,9 @@ from collections.abc import Set
 
 from pydrake.common.value import Value
 from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector, SignedDistancePair
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, InputPort
+
+from pepper_drake.systems.framework import LeafSystem
 
 
 class TrueClearance(LeafSystem):

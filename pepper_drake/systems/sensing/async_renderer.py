@@ -1,9 +1,9 @@
 """Renders camera images on a thread of its own, while the simulation goes on."""
 
+import threading
 import weakref
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from pepper_drake.models.pepper import add_pepper
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.cameras.camera import HeadCamera, make_render_cameras
 from pepper_drake.perception.cameras.image_future import ImageFuture, Pixels
+from pepper_drake.systems.framework import build, release
 
 _RENDERER = "vtk"
 
@@ -69,9 +70,14 @@ class _RenderingDiagram:
             )
             self._images[name] = (offset, image.get_output_port())
         builder.ExportInput(poses.get_input_port(), "positions")
-        self._diagram = builder.Build()
+        self._diagram = build(builder)
         self._simulator = Simulator(self._diagram)
         self._rounds = 0
+
+    def __del__(self) -> None:
+        """Frees the renderer, on this thread."""
+        self._images.clear()
+        release(self._diagram, self._plant)
 
     def default_positions(self) -> npt.NDArray[np.float64]:
         """Positions of the plant that it was made with."""
@@ -103,11 +109,10 @@ class AsyncRenderer:
     def __init__(self, scene: Scene, cameras: Mapping[str, tuple[HeadCamera, str]]) -> None:
         executor = ThreadPoolExecutor(1, thread_name_prefix="renderer")
         self._executor = executor
-        self._on_thread: list[_RenderingDiagram] = []
-        self._started = executor.submit(_start, self._on_thread, scene, cameras)
+        self._started = executor.submit(_start, scene, cameras)
         self._prepared: list[Future[object]] = []
-        # Its OpenGL context has to go on the thread to which it belongs.
-        weakref.finalize(self, _stop, executor, self._on_thread).atexit = False
+        # Python ends the threads of executors by itself when the program ends.
+        weakref.finalize(self, executor.shutdown, wait=False).atexit = False
 
     def prepare(self, work: Callable[[], object]) -> None:
         """Has something done on the thread before it counts as ready."""
@@ -129,27 +134,27 @@ class AsyncRenderer:
         Returns:
             The image: ImageRgba8U's pixels (height, width, 4), or depths (height, width, 1) [m].
         """
-        on_thread, started = self._on_thread, self._started
+        started = self._started
 
         def render() -> Pixels:
             started.result()  # Or the reason why there is no renderer.
-            return on_thread[0].render(camera, positions)
+            return _OF_THREAD.rendering.render(camera, positions)
 
         return ImageFuture(self._executor.submit(render), self._executor)
 
 
-def _start(
-    on_thread: list[_RenderingDiagram],
-    scene: Scene,
-    cameras: Mapping[str, tuple[HeadCamera, str]],
-) -> None:
+class _OfThread(threading.local):
+    """What belongs to a thread goes when the thread ends, on that thread: OpenGL demands it."""
+
+    rendering: _RenderingDiagram
+
+
+_OF_THREAD = _OfThread()
+
+
+def _start(scene: Scene, cameras: Mapping[str, tuple[HeadCamera, str]]) -> None:
     """Makes the rendering diagram and compiles its shaders, which takes longest."""
     rendering = _RenderingDiagram(scene, cameras)
     for camera in cameras:
         rendering.render(camera, rendering.default_positions())
-    on_thread.append(rendering)
-
-
-def _stop(executor: ThreadPoolExecutor, on_thread: list[Any]) -> None:
-    executor.submit(on_thread.clear)
-    executor.shutdown(wait=False)
+    _OF_THREAD.rendering = rendering

@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from pepper_drake.perception.cameras.image_future import ImageFuture, empty_image
+from pepper_drake.systems.framework import LeafSystem
 
 
 class AsyncRgbdSensor(LeafSystem):

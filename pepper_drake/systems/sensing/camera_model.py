@@ -12,7 +12,6 @@ from pydrake.systems.framework import (
     Context,
     EventStatus,
     InputPort,
-    LeafSystem,
     OutputPort,
     State,
 )
@@ -33,6 +32,7 @@ from pepper_drake.perception.cameras.noise import (
     degrade_depth,
     drop_dark_patches,
 )
+from pepper_drake.systems.framework import LeafSystem
 
 
 @dataclass(frozen=True)

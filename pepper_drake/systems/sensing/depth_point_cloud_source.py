@@ -7,13 +7,7 @@ import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    EventStatus,
-    LeafSystem,
-    State,
-)
+from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 from pydrake.systems.sensors import ImageDepth16U
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CameraIntrinsics
@@ -36,8 +30,10 @@ from pepper_drake.perception.mapping.obstacle_map import (
     ObstacleParameters,
     update_obstacles,
 )
+from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
+from pepper_drake.systems.framework import LeafSystem
 
 _LAG = 0.3
 """Age [s] that the pose of a moving object may have: half between images, half in filters."""
@@ -68,6 +64,7 @@ class _Memory:
         cloud: The same in W.
         X_WT: The torso's pose for which the cloud in T is made, when someone asks for it.
         watch: What moves.
+        space: What is free, occupied and unknown.
     """
 
     voxels: VoxelMap
@@ -81,6 +78,7 @@ class _Memory:
     cloud: PointCloud
     X_WT: RigidTransform
     watch: DynamicObstacleTracker
+    space: SeenSpace
 
     def __deepcopy__(self, memo: dict) -> "_Memory":
         """Returns itself: Drake copies the state at each event, and this never changes."""
@@ -105,7 +103,9 @@ class DepthPointCloudSource(LeafSystem):
         output_ports:
         - cloud
         - cloud_torso
-        - approaching
+        - predicted_cloud
+        - predicted_cloud_torso
+        - space
         - time_stamp
         - age
         - fault
@@ -122,9 +122,12 @@ class DepthPointCloudSource(LeafSystem):
     `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on
     the state alone, so whatever a consumer computes from them stays cached until the next image, or
     until the torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
-    `approaching` (PointCloud in W, whose z = 0 is the floor) is where things that move will be
-    soon, and where something may be that is too near to be measured, see `perception.watch`; none
-    while the torso moves.
+    `predicted_cloud` (PointCloud in W, whose z = 0 is the floor) is where things that move will be
+    soon, and where something may be that is too near to be measured, see
+    `perception.mapping.dynamic_obstacle_tracker`; none while the torso moves.
+    `predicted_cloud_torso` is what of it is near, in T.
+    `space` (`SeenSpace`) tells of all places whether they are free, occupied or unknown, and when
+    that was seen; without images all is unknown.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
     the time since then, infinite before the first. `fault` is the `DepthFault` of the last image
     that came, 0 if it was used.
@@ -187,6 +190,7 @@ class DepthPointCloudSource(LeafSystem):
                     cloud=to_point_cloud(voxels.surface()),
                     X_WT=RigidTransform(),
                     watch=DynamicObstacleTracker(),
+                    space=SeenSpace(voxels, parameters=self._parameters.memory),
                 )
             )
         )
@@ -194,11 +198,18 @@ class DepthPointCloudSource(LeafSystem):
         for name, calc in (
             ("cloud", self._calc_cloud),
             ("cloud_torso", self._calc_cloud_torso),
-            ("approaching", self._calc_approaching),
+            ("predicted_cloud", self._calc_predicted_cloud),
+            ("predicted_cloud_torso", self._calc_predicted_cloud_torso),
         ):
             self.DeclareAbstractOutputPort(
                 name, lambda: Value(PointCloud()), calc, prerequisites_of_calc=state
             )
+        self.DeclareAbstractOutputPort(
+            "space",
+            lambda: Value[object](SeenSpace(VoxelMap.empty())),
+            self._calc_space,
+            prerequisites_of_calc=state,
+        )
         self.DeclareVectorOutputPort(
             "time_stamp", 1, self._calc_time_stamp, prerequisites_of_calc=state
         )
@@ -308,6 +319,7 @@ class DepthPointCloudSource(LeafSystem):
             surface=surface,
             cloud=to_point_cloud(surface),
             watch=watch,
+            space=memory.space.with_view(view, voxels),
         )
 
     def _no_obstacles(self, context: Context, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
@@ -339,8 +351,18 @@ class DepthPointCloudSource(LeafSystem):
         near = self._near(memory.surface, memory.X_WT)
         output.set_value(to_point_cloud(near, memory.X_WT.inverse()))
 
-    def _calc_approaching(self, context: Context, output: Value) -> None:
+    def _calc_predicted_cloud(self, context: Context, output: Value) -> None:
         output.set_value(make_cloud(self._get_memory(context).watch.expected))
+
+    def _calc_predicted_cloud_torso(self, context: Context, output: Value) -> None:
+        memory = self._get_memory(context)
+        points, X_TW = memory.watch.expected, memory.X_WT.inverse()
+        offset = points - memory.X_WT.translation()
+        near = points[np.einsum("ij,ij->i", offset, offset) <= self._torso_range**2]
+        output.set_value(make_cloud(near @ X_TW.rotation().matrix().T + X_TW.translation()))
+
+    def _calc_space(self, context: Context, output: Value) -> None:
+        output.set_value(self._get_memory(context).space)
 
     def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self._get_memory(context).time)

@@ -11,10 +11,10 @@ from pydrake.systems.framework import (
     Context,
     EventStatus,
     InputPort,
-    LeafSystem,
     State,
-    ValueProducer,
 )
+
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 _FARTHEST = 12.0
 """No depth camera of the robot's sees farther [m]."""

@@ -9,13 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    EventStatus,
-    LeafSystem,
-    State,
-)
+from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 from pydrake.systems.sensors import ImageRgba8U
 
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP, CameraIntrinsics
@@ -26,6 +20,7 @@ from pepper_drake.perception.goal.imm_filter import (
     GoalState,
     update_goal,
 )
+from pepper_drake.systems.framework import LeafSystem
 
 _THUMBNAIL_STEP = 7
 """Images are told apart by every seventh pixel of every seventh row."""

@@ -4,11 +4,12 @@ import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 from pydrake.systems.sensors import ImageRgba8U
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.goal.detection import MarkedObject, detect_goal
+from pepper_drake.systems.framework import LeafSystem
 
 _NEVER = [-np.inf, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 

@@ -14,9 +14,10 @@ from pydrake.geometry import (
     Shape,
 )
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Context, DiagramBuilder
 
 from pepper_drake.models.markers import marker_mesh, plate_size
+from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.guiding.scripted_guide import GuidePath
 
 _THICKNESS = 0.004

@@ -2,11 +2,12 @@
 
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.cameras.texture import project_pattern
+from pepper_drake.systems.framework import LeafSystem
 
 
 class ProjectedPattern(LeafSystem):

@@ -3,13 +3,7 @@
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    EventStatus,
-    LeafSystem,
-    State,
-)
+from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 from pydrake.systems.sensors import ImageDepth16U, ImageRgba8U
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, HeadCamera
@@ -18,6 +12,7 @@ from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import StereoParameters, rectify
 from pepper_drake.perception.stereo.pipeline import compute_stereo_depth
 from pepper_drake.perception.stereo.segmentation import SegmentationParameters
+from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.sensing.camera_model import Frame
 
 

@@ -11,7 +11,7 @@ from pepper_drake.learning import Demonstration
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.text_files import format_table, parse_table
 
-ROWS = "\n".join(f"{0.1 * k:.1f} {k} 0 0 1 0 0 0 0 0" for k in range(6))
+ROWS = "\n".join(f"{0.1 * k:.1f} 0.{k} 0 0 1 0 0 0 0 0" for k in range(6))
 
 
 def write(path, text):
@@ -86,14 +86,14 @@ def test_angles_are_unwrapped(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "line", "words"),
     [
-        (ROWS.replace("0.2 2", "0.2 two"), 3, "'two' is not a number"),
-        (ROWS.replace("0.2 2", "0.2 nan"), 3, "not a finite number"),
-        (ROWS.replace("0.2 2", "0.2 1e999"), 3, "not a finite number"),
-        (ROWS.replace("0.2 2 0", "0.2 2"), 3, "9 columns where 10"),
+        (ROWS.replace("0.2 0.2", "0.2 two"), 3, "'two' is not a number"),
+        (ROWS.replace("0.2 0.2", "0.2 nan"), 3, "not a finite number"),
+        (ROWS.replace("0.2 0.2", "0.2 1e999"), 3, "not a finite number"),
+        (ROWS.replace("0.2 0.2 0", "0.2 0.2"), 3, "9 columns where 10"),
         (ROWS.replace(" 0\n", "\n"), 1, "9 columns where 4 or 7 or 10"),
-        (ROWS.replace("0.3 3", "0.1 3"), 4, "does not come after"),
-        (ROWS.replace("0.3 3", "0.2 3"), 4, "each time once"),
-        (ROWS.replace("0.2 2", "0,2 2"), 3, "decimal point"),
+        (ROWS.replace("0.3 0.3", "0.1 0.3"), 4, "does not come after"),
+        (ROWS.replace("0.3 0.3", "0.2 0.3"), 4, "each time once"),
+        (ROWS.replace("0.2 0.2", "0,2 0.2"), 3, "decimal point"),
     ],
 )
 def test_errors_name_file_line_and_mend(tmp_path, rows, line, words):

@@ -19,13 +19,13 @@ from pepper_drake.learning.demonstrations.recording import (
     without_rest,
 )
 
-JOINTS = ("RElbowYaw", "RElbowRoll")
+JOINTS = ("RElbowYaw", "RWristYaw")
 STEP = 0.01
 
 
-def record(count, rest=0):
+def record(count, rest=0, pace=1.0):
     """Samples of a hand that rests, moves ahead at 0.2 m/s and turns about z, and rests."""
-    moved = np.clip(np.arange(count) - rest, 0, count - 1 - 2 * rest) * STEP
+    moved = np.clip(np.arange(count) - rest, 0, count - 1 - 2 * rest) * STEP * pace
     zero = np.zeros(count)
     columns = [0.2 * moved, zero, zero + 0.1]
     columns += [np.cos(moved / 2), zero, zero, np.sin(moved / 2), moved, -moved]
@@ -139,7 +139,7 @@ def test_bad_folders_and_files_get_one_sentence(tmp_path):
 
 def record_quickly(folder, clock):
     """Records 15 s of motion in slices of 0.1 s, far faster than that, then finishes."""
-    times, samples = record(1501)
+    times, samples = record(1501, pace=0.1)
     with RecordingWriter(folder, JOINTS) as writer:
         for end in range(11, 1502, 10):
             time.sleep(0.002)
@@ -162,7 +162,7 @@ def test_killed_at_any_moment_all_up_to_the_last_second_is_readable(tmp_path, se
     demo = Demonstration.load(tmp_path)
     assert demo.times[-1] >= clock.value - 1.0
     np.testing.assert_allclose(np.diff(demo.times), STEP, atol=1e-9)
-    reference = record(len(demo.times))[1]
+    reference = record(len(demo.times), pace=0.1)[1]
     np.testing.assert_allclose(demo.positions, reference[:, :3], atol=1e-4)
     np.testing.assert_allclose(demo.joints, reference[:, 7:], atol=1e-3)
     if (tmp_path / PARTIAL).exists():

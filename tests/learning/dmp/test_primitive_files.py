@@ -36,7 +36,7 @@ def test_rollouts_are_the_same_bit_for_bit(tmp_path, approximator, scaling):
 def test_extreme_numbers_survive(tmp_path, saved):
     primitive = MovementPrimitive.load(saved)
     weights = primitive.weights.copy()
-    weights.flat[:6] = [1e-300, 1e22, -1e-5, 0.1 + 0.2, -0.0, 5e-324]
+    weights.flat[:6] = [1e-300, 1e-22, -1e-5, 0.1 + 0.2, -0.0, 5e-324]
     primitive.with_weights(weights).save(tmp_path / "p.yaml")
     np.testing.assert_array_equal(MovementPrimitive.load(tmp_path / "p.yaml").weights, weights)
 
@@ -65,6 +65,14 @@ def test_names_that_yaml_could_mistake_survive(tmp_path, saved):
         (r"^duration: .*", "duration: soon", "duration: 'soon' is not a finite number"),
         (r"^duration: .*", "duration: -1.0", "duration: -1.0 is not positive"),
         (r"^duration: .*", "duration: .nan", "is not a finite number"),
+        (r"^duration: .*", "duration: 1:30", "'1:30' is not a finite number"),
+        (r"^duration: .*", "duration: 0x10", "'0x10' is not a finite number"),
+        (r"^duration: .*", "duration: 1.0e+6", "it must be 0.01 to 600 s"),
+        (r"^    weights:\n.*\n", "    weights:\n      - [1.0e+22, 0.0, 0.0]\n", "leads farther"),
+        (r"^  alpha_z: .*", "  alpha_z: 1.0e+9", "alpha_z: 1e.09 must be 0.1 to 1000"),
+        (r"^  names: .*", "  names: [RElbowRoll]", "as many weights as names"),
+        (r"^name: .*", "? [1, 2]\n: 3\nname: x", "a list or mapping stands where"),
+        (r"^name: .*", "name: " + "[" * 10_000, "nested too deeply"),
         (r"^approximator: .*", "approximator: magic", "'magic' is unknown"),
         (r"^  scaling: .*", "  scaling: magic", "scaling: 'magic' is unknown"),
         (r"^  goal: .*", "  goal: [1.0, 2.0]", "goal: .* must be"),
@@ -94,5 +102,5 @@ def test_errors_name_the_file_and_the_field(tmp_path, saved, pattern, replacemen
 def test_other_files_are_refused(tmp_path, text):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
-    with pytest.raises(InputError, match=r"mapping|missing"):
+    with pytest.raises(InputError, match=r"mapping|missing|aliases"):
         MovementPrimitive.load(path)

@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration
+from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
 from pepper_drake.learning.dmp.rhythmic import (
     RhythmicPrimitive,
@@ -142,3 +143,24 @@ def test_bad_input_is_refused(primitive, tmp_path):
     (tmp_path / "other.yaml").write_text("weights: 3\n")
     with pytest.raises(InputError, match="not a rhythmic primitive"):
         RhythmicPrimitive.load(tmp_path / "other.yaml")
+
+
+def test_the_orientation_turns_with_the_same_period(tmp_path):
+    times = np.arange(0.0, 6.0, 0.01)
+    phase = 2 * np.pi * times / 1.5
+    turns = np.column_stack((0.3 * np.sin(phase), 0.1 * np.cos(phase), 0.2 * np.sin(2 * phase)))
+    middle = so3.from_angles([0.4, -0.2, 1.0])
+    rotations = so3.multiply(so3.exp_map(turns), np.broadcast_to(middle, (len(times), 4)))
+    positions = 0.1 * np.column_stack((np.sin(phase), np.cos(phase), 0 * phase))
+    demo = Demonstration.from_positions(times, positions, rotations=rotations)
+    primitive = fit_rhythmic(demo)
+    path = primitive.rollout(5.99, 0.01)
+    apart = so3.log_map(so3.multiply(path.rotations, so3.conjugate(rotations)))
+    assert np.linalg.norm(apart, axis=1).max() < 2e-3
+    step = so3.log_map(so3.multiply(path.rotations[1:], so3.conjugate(path.rotations[:-1])))
+    middles = 0.5 * (path.angular_velocities[1:] + path.angular_velocities[:-1])
+    np.testing.assert_allclose(step / 0.01, middles, atol=5e-3)
+    primitive.save(tmp_path / "wave.yaml")
+    back = RhythmicPrimitive.load(tmp_path / "wave.yaml")
+    np.testing.assert_array_equal(back.rotation_weights, primitive.rotation_weights)
+    assert fit_rhythmic(Demonstration.from_positions(times, positions)).orientation([0.0]) is None

@@ -165,7 +165,7 @@ def test_a_goal_that_moves_with_known_velocity_is_met_without_lag(straight):
     velocity = np.array([0.0, 0.05, 0.0])
     path = straight.rollout(goal_velocity=velocity, settle=1.0)
     end = straight.goal + velocity * path.times[-1]
-    # The duration grows with the displacement, in steps of at least 3 mm.
+    # The duration grows with the displacement.
     displacement = np.linalg.norm(end - straight.goal)
     assert path.taus[-1] == pytest.approx(2.0 * (1 + displacement / 0.3), abs=0.02)
     assert np.linalg.norm(path.positions[-1] - end) < 1e-3
@@ -181,7 +181,11 @@ def test_a_goal_and_its_velocity_as_functions(straight):
 
     known = straight.rollout(goal=goal, goal_velocity=velocity, settle=1.0)
     unknown = straight.rollout(goal=goal, settle=1.0)
-    gaps = [np.linalg.norm(p.positions[-1] - goal(p.times[-1])) for p in (known, unknown)]
+    gaps = []
+    for path in (known, unknown):
+        goals = np.array([goal(t) for t in path.times])
+        late = path.times > path.times[-1] - 1.0
+        gaps.append(np.linalg.norm(path.positions - goals, axis=1)[late].mean())
     assert gaps[0] < 0.3 * gaps[1]
 
 

@@ -212,9 +212,9 @@ class Supervised:
 
 
 def on_its_way(**prepared) -> Supervised:
-    """An arm at a third of its path, moving; the next depth image comes with the next look."""
+    """An arm that moves, at 0.3 rad of its path; a depth image comes with the next look."""
     supervised = Supervised(ScriptedPlanner(reach=path_plan()))
-    supervised.until(ReachMode.REACHING).advance(0.1)
+    supervised.until(ReachMode.REACHING).advance(0.55)
     for name, answer in prepared.items():
         setattr(supervised.planner, name, answer)
     velocity = np.array([0.5, 0.0, 0.0, 0.0, 0.0])

@@ -20,6 +20,8 @@ from tests.planning.reach.scripted_planner import (
 
 LATENCY = TIMING.latency
 STEP = TIMING.time_step
+TICK = 0.02
+"""Time step of the paths."""
 
 
 def test_the_rest_of_the_movement_is_checked_once_for_each_cloud():
@@ -48,21 +50,29 @@ def test_a_detour_takes_effect_a_planning_latency_after_its_observation():
 def test_a_detour_starts_where_the_arm_will_be_when_it_takes_effect():
     one = on_its_way(ahead=0.004).look()
     start = one.planner.last("replan").arm
-    np.testing.assert_allclose(start.position, [0.3 + 0.5 * LATENCY.plan, 0, 0, 0, 0])
+    np.testing.assert_allclose(start.position, [0.3 + 0.5 * (LATENCY.plan + TICK), 0, 0, 0, 0])
     np.testing.assert_allclose(start.velocity, [0.5, 0, 0, 0, 0])
 
 
 def test_what_an_arm_is_off_its_path_it_is_predicted_to_stay_off():
     plan = path_plan()
     arm = ArmState(np.array([0.3, 0.01, 0, 0, 0]), np.array([0.4, 0.02, 0, 0, 0]))
-    later = plan.predict(arm, 0.2)
+    later = plan.predict(arm, 0.6, 0.2)
     np.testing.assert_allclose(later.position, [0.4, 0.01, 0, 0, 0])
     np.testing.assert_allclose(later.velocity, [0.4, 0.02, 0, 0, 0])
-    at_end = plan.predict(arm, 10.0)
+    at_end = plan.predict(arm, 0.6, 10.0)
     np.testing.assert_allclose(at_end.position, [1.0, 0.01, 0, 0, 0])
     np.testing.assert_allclose(at_end.velocity, [-0.1, 0.02, 0, 0, 0])
-    assert plan.predict(arm, 0.0).position is not arm.position
-    np.testing.assert_array_equal(plan.predict(arm, 0.0).velocity, arm.velocity)
+    assert plan.predict(arm, 0.6, 0.0).position is not arm.position
+    np.testing.assert_array_equal(plan.predict(arm, 0.6, 0.0).velocity, arm.velocity)
+
+
+def test_on_a_path_that_turns_back_time_tells_where_the_arm_is():
+    there = path_plan().joint_path
+    plan = replace(path_plan(), joint_path=np.concatenate((there, there[-2::-1])))
+    arm = ArmState(np.array([0.5, 0, 0, 0, 0]), np.array([0.5, 0, 0, 0, 0]))
+    assert plan.predict(arm, 1.0, 0.2).position[0] == pytest.approx(0.6)
+    assert plan.predict(arm, 3.0, 0.2).position[0] == pytest.approx(0.4)
 
 
 def test_an_arm_with_something_right_before_it_brakes_at_once():
@@ -70,9 +80,11 @@ def test_an_arm_with_something_right_before_it_brakes_at_once():
     assert one.state.active_movement == 1
     one.step()
     assert one.state.active_movement == 0
-    # 0.05 s on, and then to a stand with 10 rad/s².
+    # On until the arm brakes, and then to a stand with 10 rad/s².
     start = one.planner.last("replan").arm
-    np.testing.assert_allclose(start.position[0], 0.3 + 0.5 * 0.05 + 0.5**2 / 20.0, atol=0.011)
+    np.testing.assert_allclose(
+        start.position[0], 0.3 + 0.5 * (LATENCY.check + TICK) + 0.5**2 / 20.0, atol=0.006
+    )
     np.testing.assert_array_equal(start.velocity, np.zeros(5))
     one.advance(LATENCY.plan - STEP)
     assert one.state.active_movement == 2

@@ -1,0 +1,60 @@
+"""Make demonstrations of what other tools recorded, and say whether they can be right.
+
+Reads tables (CSV, TSV, text) by the names of their columns, TUM, EuRoC, rostopic echo -p, OptiTrack
+Motive and Vicon exports, LASA .mat, dmpbbo trajectories, Choregraphe timelines, joint logs of
+ALMotion, ROS bags and MCAP, LeRobot datasets. For each motion DIR/NAME gets translation.txt,
+rotation.txt and joints.csv where known, check.png and check.json: rate, gaps, noise, speed, reach
+and what is doubtful.
+
+  import.py take.csv                              named columns, units in the names or the header
+  import.py log.csv --unit mm --time ms           what the file does not say
+  import.py angles.csv --angle deg --arm right    joints alone: the hand by forward kinematics
+  import.py path.txt --plane 0.2 -0.2 0 0 0 0     a path of two dimensions on a table's top
+"""
+
+import json
+import re
+from pathlib import Path
+
+from pepper_drake.cli import EXIT_DONE, make_parser, run
+from pepper_drake.cli_demonstration import add_import_options, import_options
+from pepper_drake.files import write_atomically
+from pepper_drake.learning.demonstrations.check import examine
+from pepper_drake.learning.demonstrations.demonstration_files import read_demonstrations
+from pepper_drake.reporting.demonstration_figure import draw_demonstration
+
+
+def main() -> int:
+    """Runs the app and returns its exit code."""
+    parser = make_parser("import", __doc__)
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="what was recorded")
+    add_import_options(parser)
+    arguments = parser.parse_args()
+    options = import_options(arguments)
+    motions = [motion for file in arguments.files for motion in read_demonstrations(file, options)]
+    taken: set[str] = set()
+    for motion in motions:
+        folder = arguments.output / free_name(motion.name, taken)
+        report = examine(motion)
+        motion.save(folder)
+        write_atomically(folder / "check.json", json.dumps(report.to_data(), indent=2) + "\n")
+        draw_demonstration(motion, report).savefig(folder / "check.png", dpi=100)
+        if not arguments.quiet:
+            print("\n".join(report.lines()))
+            print(f"{report.name}: wrote {folder}")
+    return EXIT_DONE
+
+
+def free_name(name: str, taken: set[str]) -> str:
+    """Returns a name for a folder that is not taken yet, without what a path gives a meaning."""
+    clean = re.sub(r"[^\w.-]+", "_", name).strip("._")[:80] or "motion"
+    number, free = 1, clean
+    while free in taken:
+        number += 1
+        free = f"{clean}_{number}"
+    taken.add(free)
+    return free
+
+
+if __name__ == "__main__":
+    run(main)

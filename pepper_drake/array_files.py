@@ -1,0 +1,111 @@
+"""Arrays in numpy's npz files, as anybody may hand them in: read within limits."""
+
+import io
+import math
+import zipfile
+import zlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.files import read_bytes
+
+FILE_LIMIT = 64 * 2**20
+"""Largest npz file that is read [bytes]."""
+
+_ARRAYS_LIMIT = 128 * 2**20
+"""Most that the arrays of a file may hold together [bytes]."""
+
+_MOST_ARRAYS = 100_000
+_HEADER_LIMIT = 4096
+_BROKEN = (
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    ValueError,
+    KeyError,
+    TypeError,
+    OverflowError,
+    RuntimeError,  # Encrypted, or (NotImplementedError) compressed as numpy never does.
+    SyntaxError,
+    RecursionError,
+    MemoryError,
+)
+
+
+def read_npz(
+    path: Path, names: Iterable[str] | None = None, *, kinds: str = "fiub"
+) -> dict[str, npt.NDArray[Any]]:
+    """Reads arrays of an npz file.
+
+    Args:
+        path: A file that numpy's `savez` or `savez_compressed` wrote.
+        names: The arrays that are wanted, if they are there; all if None.
+        kinds: Kinds of elements that are read, as `dtype.kind` has them.
+
+    Returns:
+        The arrays by name.
+
+    Raises:
+        InputError: There is no such file, it is no npz file or is damaged, is too large, or an
+            array has elements of another kind.
+    """
+    content = read_bytes(path, FILE_LIMIT)
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = _members(archive)
+            wanted = members if names is None else [name for name in names if name in members]
+            if sum(members[name].file_size for name in wanted) > _ARRAYS_LIMIT:
+                raise InputError(f"{path}: holds more than {_ARRAYS_LIMIT / 2**20:.0f} MiB")
+            return {name: _read_array(archive, members[name], kinds) for name in wanted}
+    except _BROKEN:
+        raise InputError(f"{path}: not an npz file of numbers, or damaged") from None
+
+
+def npz_names(path: Path) -> frozenset[str]:
+    """Returns the names of the arrays that an npz file has.
+
+    Raises:
+        InputError: There is no such file, or it is no npz file.
+    """
+    content = read_bytes(path, FILE_LIMIT)
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            return frozenset(_members(archive))
+    except _BROKEN:
+        raise InputError(f"{path}: not an npz file of numbers, or damaged") from None
+
+
+def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    entries = archive.infolist()
+    if len(entries) > _MOST_ARRAYS:
+        raise ValueError("too many arrays")
+    members = {entry.filename.removesuffix(".npy"): entry for entry in entries}
+    if len(members) < len(entries):
+        raise ValueError("a name twice")
+    return members
+
+
+def _read_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, kinds: str) -> npt.NDArray[Any]:
+    with archive.open(entry) as file:
+        # To the end and not beyond what was said, so that the checksum is compared.
+        content = file.read(entry.file_size + 1)
+    stream = io.BytesIO(content)
+    version = np.lib.format.read_magic(stream)
+    read = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }[version]
+    shape, in_columns, dtype = read(stream, max_header_size=_HEADER_LIMIT)
+    if dtype.kind not in kinds or dtype.hasobject or dtype.itemsize == 0:
+        raise ValueError("elements of another kind")
+    if any(type(size) is not int or size < 0 for size in shape) or len(shape) > 8:
+        raise ValueError("no shape")
+    if math.prod(shape) * dtype.itemsize != len(content) - stream.tell():
+        raise ValueError("not as many elements as the shape says")
+    array = np.frombuffer(content, dtype, offset=stream.tell())
+    return array.reshape(shape, order="F" if in_columns else "C").copy()

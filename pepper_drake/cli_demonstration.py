@@ -1,0 +1,64 @@
+"""How apps let a person say what a recording does not."""
+
+from argparse import ArgumentParser, Namespace
+
+from pepper_drake.learning.demonstrations.importers.options import (
+    ANGLES,
+    FRAMES,
+    LENGTHS,
+    QUATERNIONS,
+    TIMES,
+    ImportOptions,
+)
+
+
+def add_import_options(parser: ArgumentParser) -> None:
+    """Adds the options of `ImportOptions`."""
+    group = parser.add_argument_group("what the file does not say")
+    add = group.add_argument
+    add("--unit", choices=tuple(LENGTHS), help="of lengths (default: as the file says, else m)")
+    add("--angle", choices=tuple(ANGLES), help="of angles (default: as the file says, else rad)")
+    add("--time", choices=tuple(TIMES), help="of times (default: as the file says, else s)")
+    add("--rate", type=float, metavar="HZ", help="samples a second, where there are no times")
+    add("--quaternion", choices=QUATERNIONS, help="order of a quaternion's columns")
+    add("--frame", choices=FRAMES, help="of positions; base_footprint is the floor's")
+    add("--up", choices=("y", "z"), help="axis that points up; y becomes z")
+    add("--arm", choices=("left", "right"), help="which moves, where both are recorded")
+    add(
+        "--plane",
+        type=float,
+        nargs=6,
+        metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"),
+        help="pose [m, rad] in the torso frame of the plane on which a path of two dimensions lies",
+    )
+    add(
+        "--start",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        help="where the motion starts in the torso frame [m]: it is shifted there",
+    )
+    add("--track", metavar="NAME", help="which motion of a file with several: its name or number")
+    add("--drop-outliers", action="store_true", help="leave out samples that jump away and back")
+
+
+def import_options(arguments: Namespace) -> ImportOptions:
+    """Returns what was said.
+
+    Raises:
+        InputError: A number is not finite.
+    """
+    return ImportOptions(
+        unit=arguments.unit,
+        angle=arguments.angle,
+        time=arguments.time,
+        quaternion=arguments.quaternion,
+        frame=arguments.frame,
+        arm=arguments.arm,
+        up=arguments.up,
+        plane=None if arguments.plane is None else tuple(arguments.plane),
+        start=None if arguments.start is None else tuple(arguments.start),
+        rate=arguments.rate,
+        track=arguments.track,
+        drop_outliers=arguments.drop_outliers,
+    )

@@ -1,0 +1,167 @@
+"""Forward kinematics and limits of Pepper's arms for checking what was recorded.
+
+The numbers are read from Pepper's URDF, and nothing but numpy is needed: a recording is checked
+without a simulator. The tests hold it against Drake's kinematics of the same file.
+"""
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from functools import lru_cache
+from importlib import resources
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.learning import rotations as so3
+
+Array = npt.NDArray[np.float64]
+
+ARMS = ("left", "right")
+
+_JOINTS = ("ShoulderPitch", "ShoulderRoll", "ElbowYaw", "ElbowRoll", "WristYaw")
+
+
+class ArmChain:
+    """The five joints of one arm, from the torso to the hand's control frame H.
+
+    Attributes:
+        arm: "left" or "right".
+        joint_names: Five names, shoulder to wrist.
+        lower: (5,) position limits [rad].
+        upper: (5,) position limits [rad].
+        speed: (5,) velocity limits [rad/s].
+        shoulder: (3,) p_TS, the shoulder in the torso frame [m].
+        length: Farthest distance of the hand's frame from the shoulder, the arm stretched [m].
+    """
+
+    def __init__(self, arm: str) -> None:
+        root = _robot()
+        side = arm[0].upper()
+        self.arm = arm
+        self.joint_names = tuple(side + name for name in _JOINTS)
+        joints = {joint.get("name"): joint for joint in root.findall("joint")}
+        found = [joints[name] for name in self.joint_names]
+        limits = [joint.find("limit") for joint in found]
+        self.lower = _numbers(limits, "lower")
+        self.upper = _numbers(limits, "upper")
+        self.speed = _numbers(limits, "velocity")
+        self._axes = [_vector(joint.find("axis"), "xyz") for joint in found]
+        self._offsets = [_vector(joint.find("origin"), "xyz") for joint in found]
+        self._turns = [so3.from_angles(_vector(joint.find("origin"), "rpy")) for joint in found]
+        frames = {frame.get("name"): frame for frame in root.iter() if frame.tag.endswith("frame")}
+        hand = frames[f"{side.lower()}_hand_effector"]
+        self._p_WH, self._q_WH = _vector(hand, "xyz"), so3.from_angles(_vector(hand, "rpy"))
+        self.shoulder = self._offsets[0]
+        sizes = [float(np.linalg.norm(offset)) for offset in (*self._offsets[1:], self._p_WH)]
+        self.length = sum(sizes)
+
+    def hand(self, joints: npt.ArrayLike) -> tuple[Array, Array]:
+        """Returns p_TH (N, 3) [m] and unit quaternions of R_TH (N, 4) at joints (N, 5) [rad]."""
+        q = np.asarray(joints, dtype=float)
+        position = np.zeros((len(q), 3))
+        rotation = np.tile([1.0, 0.0, 0.0, 0.0], (len(q), 1))
+        chain = zip(self._offsets, self._turns, self._axes, strict=True)
+        for k, (offset, turn, axis) in enumerate(chain):
+            position = position + rotate(rotation, offset)
+            rotation = so3.multiply(rotation, np.broadcast_to(turn, rotation.shape))
+            rotation = so3.multiply(rotation, so3.exp_map(q[:, k, None] * axis))
+        position = position + rotate(rotation, self._p_WH)
+        rotation = so3.multiply(rotation, np.broadcast_to(self._q_WH, rotation.shape))
+        return position, rotation
+
+    def pose_distance(self, position: Array, rotation: Array, lever: float = 0.1) -> float:
+        """Returns how far the nearest pose that the arm can take is from a pose [m].
+
+        Damped least squares from a grid of starts: the arm has five joints for six coordinates, so
+        poses that it cannot take are the rule, and one that it can is evidence.
+
+        Args:
+            position: (3,) [m] in T.
+            rotation: (4,) unit quaternion.
+            lever: What an error of one radian counts [m].
+        """
+        middle, half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
+        # The shoulder and the elbow's turn decide which way the arm is bent.
+        starts = np.stack(np.meshgrid(*([-0.5, 0.5],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        starts = np.concatenate((starts, np.zeros((len(starts), 2))), axis=1)
+        q = middle + half * starts
+        damping = np.full(len(q), 1e-2)
+        error = self._pose_error(q, position, rotation, lever)
+        for _ in range(25):
+            jacobian = self._jacobian(q, position, rotation, lever, error)
+            normal = jacobian.swapaxes(1, 2) @ jacobian
+            normal = normal + damping[:, None, None] * 1e-2 * np.eye(5)
+            step = np.linalg.solve(normal, jacobian.swapaxes(1, 2) @ error[..., None])[..., 0]
+            tried = np.clip(q - step, self.lower, self.upper)
+            left = self._pose_error(tried, position, rotation, lever)
+            better = np.sum(left**2, axis=1) < np.sum(error**2, axis=1)
+            q = np.where(better[:, None], tried, q)
+            error = np.where(better[:, None], left, error)
+            if np.sum(error**2, axis=1).min() < 1e-8:
+                break
+            damping = np.clip(np.where(better, 0.2 * damping, 5.0 * damping), 1e-8, 1e4)
+        return float(np.sqrt(np.sum(error**2, axis=1).min()))
+
+    def _pose_error(self, q: Array, position: Array, rotation: Array, lever: float) -> Array:
+        p, r = self.hand(q)
+        turn = so3.log_map(so3.multiply(r, so3.conjugate(rotation)))
+        return np.concatenate((p - position, lever * turn), axis=1)
+
+    def _jacobian(
+        self, q: Array, position: Array, rotation: Array, lever: float, error: Array
+    ) -> Array:
+        columns = []
+        for k in range(5):
+            moved = q.copy()
+            moved[:, k] += 1e-6
+            columns.append((self._pose_error(moved, position, rotation, lever) - error) / 1e-6)
+        return np.stack(columns, axis=-1)
+
+
+def rotate(rotations: Array, vectors: Array) -> Array:
+    """Returns vectors (3,) or (N, 3) turned by quaternions (N, 4), (N, 3)."""
+    w, axis = rotations[..., :1], rotations[..., 1:]
+    v = np.broadcast_to(vectors, axis.shape)
+    twice = 2.0 * np.cross(axis, v)
+    return np.asarray(v + w * twice + np.cross(axis, twice))
+
+
+@lru_cache(maxsize=2)
+def arm_chain(arm: str) -> ArmChain:
+    """Returns the chain of the "left" or the "right" arm, read once."""
+    return ArmChain(arm)
+
+
+@lru_cache(maxsize=1)
+def joint_limits() -> dict[str, tuple[float, float]]:
+    """Returns lower and upper limit [rad] of each of Pepper's joints that has limits."""
+    limits = {}
+    for joint in _robot().findall("joint"):
+        limit = joint.find("limit")
+        if joint.get("type") == "revolute" and limit is not None:
+            name = str(joint.get("name"))
+            limits[name] = (float(limit.get("lower", "nan")), float(limit.get("upper", "nan")))
+    return limits
+
+
+def arm_of(joint_names: Sequence[str]) -> str | None:
+    """Returns whose five joints these are, shoulder to wrist: "left", "right" or None."""
+    for arm in ARMS:
+        if tuple(joint_names) == arm_chain(arm).joint_names:
+            return arm
+    return None
+
+
+@lru_cache(maxsize=1)
+def _robot() -> ElementTree.Element:
+    file = resources.files("pepper_drake") / "models" / "pepper" / "pepper.urdf"
+    return ElementTree.fromstring(file.read_text(encoding="utf-8"))
+
+
+def _vector(element: ElementTree.Element | None, attribute: str) -> Array:
+    text = "0 0 0" if element is None else element.get(attribute, "0 0 0")
+    return np.array([float(number) for number in text.split()])
+
+
+def _numbers(elements: Sequence[ElementTree.Element | None], attribute: str) -> Array:
+    return np.array([float("nan" if e is None else e.get(attribute, "nan")) for e in elements])

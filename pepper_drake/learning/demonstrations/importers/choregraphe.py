@@ -1,0 +1,266 @@
+"""Timelines of Choregraphe: behavior.xar and .xml, and the Python text that it exports."""
+
+import ast
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.demonstrations.importers.headers import joint_of
+from pepper_drake.learning.demonstrations.importers.track import Track
+
+Array = npt.NDArray[np.float64]
+
+RATE = 50.0
+"""Samples a second [Hz] that are taken of a timeline: ALMotion's own."""
+
+_LONGEST = 3600.0
+_MOST_KEYS = 100_000
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """Keys of one joint: times [s], values, and (K, 2, 2) handles (left, right: time, value)."""
+
+    joint: str
+    times: Array
+    values: Array
+    handles: Array | None
+
+
+def read_timeline(path: Path, text: str) -> list[Track]:
+    """Reads the timelines of a behavior (XML); each is a track of joints in degrees.
+
+    Raises:
+        InputError: It is not XML, or has no timeline with keys of joints.
+    """
+    if "<!ENTITY" in text or "<!DOCTYPE" in text:
+        raise InputError(f"{path}: XML with entities is not read; export the timeline again")
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f"{path}: not valid XML ({error})") from None
+    tracks: list[Track] = []
+    for timeline in root.iter():
+        if _local(timeline) != "Timeline":
+            continue
+        fps = _number(timeline, "fps", path, 25.0)
+        if not 0.0 < fps < 1e4:
+            raise InputError(f"{path}: a timeline of {fps:g} frames a second; correct fps")
+        curves = []
+        for curve in timeline.iter():
+            if _local(curve) == "ActuatorCurve":
+                read = _curve(curve, fps, path)
+                if read is not None:
+                    curves.append(read)
+        if curves:
+            number = len(tracks) + 1
+            name = path.stem if number == 1 else f"{path.stem}_{number}"
+            tracks.append(_track(path, name, "Choregraphe timeline", curves, "deg"))
+    if not tracks:
+        raise InputError(f"{path}: XML without a timeline of Choregraphe that has keys of joints")
+    return tracks
+
+
+def is_exported_python(text: str) -> bool:
+    """Tells whether a text is what Choregraphe's *Export motion to clipboard* gives."""
+    return "names.append(" in text and "keys.append(" in text and "times.append(" in text
+
+
+def read_exported_python(path: Path, text: str) -> list[Track]:
+    """Reads the lists `names`, `times` and `keys` of exported Python, without running it.
+
+    Raises:
+        InputError: The text is no Python, or its lists do not belong together.
+    """
+    lists: dict[str, list[Any]] = {"names": [], "times": [], "keys": []}
+    try:
+        nodes = list(ast.walk(ast.parse(text)))
+        for node in nodes:
+            if (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Attribute)
+                and node.func.attr == "append"
+                and isinstance(node.func.value, ast.Name)
+                and node.func.value.id in lists
+                and len(node.args) == 1
+            ):
+                lists[node.func.value.id].append((node.lineno, ast.literal_eval(node.args[0])))
+    except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError) as error:
+        raise InputError(f"{path}: not an exported timeline ({_short(error)})") from None
+    ordered = {
+        key: [v for _, v in sorted(values, key=lambda e: e[0])] for key, values in lists.items()
+    }
+    names, times, keys = ordered["names"], ordered["times"], ordered["keys"]
+    if not names or not len(names) == len(times) == len(keys):
+        raise InputError(
+            f"{path}: {len(names)} names, {len(times)} lists of times and {len(keys)} of keys;"
+            " there must be one of each for each joint"
+        )
+    _check_order(path, lists)
+    curves = []
+    for name, when, what in zip(names, times, keys, strict=True):
+        joint = joint_of(name) if isinstance(name, str) else None
+        if joint is None:
+            continue
+        try:
+            bezier = isinstance(what[0], Sequence)
+            at = np.array(when, dtype=float)
+            values = np.array([key[0] if bezier else key for key in what], dtype=float)
+            handles = None
+            if bezier:
+                handles = np.array([[key[1][1:3], key[2][1:3]] for key in what], dtype=float)
+        except (TypeError, ValueError, IndexError, KeyError, OverflowError):
+            raise InputError(f"{path}: the keys of {joint} are not numbers") from None
+        curves.append(_checked(_Curve(joint, at, values, handles), path))
+    if not curves:
+        raise InputError(f"{path}: no joint of Pepper among the names")
+    return [_track(path, path.stem, "Choregraphe's exported Python", curves, "rad")]
+
+
+def _check_order(path: Path, lists: dict[str, list[Any]]) -> None:
+    """Refuses names, times and keys in an order from which nobody sees what belongs together."""
+    order = [key for _, key in sorted((line, key) for key, v in lists.items() for line, _ in v)]
+    count = len(lists["names"])
+    rows, columns = ["names", "times", "keys"] * count, []
+    for key in ("names", "times", "keys"):
+        columns += [key] * count
+    if order not in (rows, columns):
+        raise InputError(
+            f"{path}: names, times and keys are not appended in turn; export the timeline again"
+        )
+
+
+def _curve(element: ElementTree.Element, fps: float, path: Path) -> _Curve | None:
+    joint = joint_of(element.get("actuator", ""))
+    if joint is None or joint.endswith("Hand"):
+        return None
+    keys = [child for child in element if _local(child) == "Key"]
+    if not keys:
+        return None
+    times = np.array([_number(key, "frame", path) for key in keys]) / fps
+    values = np.array([_number(key, "value", path) for key in keys])
+    handles = np.zeros((len(keys), 2, 2))
+    smooth = False
+    for k, key in enumerate(keys):
+        for tangent in key:
+            if _local(tangent) == "Tangent" and tangent.get("interpType", "bezier") == "bezier":
+                side = 0 if tangent.get("side") == "left" else 1
+                handles[k, side] = (
+                    _number(tangent, "abscissaParam", path, 0.0) / fps,
+                    _number(tangent, "ordinateParam", path, 0.0),
+                )
+                smooth = True
+    return _checked(_Curve(joint, times, values, handles if smooth else None), path)
+
+
+def _checked(curve: _Curve, path: Path) -> _Curve:
+    parts = [curve.times, curve.values, *([] if curve.handles is None else [curve.handles])]
+    shape = curve.times.shape
+    if curve.values.shape != shape or len(shape) != 1 or not 0 < shape[0] < _MOST_KEYS:
+        raise InputError(f"{path}: the times and keys of {curve.joint} do not belong together")
+    if curve.handles is not None and curve.handles.shape != (*shape, 2, 2):
+        raise InputError(f"{path}: the tangents of {curve.joint} do not belong to its keys")
+    if not all(np.isfinite(part).all() and np.abs(part).max() < 1e6 for part in parts):
+        raise InputError(
+            f"{path}: a key of {curve.joint} is not a finite number of a sensible size"
+        )
+    if np.any(np.diff(curve.times) <= 0.0) or curve.times[0] < 0.0:
+        raise InputError(f"{path}: the keys of {curve.joint} are not in order of time")
+    if curve.times[-1] > _LONGEST:
+        raise InputError(
+            f"{path}: {curve.joint} has a key at {curve.times[-1]:g} s; an hour at most"
+        )
+    return curve
+
+
+def _track(path: Path, name: str, kind: str, curves: list[_Curve], unit: str) -> Track:
+    # Before its first key a joint goes there from wherever the robot was, which no file knows.
+    arms = [c for c in curves if c.joint[1:].startswith(("Shoulder", "Elbow", "Wrist"))] or curves
+    start = max(curve.times[0] for curve in arms)
+    end = max(curve.times[-1] for curve in arms)
+    count = round((end - start) * RATE) + 1
+    times = start + np.arange(count) / RATE
+    last = {curve.joint: curve for curve in arms}
+    joints = np.column_stack([_evaluate(curve, times) for curve in last.values()])
+    keys = sum(len(curve.times) for curve in last.values())
+    notes = (
+        f"{keys} keys of {len(last)} joints, taken {RATE:g} times a second from {start:g} s on",
+    )
+    return Track(
+        path,
+        name,
+        kind,
+        times - start,
+        joints=joints,
+        joint_names=tuple(last),
+        joint_unit=unit,
+        time_unit="s",
+        notes=notes,
+    )
+
+
+def _evaluate(curve: _Curve, at: Array) -> Array:
+    """Returns a curve's values: cubic Bezier segments between its keys, held beyond them."""
+    times, values = curve.times, curve.values
+    if len(times) == 1:
+        return np.full(len(at), values[0])
+    clipped = np.clip(at, times[0], times[-1])
+    k = np.clip(np.searchsorted(times, clipped, side="right") - 1, 0, len(times) - 2)
+    width = times[k + 1] - times[k]
+    handles = _smooth_handles(times, values) if curve.handles is None else curve.handles
+    t1 = np.clip(handles[k, 1, 0], 0.0, width)
+    t2 = width + np.clip(handles[k + 1, 0, 0], -width, 0.0)
+    local = clipped - times[k]
+    low, high = np.zeros(len(at)), np.ones(len(at))
+    for _ in range(50):  # Time is monotone in the parameter: bisection finds it.
+        u = 0.5 * (low + high)
+        late = 3 * (1 - u) ** 2 * u * t1 + 3 * (1 - u) * u**2 * t2 + u**3 * width > local
+        low, high = np.where(late, low, u), np.where(late, u, high)
+    u = 0.5 * (low + high)
+    v0, v3 = values[k], values[k + 1]
+    v1, v2 = v0 + handles[k, 1, 1], v3 + handles[k + 1, 0, 1]
+    return np.asarray(
+        (1 - u) ** 3 * v0 + 3 * (1 - u) ** 2 * u * v1 + 3 * (1 - u) * u**2 * v2 + u**3 * v3
+    )
+
+
+def _smooth_handles(times: Array, values: Array) -> Array:
+    """Returns handles of keys without tangents: slopes that never overshoot a key (PCHIP)."""
+    from scipy.interpolate import PchipInterpolator
+
+    slopes = np.asarray(PchipInterpolator(times, values).derivative()(times))
+    slopes[[0, -1]] = 0.0
+    third = np.diff(times) / 3.0
+    left, right = np.append(0.0, third), np.append(third, 0.0)
+    return np.stack(
+        (np.stack((-left, -left * slopes), axis=1), np.stack((right, right * slopes), axis=1)),
+        axis=1,
+    )
+
+
+def _number(
+    element: ElementTree.Element, attribute: str, path: Path, default: float | None = None
+) -> float:
+    text = element.get(attribute)
+    if text is None and default is not None:
+        return default
+    try:
+        return float(text or "")
+    except ValueError:
+        raise InputError(
+            f"{path}: {attribute} of a {_local(element)} is {str(text)[:40]!r}, not a number"
+        ) from None
+
+
+def _local(element: ElementTree.Element) -> str:
+    return str(element.tag).rpartition("}")[2]
+
+
+def _short(error: BaseException) -> str:
+    return " ".join(str(error).split())[:100]

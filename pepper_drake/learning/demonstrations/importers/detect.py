@@ -1,0 +1,70 @@
+"""Tells formats apart by what is in a file, and hands it to its reader."""
+
+from pathlib import Path
+
+from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
+from pepper_drake.learning.demonstrations.importers.bags import is_bag, read_bag
+from pepper_drake.learning.demonstrations.importers.choregraphe import (
+    is_exported_python,
+    read_exported_python,
+    read_timeline,
+)
+from pepper_drake.learning.demonstrations.importers.lerobot import is_dataset, read_dataset
+from pepper_drake.learning.demonstrations.importers.motion_capture import (
+    is_motive,
+    is_vicon,
+    read_lasa,
+    read_motive,
+    read_vicon,
+)
+from pepper_drake.learning.demonstrations.importers.named_columns import (
+    find_header,
+    read_named_columns,
+)
+from pepper_drake.learning.demonstrations.importers.number_columns import read_number_columns
+from pepper_drake.learning.demonstrations.importers.table import check_file, parse_words
+from pepper_drake.learning.demonstrations.importers.track import Track
+
+
+def read_tracks(path: Path) -> list[Track]:
+    """Reads all motions of a file or a folder of another tool.
+
+    Raises:
+        InputError: With file, line and how to mend it.
+    """
+    check_file(path)
+    if is_dataset(path):
+        return read_dataset(path)
+    if is_bag(path):
+        return read_bag(path)
+    if path.is_dir():
+        raise InputError(
+            f"{path}: no recording that is known: a folder has translation.txt or joints.csv, a"
+            " bag's metadata.yaml, or LeRobot's meta/info.json"
+        )
+    if path.suffix == ".mat":
+        return read_lasa(path)
+    return _read_text(path)
+
+
+def _read_text(path: Path) -> list[Track]:
+    text = read_text(path)
+    if "\0" in text:
+        raise InputError(f"{path}: not a text file; give one with rows of numbers")
+    start = text.lstrip()[:200]
+    if start.startswith("<"):
+        return read_timeline(path, text)
+    if is_exported_python(text):
+        return read_exported_python(path, text)
+    table = parse_words(path, text)
+    if not table.rows:
+        raise InputError(f"{path}: 0 rows of numbers; a motion needs at least 4")
+    if is_motive(table):
+        return read_motive(table)
+    if is_vicon(table):
+        return read_vicon(table)
+    header = find_header(table)
+    if header is not None:
+        return read_named_columns(table, *header)
+    return read_number_columns(table)

@@ -1,0 +1,205 @@
+"""Names of columns: what each is called by the tools that write them, and its unit."""
+
+import re
+from dataclasses import dataclass
+
+from pepper_drake.learning.demonstrations.arm_chain import joint_limits
+from pepper_drake.learning.demonstrations.importers.options import LENGTHS
+
+_UNITS = {
+    "m": ("unit", "m"),
+    "meter": ("unit", "m"),
+    "meters": ("unit", "m"),
+    "metre": ("unit", "m"),
+    "metres": ("unit", "m"),
+    "cm": ("unit", "cm"),
+    "mm": ("unit", "mm"),
+    "millimeters": ("unit", "mm"),
+    "millimetres": ("unit", "mm"),
+    "um": ("unit", "um"),
+    "inch": ("unit", "in"),
+    "inches": ("unit", "in"),
+    "s": ("time", "s"),
+    "sec": ("time", "s"),
+    "secs": ("time", "s"),
+    "second": ("time", "s"),
+    "seconds": ("time", "s"),
+    "ms": ("time", "ms"),
+    "msec": ("time", "ms"),
+    "milliseconds": ("time", "ms"),
+    "us": ("time", "us"),
+    "usec": ("time", "us"),
+    "microseconds": ("time", "us"),
+    "ns": ("time", "ns"),
+    "nsec": ("time", "ns"),
+    "nanoseconds": ("time", "ns"),
+    "rad": ("angle", "rad"),
+    "radian": ("angle", "rad"),
+    "radians": ("angle", "rad"),
+    "deg": ("angle", "deg"),
+    "degree": ("angle", "deg"),
+    "degrees": ("angle", "deg"),
+    "°": ("angle", "deg"),
+}
+
+_TIME = {"time", "timestamp", "t", "stamp", "timestamps", "clock", "elapsed", "secs", "seconds"}
+_POSITION = {
+    "p", "pos", "position", "positions", "translation", "trans", "t", "point", "xyz", "coord",
+    "coordinate", "location", "loc",
+}  # fmt: skip
+_ROTATION = {"q", "quat", "quaternion", "orientation", "rotation", "rot", "ori", "orient"}
+_VELOCITY = {"v", "vel", "velocity", "velocities", "linear", "speed", "d"}
+_ACCELERATION = {"a", "acc", "accel", "acceleration", "accelerations", "dd"}
+_ANGLES = {
+    "roll": 0, "pitch": 1, "yaw": 2, "alpha_roll": 0, "rollangle": 0, "pitchangle": 1,
+    "yawangle": 2,
+}  # fmt: skip
+_OTHER = {
+    "angular", "covariance", "gyro", "gyroscope", "mag", "magnetometer", "magnetic", "imu", "force",
+    "torque", "wrench", "effort", "bias", "b", "w", "omega", "error", "scale", "size", "normal",
+    "pixel", "gravity", "std", "sigma", "cov",
+}  # fmt: skip
+"""Words of vectors that are neither a place nor its derivatives."""
+
+_EUROC_FRAMES = ("rs", "r", "s", "rw", "ws", "wb", "wr")
+
+_AXES = {"x": 0, "y": 1, "z": 2, "w": 3}
+
+_DERIVATIVE_WORDS = {"velocity", "vel", "effort", "torque", "current", "temperature", "speed"}
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a column holds.
+
+    Attributes:
+        kind: time, position, velocity, acceleration, quaternion, angle, joint or rotation_vector.
+        axis: 0 to 2 for x, y, z (roll, pitch, yaw); 3 for w.
+        group: What it belongs to, such as the body's name; "" for the only one.
+        unit: As the header says it, None where it does not.
+        joint: Pepper's name of the joint.
+    """
+
+    kind: str
+    axis: int = 0
+    group: str = ""
+    unit: str | None = None
+    joint: str = ""
+
+
+def meaning(header: str) -> Meaning | None:
+    """Returns what a column is by its name, None where the name says nothing."""
+    text, unit = _split_unit(header.strip().strip("\"'#%").strip())
+    joint = joint_of(text)
+    if joint is not None:
+        return Meaning("joint", unit=unit if unit in ("deg", "rad") else None, joint=joint)
+    words = [word for word in re.split(r"[^a-z0-9°]+", text.lower()) if word]
+    if not words:
+        return None
+    if unit is None and _ends_with_unit(words):
+        unit = _UNITS[words.pop()][1]
+    return _meaning(words, unit)
+
+
+def _ends_with_unit(words: list[str]) -> bool:
+    """Tells whether the last word is a unit: x_mm, x_m, time_s; but not the s of a name alone."""
+    if len(words) < 2 or words[-1] not in _UNITS:
+        return False
+    return len(words[-1]) > 1 or words[0] in {*_AXES, *_TIME} or words[-2] in _AXES
+
+
+def _meaning(words: list[str], unit: str | None) -> Meaning | None:
+    last = words[-1]
+    if (last in _TIME and (len(words) == 1 or last != "t")) or words[0] in ("time", "timestamp"):
+        if len(words) > 2 and "stamp" not in words:
+            return None
+        group = "" if len(words) == 1 else "_".join(words)
+        return Meaning("time", group=group, unit=unit if unit in _times() else None)
+    if last in ("nsecs", "nanosec", "seq", "frame_id", "id", "frame"):
+        return None
+    if last in _ANGLES:
+        rest = [w for w in words[:-1] if w not in _ROTATION | {"euler", "rpy", "angle"}]
+        return Meaning("angle", _ANGLES[last], "_".join(rest), unit)
+    axis, stem = _axis(last)
+    before = list(words[:-1])
+    if axis is None and before and before[0] in _AXES and last in _POSITION | _ROTATION:
+        # x_pos, w_quat.
+        axis, stem, before = _AXES[before[0]], last, []
+    if axis is None:
+        return None
+    if stem:
+        before.append(stem)
+    return _with_axis(axis, before, unit)
+
+
+def _with_axis(axis: int, before: list[str], unit: str | None) -> Meaning | None:
+    # EuRoC's p_RS_R_x and q_RS_w tell frames, not bodies.
+    if len(before) > 1 and before[0] in ("p", "q", "v") and before[1] in _EUROC_FRAMES:
+        before = [before[0], *(w for w in before[1:] if w not in _EUROC_FRAMES)]
+    names = set(before)
+    if names & _OTHER:
+        return None
+    if names & {"r", "rotvec", "axisangle"} and not names & _ROTATION:
+        kind, used = "rotation_vector", {"r", "rotvec", "axisangle"}
+    elif names & _ROTATION or axis == 3:
+        kind, used = "quaternion", _ROTATION
+    elif names & _ACCELERATION:
+        kind, used = "acceleration", _ACCELERATION | {"linear"}
+    elif names & _VELOCITY:
+        kind, used = "velocity", _VELOCITY | {"twist"}
+    else:
+        kind, used = "position", _POSITION
+    rest = [w for w in before if w not in used | {"field", "pose", "twist", "transform", "msg"}]
+    if kind == "position" and unit is not None and unit not in LENGTHS:
+        return None
+    return Meaning(kind, axis, "_".join(rest), unit)
+
+
+def _axis(word: str) -> tuple[int | None, str]:
+    """Returns the axis that a word ends with, or is, and what is before it: qx, vx, xdd, posx."""
+    if word in _AXES:
+        return _AXES[word], ""
+    for stem in sorted(_POSITION | _ROTATION | _VELOCITY | _ACCELERATION | {"r"}, key=len)[::-1]:
+        if word.startswith(stem) and word[len(stem) :] in _AXES:
+            return _AXES[word[len(stem) :]], stem
+    if len(word) in (2, 3) and word[0] in _AXES and word[1:] in ("d", "dd"):
+        return _AXES[word[0]], word[1:]
+    return None, ""
+
+
+def joint_of(text: str) -> str | None:
+    """Returns which of Pepper's joints a name means: RElbowYaw, r_elbow_yaw_joint, .../Value."""
+    words = [word for word in re.split(r"[^A-Za-z0-9]+", text) if word]
+    if any(word.lower() in _DERIVATIVE_WORDS for word in words):
+        return None
+    joined = "".join(word.lower() for word in words)
+    known = {name.lower(): name for name in (*joint_limits(), "RHand", "LHand")}
+    for word in words:
+        if word.lower() in known and (len(word) > 5 or word in ("RHand", "LHand")):
+            tail = words[words.index(word) + 1 :]
+            if not tail or tail[0].lower() in ("position", "pos", "joint", "q", "angle"):
+                if tail and "Actuator" in tail:
+                    return None  # The command, beside what the sensor measured.
+                return known[word.lower()]
+            return None
+    for suffix in ("joint", "position", "pos", ""):
+        name = joined.removesuffix(suffix)
+        if name in known and len(name) > 5:
+            return known[name]
+    return None
+
+
+def _times() -> tuple[str, ...]:
+    return ("s", "ms", "us", "ns")
+
+
+def _split_unit(text: str) -> tuple[str, str | None]:
+    """Returns a header without its unit in brackets, and the unit."""
+    match = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]", text)
+    if match is None:
+        return text, None
+    word = match.group(1).lower()
+    base = re.split(r"[/*^ ]", word)[0]
+    unit = _UNITS.get(word) or _UNITS.get(base)
+    rest = (text[: match.start()] + text[match.end() :]).strip()
+    return rest, None if unit is None else unit[1]

@@ -1,0 +1,160 @@
+"""Datasets of LeRobot (v2 and v3): the state columns of their parquet files, an episode a track.
+
+`pyarrow` reads them; it is an extra: pip install "pepper-drake[formats]".
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
+from pepper_drake.learning.demonstrations.importers.bags import EXTRA
+from pepper_drake.learning.demonstrations.importers.headers import meaning
+from pepper_drake.learning.demonstrations.importers.table import LARGEST_NUMBER, check_file
+from pepper_drake.learning.demonstrations.importers.track import Track
+
+STATE = "observation.state"
+
+_MOST_ROWS = 2_000_000
+_MOST_FILES = 1000
+
+
+def is_dataset(path: Path) -> bool:
+    """Tells whether a folder is a LeRobot dataset, or a file one of its tables."""
+    return path.suffix == ".parquet" or (path / "meta" / "info.json").is_file()
+
+
+def read_dataset(path: Path) -> list[Track]:
+    """Reads the episodes of a dataset.
+
+    Raises:
+        InputError: pyarrow is missing, a file is broken, or the state has no known names.
+    """
+    root = path if path.is_dir() else _root_of(path)
+    names, rate = _features(root, path)
+    files = sorted((path / "data").rglob("*.parquet"))[:_MOST_FILES] if path.is_dir() else [path]
+    if not files:
+        raise InputError(f"{path}: a LeRobot dataset without parquet files in data/")
+    episodes: dict[int, list[tuple[float, Any]]] = {}
+    for file in files:
+        check_file(file)
+        for episode, time, state in _rows(file, rate):
+            episodes.setdefault(episode, []).append((time, state))
+    return [
+        _track(path, f"{root.name or path.stem}_{number}", rows, names)
+        for number, rows in sorted(episodes.items())
+        if len(rows) >= 4
+    ] or _nothing(path)
+
+
+def _nothing(path: Path) -> list[Track]:
+    raise InputError(f"{path}: no episode of four samples or more in it")
+
+
+def _root_of(file: Path) -> Path:
+    for folder in file.resolve().parents[:4]:
+        if (folder / "meta" / "info.json").is_file():
+            return folder
+    raise InputError(
+        f"{file}: a parquet file alone does not tell what its columns are; give the dataset's"
+        " folder, which has meta/info.json"
+    )
+
+
+def _features(root: Path, path: Path) -> tuple[list[str], float]:
+    info = root / "meta" / "info.json"
+    try:
+        check_file(info)
+        data = json.loads(read_text(info))
+        feature = data["features"][STATE]
+        names = feature["names"]
+        while isinstance(names, dict):  # {"motors": [...]} in some.
+            names = next(iter(names.values()))
+        rate = float(data["fps"])
+        if not 0.0 < rate < 1e6:
+            raise ValueError(f"fps is {rate}")
+        return [str(name) for name in names], rate
+    except InputError:
+        raise
+    except (ValueError, KeyError, TypeError, StopIteration, RecursionError, OverflowError) as error:
+        raise InputError(
+            f"{info}: it must give fps and features.{STATE}.names ({type(error).__name__}:"
+            f" {str(error)[:80]})"
+        ) from None
+
+
+def _rows(file: Path, rate: float) -> list[tuple[int, float, Any]]:
+    try:
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise InputError(f"{file}: reading a LeRobot dataset needs pyarrow; {EXTRA}") from None
+    try:
+        source = parquet.ParquetFile(file)
+        if source.metadata.num_rows > _MOST_ROWS:
+            raise InputError(
+                f"{file}: {source.metadata.num_rows} rows; at most {_MOST_ROWS} are read"
+            )
+        present = set(source.schema_arrow.names)
+        if STATE not in present:
+            raise InputError(f"{file}: no column {STATE}")
+        wanted = [c for c in (STATE, "timestamp", "episode_index", "frame_index") if c in present]
+        columns = source.read(columns=wanted).to_pydict()
+        states = columns[STATE]
+        count = len(states)
+        times = columns.get("timestamp") or [
+            k / rate for k in (columns.get("frame_index") or range(count))
+        ]
+        episodes = columns.get("episode_index") or [0] * count
+        return [(int(e), float(t), s) for e, t, s in zip(episodes, times, states, strict=True)]
+    except InputError:
+        raise
+    except Exception as error:  # pyarrow raises what its parser meets.
+        text = " ".join(str(error).split())[:120]
+        raise InputError(f"{file}: not a parquet file that can be read ({text})") from None
+
+
+def _track(path: Path, name: str, rows: list[tuple[float, Any]], names: list[str]) -> Track:
+    try:
+        states = np.array([state for _, state in rows], dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{path}: {STATE} of {name} is not a table of numbers") from None
+    times = np.array([time for time, _ in rows])
+    if states.ndim != 2 or states.shape[1] != len(names):
+        raise InputError(
+            f"{path}: {STATE} of {name} has shape {states.shape}, but meta/info.json names"
+            f" {len(names)} columns"
+        )
+    for values in (states, times):
+        if not (np.isfinite(values).all() and np.abs(values).max(initial=0.0) < LARGEST_NUMBER):
+            raise InputError(f"{path}: {name} holds a value that is not finite")
+    found = [meaning(column) for column in names]
+    axes = {
+        (m.kind, m.axis): i
+        for i, m in enumerate(found)
+        if m is not None and m.kind in ("position", "quaternion")
+    }
+    joints = {m.joint: i for i, m in enumerate(found) if m is not None and m.kind == "joint"}
+    place = [axes[("position", k)] for k in range(3) if ("position", k) in axes]
+    turn = [axes[("quaternion", k)] for k in (3, 0, 1, 2) if ("quaternion", k) in axes]
+    placed, turned = len(place) == 3, len(place) == 3 and len(turn) == 4
+    if not placed and not joints:
+        shown = ", ".join(names[:6])
+        raise InputError(
+            f"{path}: the state's columns ({shown}) are neither x, y, z nor joints of Pepper"
+        )
+    return Track(
+        path,
+        name,
+        "LeRobot dataset",
+        times,
+        states[:, place] if placed else None,
+        rotations=states[:, turn] if turned else None,
+        quaternion="wxyz" if turned else None,
+        joints=states[:, list(joints.values())] if joints else None,
+        joint_names=tuple(joints),
+        time_unit="s",
+        notes=(f"{len(names)} columns of the state, {len(joints)} of them joints of Pepper",),
+    )

@@ -1,0 +1,92 @@
+"""What a person says about a recording that its file does not say."""
+
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+import numpy as np
+
+from pepper_drake.errors import InputError
+
+LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "um": 1e-6, "in": 0.0254}
+"""Units of length and what each is in metres."""
+
+ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
+"""Units of angle and what each is in radians."""
+
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of time and what each is in seconds."""
+
+QUATERNIONS = ("wxyz", "xyzw")
+
+FRAMES = ("torso", "base_footprint")
+
+_CHOICES: dict[str, tuple[str, ...]] = {
+    "unit": tuple(LENGTHS),
+    "angle": tuple(ANGLES),
+    "time": tuple(TIMES),
+    "quaternion": QUATERNIONS,
+    "frame": FRAMES,
+    "arm": ("left", "right"),
+    "up": ("y", "z"),
+}
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """What the user says; None where the file is to say it.
+
+    Attributes:
+        unit: Of lengths: m, cm, mm, um or in.
+        angle: Of angles: rad or deg.
+        time: Of the time column: s, ms, us or ns.
+        quaternion: Order of its four columns: wxyz or xyzw.
+        frame: Frame of the positions: torso, or base_footprint (Pepper upright).
+        arm: Which arm moves: left or right.
+        up: Axis of the recording that points up: z, or y as motion capture has it; y becomes z,
+            and z becomes -y.
+        plane: Pose of the plane on which a two-dimensional path lies, in T: x, y, z [m], roll,
+            pitch, yaw [rad]. The path's coordinates are along the plane's x and y axes.
+        start: (3,) where the motion starts in T [m]; the whole motion is shifted there.
+        rate: Samples a second [Hz], where the file has no times.
+        track: Name or number (from 1) of the motion, where a file holds several.
+        drop_outliers: Leave out single samples that jump away and back, in place of refusing them.
+    """
+
+    unit: str | None = None
+    angle: str | None = None
+    time: str | None = None
+    quaternion: str | None = None
+    frame: str | None = None
+    arm: str | None = None
+    up: str | None = None
+    plane: tuple[float, ...] | None = None
+    start: tuple[float, ...] | None = None
+    rate: float | None = None
+    track: str | None = None
+    drop_outliers: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuses what is no choice."""
+        for name, choices in _CHOICES.items():
+            value = getattr(self, name)
+            if value is not None and value not in choices:
+                raise InputError(f"{name}: {value!r} is unknown; use one of {', '.join(choices)}")
+        for name, size in (("plane", 6), ("start", 3)):
+            value = getattr(self, name)
+            if value is not None and (np.shape(value) != (size,) or not np.isfinite(value).all()):
+                raise InputError(f"{name}: {value!r} must be {size} finite numbers")
+        if self.rate is not None and not 0.0 < self.rate < 1e6:
+            raise InputError(f"rate: {self.rate} Hz; give the samples a second, above 0")
+
+    @classmethod
+    def of(cls, **said: Any) -> Self:
+        """Makes options of keywords.
+
+        Raises:
+            InputError: A keyword is unknown, or its value is.
+        """
+        names = [field.name for field in fields(cls)]
+        for name in said:
+            if name not in names:
+                raise InputError(f"{name}: no such option; use some of {', '.join(names)}")
+        return cls(**said)

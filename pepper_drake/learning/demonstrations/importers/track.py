@@ -1,0 +1,74 @@
+"""A motion as a file has it, before its units, order and frame are known."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Lines = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """N samples; whatever the file does not say is None.
+
+    Attributes:
+        path: The file, for messages.
+        name: Of the motion.
+        kind: The format, in words.
+        times: (N,) in `time_unit`; None where the file has no times.
+        positions: (N, D) in `unit`, D from 1 to 3; None where only joints were recorded.
+        velocities: (N, D), by the units of positions and times.
+        accelerations: (N, D), by the units of positions and times.
+        rotations: (N, 4) quaternions in the order `quaternion`.
+        angles: (N, 3), (N, 6) or (N, 9) roll, pitch, yaw, then their rates and accelerations, in
+            `angle_unit`.
+        joints: (N, J) in `joint_unit`.
+        joint_names: J names, as in the file.
+        time_unit: s, ms, us, ns.
+        unit: m, cm, mm, um, in.
+        angle_unit: rad, deg.
+        joint_unit: rad, deg.
+        quaternion: wxyz or xyzw.
+        frame: Name of the frame of positions and rotations.
+        lines: (N,) lines of the file, where it has lines.
+        notes: What was found out and has to be said.
+        absolute: Times are those of a clock; the motion's begin is then its time 0.
+    """
+
+    path: Path
+    name: str
+    kind: str
+    times: Array | None
+    positions: Array | None = None
+    velocities: Array | None = None
+    accelerations: Array | None = None
+    rotations: Array | None = None
+    angles: Array | None = None
+    joints: Array | None = None
+    joint_names: tuple[str, ...] = ()
+    time_unit: str | None = None
+    unit: str | None = None
+    angle_unit: str | None = None
+    joint_unit: str | None = None
+    quaternion: str | None = None
+    frame: str | None = None
+    lines: Lines | None = None
+    notes: tuple[str, ...] = ()
+    absolute: bool = True
+
+    @property
+    def num_samples(self) -> int:
+        """N."""
+        for values in (self.times, self.positions, self.joints, self.rotations):
+            if values is not None:
+                return len(values)
+        return 0
+
+    def where(self, sample: int) -> str:
+        """Returns file and line of a sample, or its number where there are no lines."""
+        if self.lines is not None:
+            return f"{self.path}, line {self.lines[sample]}"
+        return f"{self.path}, sample {sample + 1}"

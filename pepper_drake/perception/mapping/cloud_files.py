@@ -1,0 +1,125 @@
+"""Reads point clouds from the files that other programs write: PCD, PLY, NPZ and NPY."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.files import read_bytes
+
+_LARGEST = 512 * 2**20
+"""Largest cloud file [bytes]."""
+_NAMES = ("positions", "points", "xyz", "xyzs", "arr_0")
+"""Names of arrays that hold points."""
+_FARTHEST_ROOM = 100.0
+"""Half of a cloud's points are nearer than this to its middle, if it is in metres [m]."""
+
+
+def load_cloud(path: str | Path, *, scale: float = 1.0) -> npt.NDArray[np.float64]:
+    """Reads the points of a cloud.
+
+    Args:
+        path: A `.pcd`, `.ply`, `.npz` or `.npy` file. An array is (P, 3); in an NPZ it is named
+            positions, points or xyz, or is the only one.
+        scale: Length of the file's unit [m].
+
+    Returns:
+        The finite points (P, 3) [m], in the file's frame.
+
+    Raises:
+        InputError: If the file is none of these, holds no points, or is not in metres by all
+            appearance; or the library that reads it is not installed.
+    """
+    path = Path(path)
+    readers = {".pcd": _pcd, ".ply": _ply, ".npz": _npz, ".npy": _npy}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path}: clouds are read from {', '.join(readers)} files.")
+    points = reader(path, io.BytesIO(read_bytes(path, _LARGEST)))
+    points = points[np.isfinite(points).all(axis=1)] * scale
+    if len(points) == 0:
+        raise InputError(f"{path}: holds no finite point.")
+    spread = float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+    if spread > _FARTHEST_ROOM:
+        raise InputError(
+            f"{path}: half of its points are more than {_FARTHEST_ROOM:g} m from its middle; give "
+            "the scale, such as 0.001 for millimetres."
+        )
+    return points
+
+
+def _columns(path: Path, table: Any, names: Any) -> npt.NDArray[np.float64]:
+    """Columns x, y and z of a structured array (P, 3)."""
+    missing = [name for name in "xyz" if name not in (names or ())]
+    if missing:
+        raise InputError(f"{path}: has no field {missing[0]}.")
+    return np.column_stack([np.asarray(table[name], dtype=float).ravel() for name in "xyz"])
+
+
+def _pcd(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
+    try:
+        from pypcd4 import PointCloud
+    except ImportError:
+        raise InputError(
+            f'{path}: PCD files are read by pypcd4; install it: pip install "pepper-drake[clouds]".'
+        ) from None
+    try:
+        cloud = PointCloud.from_fileobj(io.BufferedReader(file))
+        table, names = cloud.pc_data, cloud.fields
+    except Exception:  # The library raises whatever its parser ran into.
+        raise InputError(f"{path}: is no PCD file that can be read.") from None
+    return _columns(path, table, names)
+
+
+def _ply(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
+    try:
+        from plyfile import PlyData
+    except ImportError:
+        raise InputError(
+            f"{path}: PLY files are read by plyfile; install it: "
+            'pip install "pepper-drake[clouds]".'
+        ) from None
+    try:
+        vertices = PlyData.read(file)["vertex"].data
+    except Exception:  # The library raises whatever its parser ran into.
+        raise InputError(f"{path}: is no PLY file with vertices that can be read.") from None
+    return _columns(path, vertices, vertices.dtype.names)
+
+
+def _array(path: Path, array: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    if array.dtype.names:
+        return _columns(path, array, array.dtype.names)
+    if array.dtype.kind not in "iuf" or array.ndim < 2 or array.shape[-1] < 3:
+        raise InputError(
+            f"{path}: an array of {array.dtype} with shape {array.shape} holds no points; (P, 3) "
+            "numbers are read."
+        )
+    return np.asarray(array.reshape(-1, array.shape[-1])[:, :3], dtype=float)
+
+
+def _npz(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
+    try:
+        with np.load(file, allow_pickle=False) as arrays:
+            names = list(arrays.files)
+            known = [name for name in _NAMES if name in names] or names
+            if len(known) > 1 and known == names:
+                raise InputError(
+                    f"{path}: has {', '.join(names[:5])}; name the points positions, points or xyz."
+                )
+            array = arrays[known[0]] if known else np.zeros(0)
+    except InputError:
+        raise
+    except Exception:  # A damaged archive fails in many ways.
+        raise InputError(f"{path}: is no NPZ archive of arrays that can be read.") from None
+    return _array(path, array)
+
+
+def _npy(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
+    try:
+        array = np.load(file, allow_pickle=False)
+    except Exception:  # A damaged file fails in many ways.
+        raise InputError(f"{path}: is no NPY array that can be read.") from None
+    return _array(path, array)

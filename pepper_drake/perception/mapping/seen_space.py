@@ -1,0 +1,131 @@
+"""Space as free, occupied or unknown, with when it was seen.
+
+What was not measured is not free: a place is free if an image looked through it, occupied if
+something was seen there, and else unknown. The images themselves are kept, one for each view, since
+whether they look through a place can then be told for any place as precisely as they were taken.
+"""
+
+import enum
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
+
+Points = npt.NDArray[np.floating]
+
+_MOST_VIEWS = 32
+"""So many views are kept; the one that was seen longest ago goes first."""
+
+_MOST_ALIKE = 3
+"""So many views that show the same."""
+
+
+class SpaceState(enum.IntEnum):
+    """What is known of a place."""
+
+    UNKNOWN = 0
+    FREE = 1
+    OCCUPIED = 2
+
+
+@dataclass(frozen=True, eq=False)
+class SeenSpace:
+    """What is known of all places. Never changed once made.
+
+    Attributes:
+        voxels: Where something was seen.
+        views: Images that looked through what is free, the newest last.
+        parameters: How the map remembers: margins at which an image looks through a place.
+    """
+
+    voxels: VoxelMap
+    views: tuple[DepthFrame, ...] = ()
+    parameters: VoxelMapParameters = field(default_factory=VoxelMapParameters)
+
+    def __deepcopy__(self, memo: dict) -> "SeenSpace":
+        """Returns itself: Drake copies the state at each event, and this never changes."""
+        return self
+
+    def with_view(self, view: DepthFrame, voxels: VoxelMap) -> "SeenSpace":
+        """Returns what is known after one more image.
+
+        Of views that show the same only the newest few are kept: more than one, since each loses
+        other pixels.
+
+        Args:
+            view: The image; one without pixels shows nothing.
+            voxels: The map with the image taken in.
+        """
+        if view.depth.size == 0:
+            return replace(self, voxels=voxels)
+        alike = [one for one in self.views if view.is_like(one)][: 1 - _MOST_ALIKE]
+        others = tuple(one for one in self.views if not any(one is old for old in alike))
+        return replace(self, voxels=voxels, views=(*others, view)[-_MOST_VIEWS:])
+
+    def states(
+        self, p_W: Points, time: float
+    ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float64]]:
+        """Tells what is known of places.
+
+        A place nearer to something seen than an image can tell from it counts as occupied.
+
+        Args:
+            p_W: Places (N, 3) in W [m].
+            time: Now [s].
+
+        Returns:
+            `SpaceState` of each (N,), and the time since that was seen (N,) [s], infinite where
+            nothing is known.
+        """
+        p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
+        state = np.zeros(len(p_W), np.uint8)
+        age = np.full(len(p_W), np.inf)
+        left = np.arange(len(p_W))
+        for view in reversed(self.views):
+            if not len(left):
+                break
+            free = view.sees_free_space(p_W[left], self.parameters)
+            state[left[free]] = SpaceState.FREE
+            age[left[free]] = time - view.time
+            left = left[~free]
+        if len(self.voxels) and len(p_W):
+            reach = self.parameters.voxel_size + self.parameters.carve_margin
+            tree = cKDTree(self.voxels.positions)
+            distance, nearest = tree.query(p_W, distance_upper_bound=reach)
+            near = np.isfinite(distance)
+            state[near] = SpaceState.OCCUPIED
+            age[near] = time - self.voxels.hit_times[np.asarray(nearest)[near]]
+        return state, age
+
+    def unseen(self, p_W: Points, time: float, *, oldest: float) -> npt.NDArray[np.bool_]:
+        """Tells which places were not seen lately: unknown, or free and seen too long ago.
+
+        What is occupied is seen, however long ago: obstacles are remembered.
+
+        Args:
+            p_W: Places (N, 3) in W [m].
+            time: Now [s].
+            oldest: Time since a place was seen to be free up to which that counts [s].
+        """
+        state, age = self.states(p_W, time)
+        return (state == SpaceState.UNKNOWN) | ((state == SpaceState.FREE) & (age > oldest))
+
+
+def describe_place(p_T: Points) -> str:
+    """Says in words where a place is, from where the robot stands.
+
+    Args:
+        p_T: The place (3,) in the torso's frame (x ahead, y to the left, z up) [m].
+
+    Returns:
+        Such as "0.42 m ahead, 0.10 m to the right, 0.05 m below the torso's middle".
+    """
+    x, y, z = (float(value) for value in np.asarray(p_T))
+    along = f"{abs(x):.2f} m {'ahead' if x >= 0 else 'behind'}"
+    aside = f"{abs(y):.2f} m to the {'left' if y >= 0 else 'right'}"
+    up = f"{abs(z):.2f} m {'above' if z >= 0 else 'below'} the torso's middle"
+    return f"{along}, {aside}, {up}"

@@ -1,0 +1,46 @@
+"""One figure of a demonstration before anything is learned from it."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pepper_drake.learning.demonstrations.arm_chain import ARMS, arm_chain
+from pepper_drake.learning.demonstrations.check import DemonstrationReport
+from pepper_drake.learning.demonstrations.demonstration import Demonstration
+
+_AXES = ("x", "y", "z")
+_COLORS = ("tab:red", "tab:green", "tab:blue")
+
+
+def draw_demonstration(demonstration: Demonstration, report: DemonstrationReport) -> Figure:
+    """Draws positions, speed, distance from the shoulder and the time between samples.
+
+    Args:
+        demonstration: What was read.
+        report: What was measured of it; its warnings stand below the title.
+    """
+    figure = Figure(figsize=(11, 8), layout="constrained")
+    title = (
+        f"{report.name}: {report.samples} samples at {report.rate:.3g} Hz, {report.duration:.2f} s"
+    )
+    figure.suptitle("\n".join([title, *report.warnings[:4]]), fontsize=10)
+    grid = figure.add_gridspec(2, 2)
+    t, p = demonstration.times, demonstration.positions
+    axes = figure.add_subplot(grid[0, 0])
+    for k, name in enumerate(_AXES):
+        axes.plot(t, p[:, k], color=_COLORS[k], label=name, marker="." if len(t) < 50 else "")
+    axes.set(xlabel="time [s]", ylabel="position in the torso frame [m]")
+    axes.legend()
+    axes = figure.add_subplot(grid[0, 1])
+    axes.plot(t, np.linalg.norm(demonstration.velocities, axis=1), color="tab:purple")
+    axes.set(xlabel="time [s]", ylabel="speed [m/s]")
+    axes = figure.add_subplot(grid[1, 0])
+    for arm in ARMS:
+        away = np.linalg.norm(p - arm_chain(arm).shoulder, axis=1)
+        axes.plot(t, away, label=f"from the {arm} shoulder")
+    axes.axhline(report.arm_reach, color="black", linestyle="--", label="the arm reaches")
+    axes.set(xlabel="time [s]", ylabel="distance [m]")
+    axes.legend()
+    axes = figure.add_subplot(grid[1, 1])
+    axes.plot(t[1:], 1000.0 * np.diff(t), color="tab:gray")
+    axes.set(xlabel="time [s]", ylabel="time between samples [ms]")
+    return figure

@@ -1,0 +1,161 @@
+"""YAML as anybody may hand it in: read within limits, with numbers written in one way only.
+
+Plain data, no aliases and no tags of its own, one document a file. A number is what everybody takes
+for one: YAML 1.1 also reads `1:30` as 90, `0x10` as 16, `010` as 8 and `1_0` as 10; here these are
+texts, which do not fit where a number belongs.
+"""
+
+import re
+from pathlib import Path
+from typing import Any, ClassVar
+
+import yaml
+
+from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
+
+_DEEPEST = 20
+"""Levels of lists and mappings that a file may have; ours have at most eight."""
+
+_MOST_NODES = 400_000
+"""Values that a file may have: a hundred times a large primitive."""
+
+_MOST_DIGITS = 15
+"""Digits of a whole number: more would not survive as a floating-point number."""
+
+_PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+_DIGIT = r"[0-9]"
+_TAGS = {
+    "tag:yaml.org,2002:null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    "tag:yaml.org,2002:bool": (r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    "tag:yaml.org,2002:int": (
+        rf"[-+]?(?:0|[1-9]{_DIGIT}{{0,{_MOST_DIGITS - 1}}})",
+        list("-+0123456789"),
+    ),
+    "tag:yaml.org,2002:float": (
+        rf"[-+]?(?:(?:0|[1-9]{_DIGIT}*)(?:\.{_DIGIT}*)?|\.{_DIGIT}+)(?:[eE][-+]?{_DIGIT}{{1,3}})?"
+        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+        list("-+.0123456789"),
+    ),
+}
+"""What plain words mean, as in YAML 1.2."""
+
+
+class Loader(_PARSER):  # type: ignore[misc, valid-type]
+    """Loads plain data, as YAML 1.2 reads words and numbers."""
+
+    yaml_implicit_resolvers: ClassVar[dict[str, list[tuple[str, re.Pattern[str]]]]] = {}
+
+
+for _tag, (_pattern, _first) in _TAGS.items():
+    Loader.add_implicit_resolver(_tag, re.compile(f"(?:{_pattern})\\Z"), _first)
+Loader.add_constructor("tag:yaml.org,2002:int", lambda loader, node: int(node.value))
+Loader.add_constructor("tag:yaml.org,2002:float", lambda loader, node: number_of(node.value))
+
+
+def number_of(text: str) -> float:
+    """Returns the number that a YAML scalar stands for, including `.nan` and `-.inf`."""
+    word = text.lower()
+    return float(word.replace(".inf", "inf").replace(".nan", "nan"))
+
+
+def compose(text: str, name: str) -> yaml.Node | None:
+    """Returns the nodes of YAML text; None if there is nothing in it.
+
+    Args:
+        text: The YAML.
+        name: Where it comes from, for the sentence that says what is wrong.
+
+    Raises:
+        InputError: It is no YAML, has aliases, tags, or a key twice, or is deeper or longer than
+            any of our files.
+    """
+    try:
+        _check_events(text, name)
+        loader = Loader(text)
+        try:
+            root = loader.get_single_node()
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise InputError(f"{name} line {line}: not valid YAML ({error.problem})") from None
+    except yaml.YAMLError as error:
+        raise InputError(f"{name}: not valid YAML ({error})") from None
+    except ValueError as error:  # Escapes that stand for no character.
+        raise InputError(f"{name}: not valid YAML ({error})") from None
+    if root is not None:
+        _check_keys(root, name)
+    return root
+
+
+def construct(root: yaml.Node, name: str) -> Any:
+    """Returns the plain data of nodes that `compose` returned."""
+    loader = Loader("")
+    try:
+        return loader.construct_document(root)
+    except (yaml.YAMLError, ValueError, TypeError) as error:
+        raise InputError(f"{name}: not valid YAML ({error})") from None
+    finally:
+        loader.dispose()
+
+
+def read_yaml(path: Path, limit: int) -> Any:
+    """Returns the plain data of a YAML file.
+
+    Args:
+        path: The file.
+        limit: Largest size [bytes].
+
+    Raises:
+        InputError: As `read_text` and `compose`.
+    """
+    root = compose(read_text(path, limit), str(path))
+    return None if root is None else construct(root, str(path))
+
+
+def _check_events(text: str, name: str) -> None:
+    """Looks at what the parser meets, one after the other, before anything is built of it."""
+    depth = documents = 0
+    for count, event in enumerate(yaml.parse(text, Loader=_PARSER)):
+        line = event.start_mark.line + 1 if event.start_mark else 1
+        if isinstance(event, yaml.AliasEvent):
+            raise InputError(f"{name} line {line}: aliases (*) are not read; write it out")
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > _DEEPEST:
+                raise InputError(f"{name} line {line}: nested too deeply to be a file of settings")
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        elif isinstance(event, yaml.DocumentStartEvent):
+            documents += 1
+            if documents > 1:
+                raise InputError(f"{name} line {line}: a second document; a file has one")
+        if getattr(event, "tag", None) is not None:
+            raise InputError(f"{name} line {line}: tags (!) are not read; leave it out")
+        if count > _MOST_NODES:
+            raise InputError(f"{name}: more than {_MOST_NODES} values; give a smaller file")
+
+
+def _check_keys(root: yaml.Node, name: str) -> None:
+    """Checks that keys are texts, each once."""
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, yaml.SequenceNode):
+            waiting += node.value
+        elif isinstance(node, yaml.MappingNode):
+            seen = set()
+            for key, value in node.value:
+                line = key.start_mark.line + 1
+                if not isinstance(key, yaml.ScalarNode):
+                    raise InputError(
+                        f"{name} line {line}: a list or mapping stands where a field's name should"
+                    )
+                if key.value in seen:
+                    raise InputError(
+                        f'{name} line {line}: "{key.value}" is there twice; leave one out'
+                    )
+                seen.add(key.value)
+                waiting.append(value)

@@ -1,0 +1,261 @@
+"""What the numbers of a file mean: read rightly, or refused with the mend."""
+
+import numpy as np
+import pytest
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning import Demonstration, MovementPrimitive
+from pepper_drake.learning import rotations as so3
+from pepper_drake.learning.demonstrations.arm_chain import arm_chain
+from pepper_drake.learning.demonstrations.demonstration_files import (
+    read_demonstrations,
+    read_joint_recording,
+)
+
+from .importers.recordings import NAMES, make_motion, table, turn, write, xyzw
+
+MOTION = make_motion()
+T, P, Q, J = MOTION.times, MOTION.positions, MOTION.rotations, MOTION.joints
+V, A = MOTION.velocities, MOTION.accelerations
+LEFT = arm_chain("left").joint_names
+REST = np.tile([1.55, 0.14, -1.22, -0.52, 0.0], (len(T), 1))
+XYZ, JOINTS = "time,x,y,z", ",".join(["time", *NAMES])
+
+
+def hurt(values, sample, new):
+    changed = np.array(values)
+    changed[sample] = new
+    return changed
+
+
+def rows(*columns):
+    return table(*columns, separator=" ")
+
+
+READ = {
+    "millimetres, told": (rows(T, 1e3 * P), {"unit": "mm"}),
+    "centimetres, told": (rows(T, 1e2 * P), {"unit": "cm"}),
+    "milliseconds, told": (rows(1e3 * T, P), {"time": "ms"}),
+    "units in the names": (table(1e3 * T, 1e3 * P, header="time_ms,x_mm,y_mm,z_mm"), {}),
+    "a clock in nanoseconds": (rows(1.7e18 + 1e9 * T, P), {}),
+    "no times, a rate": (table(P, header="x,y,z"), {"rate": 50.0}),
+    "above the floor, told": (rows(T, P + [0, 0, 0.82]), {"frame": "base_footprint"}),
+    "y is up, told": (table(T, P[:, [0, 2, 1]] * [1, 1, -1], header=XYZ), {"up": "y"}),
+    "another place, told": (rows(T, P + [3.0, 1.0, 0.5]), {"start": tuple(P[0])}),
+    "velocities in other units left out": (
+        table(T, P, 1e3 * V, header=f"{XYZ},vx [mm/s],vy [mm/s],vz [mm/s]"),
+        {},
+    ),
+    "joints alone": (table(T, J, header=JOINTS), {}),
+    "joints in degrees, told": (table(T, np.degrees(J), header=JOINTS), {"angle": "deg"}),
+    "the arm that moves": (table(T, REST, J, header=",".join(["time", *LEFT, *NAMES])), {}),
+    "an outlier, to be left out": (rows(T, hurt(P, 50, P[50] + 0.1)), {"drop_outliers": True}),
+    "names of ALMemory": (
+        table(
+            T,
+            np.repeat(J, 2, axis=1) + np.tile([0.3, 0.0], 5),
+            header=",".join(
+                [
+                    "time",
+                    *(
+                        f"Device/SubDeviceList/{name}/Position/{kind}/Value"
+                        for name in NAMES
+                        for kind in ("Actuator", "Sensor")
+                    ),
+                ]
+            ),
+        ),
+        {},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_read_rightly(name, tmp_path):
+    text, said = READ[name]
+    demo = Demonstration.load(write(tmp_path / "motion.csv", text), **said)
+    at = np.linspace(0.0, 1.0, 20)
+    own = [np.interp(at * demo.duration, demo.times - demo.times[0], p) for p in demo.positions.T]
+    shown = [np.interp(at * T[-1], T, p) for p in P.T]
+    np.testing.assert_allclose(own, shown, atol=1e-3)
+    assert demo.duration == pytest.approx(T[-1], rel=1e-3)
+    if demo.joints is not None:
+        assert demo.joint_names == NAMES
+        np.testing.assert_allclose(demo.joints, J, atol=1e-9)
+
+
+REFUSED = {
+    "millimetres": (rows(T, 1e3 * P), r"line \d+: .*--unit mm"),
+    "centimetres": (rows(T, 1e2 * P), r"line \d+: .*--unit cm"),
+    "milliseconds": (rows(1e3 * T, P), r"line \d+: .*--time ms"),
+    "samples counted": (rows(np.arange(len(T)), P), "counts the samples.*--rate"),
+    "no times": (rows(P), "no times in it.*--rate"),
+    "a path of two dimensions": (rows(T, P[:, :2]), "two dimensions.*--plane"),
+    "two dimensions that pass for three": (
+        rows(T, P[:, :2], V[:, :2], A[:, :2]),
+        "two dimensions.*--plane",
+    ),
+    "one dimension": (rows(T, P[:, :1], V[:, :1], A[:, :1]), "one dimension.*derivatives"),
+    "four dimensions": (
+        rows(T, P, P[:, :1], V, V[:, :1], A, A[:, :1]),
+        "4 dimensions without names",
+    ),
+    "velocities in mm/s": (rows(T, P, 1e3 * V), "velocities are not the derivatives"),
+    "velocities of zero": (rows(T, P, 0 * V), "velocities are not the derivatives"),
+    "accelerations that are velocities": (rows(T, P, V, V), "accelerations are not the deriv"),
+    "a sample lost to zero": (rows(T, hurt(P, 50, 0.0)), "line 51: a jump to 0 0 0"),
+    "a first sample of zero": (rows(T, hurt(P, 0, 0.0)), "line 1: a jump to 0 0 0"),
+    "four samples lost": (rows(T, hurt(P, slice(50, 54), 0.0)), r"line 51: .*\(4 such\)"),
+    "an outlier": (rows(T, hurt(P, 50, P[50] + 0.1)), "line 51: an outlier.*--drop-outliers"),
+    "a jump": (rows(T, hurt(P, slice(50, None), P[50:] + 0.2)), "line 51: a jump of 35 cm"),
+    "an order that is not said": (
+        table(T, P + [0.3, 0.5, 0.2], xyzw(MOTION), separator=" "),
+        "--quaternion wxyz or --quaternion xyzw",
+    ),
+    "angles in degrees": (
+        table(T, P, np.degrees(so3.to_angles(Q)), header=f"{XYZ},roll,pitch,yaw"),
+        r"line \d+: an angle of .*--angle deg",
+    ),
+    "joints in degrees": (
+        table(T, np.degrees(J), header=JOINTS),
+        r"line \d+: joint RShoulderPitch .*--angle deg",
+    ),
+    "four joints": (table(T, J[:, :4], header=JOINTS.rpartition(",")[0]), "all five joints"),
+    "joints of another robot": (
+        table(T, J, header="time," + ",".join(f"panda_joint{k}" for k in range(1, 6))),
+        "no motion among the columns",
+    ),
+    "two arms that move": (
+        table(T, J * [1, -1, -1, -1, -1], J, header=",".join(["time", *LEFT, *NAMES])),
+        "both arms' joints move.*--arm",
+    ),
+    "an arm that rests beside half of one that moves": (
+        table(T, REST, J[:, :4], header=",".join(["time", *LEFT, *NAMES[:4]])),
+        "the right arm moves, but RWristYaw",
+    ),
+    "the same time twice": (
+        table(np.insert(T, 9, T[9]), np.insert(P, 9, P[9], axis=0), header=XYZ),
+        "line 12: time .* each time once",
+    ),
+    "x in m and y in mm": (
+        table(T, P * [1, 1e3, 1], header="time,x [m],y [mm],z [m]"),
+        "different units",
+    ),
+    "three columns of a quaternion": (
+        table(T, P, Q[:, 1:], header=f"{XYZ},qx,qy,qz"),
+        "line 1: a quaternion with 3 columns",
+    ),
+    "two bodies": (
+        table(T, P, P + 0.1, header="time,hand_x,hand_y,hand_z,head_x,head_y,head_z"),
+        "2 motions in it.*motion_hand, motion_head.*--track",
+    ),
+    "a header alone": (XYZ + "\n", "a header without rows"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused_with_the_mend(name, tmp_path):
+    text, words = REFUSED[name]
+    path = write(tmp_path / "motion.csv", text)
+    with pytest.raises(InputError, match=words) as caught:
+        Demonstration.load(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def folder(path, positions=P, angles=None, joints=J):
+    write(path / "translation.txt", rows(T, positions))
+    if angles is not None:
+        write(path / "rotation.txt", rows(T, angles))
+    if joints is not None:
+        write(path / "joints.csv", table(T, joints, header=JOINTS))
+    return path
+
+
+def test_hand_and_joints_that_disagree_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"82 cm from the positions.*base_footprint"):
+        Demonstration.load(folder(tmp_path / "floor", P + [0, 0, 0.82]))
+    with pytest.raises(InputError, match=r"the hand and the joints disagree"):
+        Demonstration.load(folder(tmp_path / "other", P[::-1]))
+    with pytest.raises(InputError, match="the orientation and the joints disagree"):
+        Demonstration.load(folder(tmp_path / "yaw first", angles=so3.to_angles(Q)[:, ::-1]))
+
+
+def test_what_is_in_degrees_is_found_by_forward_kinematics(tmp_path):
+    angles = so3.to_angles(Q)
+    for one, other in (
+        (folder(tmp_path / "joints", angles=angles, joints=np.degrees(J)), "joints"),
+        (folder(tmp_path / "angles", angles=np.degrees(angles)), "orientation"),
+    ):
+        demo = Demonstration.load(one, angle="deg")
+        np.testing.assert_allclose(demo.joints, J, atol=1e-9, err_msg=other)
+        assert turn(demo.rotations, Q).max() < 1e-9
+
+
+def test_a_pose_file_with_w_last_is_told_by_the_arm_that_reaches_it(tmp_path):
+    path = write(tmp_path / "tum_pose.txt", rows(T, P, xyzw(MOTION)))
+    demo = Demonstration.load(path)
+    assert turn(demo.rotations, Q).max() < 1e-9
+    assert any("xyzw" in note for note in demo.notes)
+
+
+def test_a_path_of_two_dimensions_lies_on_the_plane_that_is_given(tmp_path):
+    path = write(tmp_path / "flat.txt", rows(T, P[:, :2]))
+    place = np.array([0.1, -0.2, 0.05])
+    demo = Demonstration.load(path, plane=(*place, 0.3, 0.0, 0.0))
+    normal = np.array([0.0, -np.sin(0.3), np.cos(0.3)])
+    np.testing.assert_allclose((demo.positions - place) @ normal, 0.0, atol=1e-12)
+    lengths = np.linalg.norm(np.diff(demo.positions, axis=0), axis=1)
+    np.testing.assert_allclose(lengths, np.linalg.norm(np.diff(P[:, :2], axis=0), axis=1))
+
+
+def test_all_motions_of_a_file_or_one_by_name_or_number(tmp_path):
+    header = "time,hand_x,hand_y,hand_z,tip_x,tip_y,tip_z"
+    path = write(tmp_path / "take.csv", table(T, P, P + 0.05, header=header))
+    both = read_demonstrations(path)
+    assert [demo.name for demo in both] == ["take_hand", "take_tip"]
+    for track in ("take_tip", "2"):
+        demo = Demonstration.load(path, track=track)
+        np.testing.assert_allclose(demo.positions, P + 0.05)
+    with pytest.raises(InputError, match="no motion 'foot' in it; there are take_hand"):
+        Demonstration.load(path, track="foot")
+
+
+def test_joints_of_any_number_are_read_without_a_hand(tmp_path):
+    path = write(tmp_path / "two.csv", table(T, J[:, [3, 0]], header="t,RElbowRoll,RShoulderPitch"))
+    recording = read_joint_recording(path)
+    assert recording.names == ("RElbowRoll", "RShoulderPitch")
+    np.testing.assert_allclose(recording.joints, J[:, [3, 0]])
+    with pytest.raises(InputError, match="no joints of Pepper"):
+        read_joint_recording(write(tmp_path / "hand.csv", table(T, P, header=XYZ)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("deviation", [0.0003, 0.001, 0.003])
+def test_noise_is_filtered_as_recordings_are(tmp_path, seed, deviation):
+    noise = np.random.default_rng(seed).normal(0.0, deviation, P.shape)
+    demo = Demonstration.load(write(tmp_path / "noisy.txt", rows(T, P + noise)))
+    assert "smoothed" in demo.notes[-1]
+    assert np.linalg.norm(demo.velocities[[0, -1]], axis=1).max() < 0.05
+    path = MovementPrimitive.fit(demo).rollout()
+    assert np.abs(path.accelerations).max() < 8.0
+    own = np.column_stack([np.interp(T, path.times, p) for p in path.positions.T])
+    assert np.linalg.norm(own - P, axis=1).max() < 4 * deviation
+
+
+def test_without_noise_nothing_is_filtered(tmp_path):
+    demo = Demonstration.load(write(tmp_path / "clean.txt", rows(T, P)))
+    np.testing.assert_array_equal(demo.positions, P)
+    assert not any("smoothed" in note for note in demo.notes)
+
+
+def test_options_that_are_no_choice_are_refused(tmp_path):
+    path = write(tmp_path / "motion.txt", rows(T, P))
+    for said, words in (
+        ({"unit": "yd"}, "unit: 'yd' is unknown; use one of m, cm"),
+        ({"units": "mm"}, "units: no such option; use some of unit"),
+        ({"plane": (1, 2)}, "plane: .* must be 6 finite"),
+        ({"rate": 0.0}, "rate: 0.0 Hz"),
+    ):
+        with pytest.raises(InputError, match=words):
+            Demonstration.load(path, **said)

@@ -1,0 +1,133 @@
+import copy
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters, update_obstacles
+from pepper_drake.perception.mapping.seen_space import SeenSpace, SpaceState, describe_place
+from pepper_drake.perception.mapping.voxel_map import VoxelMap
+
+CAMERA = CAMERA_DEPTH.intrinsics
+HOME = RigidTransform([0.0, 0.0, 1.0])  # Looks up along +z, from above the floor.
+AWAY = HOME @ RigidTransform(RollPitchYaw(0, np.pi / 2, 0), [0, 0, 0])
+FREE, OCCUPIED, UNKNOWN = SpaceState.FREE, SpaceState.OCCUPIED, SpaceState.UNKNOWN
+
+
+def image(board=True):
+    """A wall 1.2 m away with a board 0.8 m away before its left half, and a hole."""
+    depth = np.full((CAMERA.height, CAMERA.width), 1.2, np.float32)
+    if board:
+        depth[:, :160] = 0.8
+    depth[100:140, 250:290] = 0
+    return depth
+
+
+def seen(*frames):
+    space, voxels = SeenSpace(VoxelMap.empty()), VoxelMap.empty()
+    for depth, time, X_WC in frames:
+        view = DepthFrame(depth, X_WC, time, CAMERA)
+        voxels = update_obstacles(voxels, depth, time, X_WC, CAMERA, [], ObstacleParameters())
+        space = space.with_view(view, voxels)
+    return space
+
+
+def at(column, row, z):
+    """A place in W on a pixel's ray at a depth."""
+    ray = [(column - CAMERA.center_x) / CAMERA.focal_x, (row - CAMERA.center_y) / CAMERA.focal_y, 1]
+    return HOME @ (z * np.array(ray))
+
+
+PLACES = {
+    "before the board": (at(80, 120, 0.6), FREE),
+    "on the board": (at(80, 120, 0.8), OCCUPIED),
+    "just before it": (at(80, 120, 0.785), OCCUPIED),
+    "behind it": (at(80, 120, 1.0), UNKNOWN),
+    "before the wall": (at(220, 60, 1.0), FREE),
+    "nearer than the near limit": (at(220, 60, 0.2), FREE),
+    "in the hole": (at(270, 120, 1.0), UNKNOWN),
+    "beyond the wall": (at(220, 60, 1.5), UNKNOWN),
+    "behind the camera": (HOME @ np.array([0, 0, -0.5]), UNKNOWN),
+    "beside the image": (HOME @ np.array([2.0, 0, 1.0]), UNKNOWN),
+}
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_places_are_free_occupied_or_unknown(name):
+    place, expected = PLACES[name]
+    state, age = seen((image(), 1.0, HOME)).states(place[None], 1.5)
+    assert state[0] == expected
+    assert age[0] == (np.inf if expected == UNKNOWN else pytest.approx(0.5))
+
+
+def test_all_at_once_are_as_one_by_one():
+    space = seen((image(), 1.0, HOME))
+    places = np.array([place for place, _ in PLACES.values()])
+    state, _ = space.states(places, 2.0)
+    np.testing.assert_array_equal(state, [expected for _, expected in PLACES.values()])
+    assert space.states(np.zeros((0, 3)), 2.0)[0].shape == (0,)
+
+
+def test_before_the_first_image_all_is_unknown():
+    space = SeenSpace(VoxelMap.empty())
+    state, age = space.states(np.zeros((3, 3)), 0.0)
+    assert (state == UNKNOWN).all()
+    assert np.isinf(age).all()
+
+
+def test_what_was_seen_stays_known_with_its_age_while_the_camera_looks_elsewhere():
+    space = seen((image(), 1.0, HOME), (image(board=False), 3.0, AWAY))
+    state, age = space.states(np.array([PLACES["before the board"][0]]), 4.0)
+    assert state[0] == FREE
+    assert age[0] == pytest.approx(3.0)
+    assert space.unseen(PLACES["before the board"][0], 4.0, oldest=2.0).all()
+    assert not space.unseen(PLACES["before the board"][0], 4.0, oldest=3.5).any()
+
+
+def test_the_newest_image_decides_when():
+    space = seen(*((image(), 1.0 + 0.2 * k, HOME) for k in range(6)))
+    assert len(space.views) == 3
+    assert space.states(np.array([PLACES["before the board"][0]]), 2.1)[1][0] == pytest.approx(0.1)
+
+
+def test_what_one_image_lost_another_shows():
+    lost = image()
+    lost[:, 200:240] = 0
+    space = seen((image(), 1.0, HOME), (lost, 1.2, HOME))
+    state, age = space.states(PLACES["before the wall"][0][None], 1.3)
+    assert state[0] == FREE
+    assert age[0] == pytest.approx(0.3)
+
+
+def test_what_came_is_occupied_though_it_was_free():
+    board = at(80, 120, 0.8)
+    before = seen((image(board=False), 1.0, HOME))
+    assert before.states(board[None], 1.1)[0][0] == FREE
+    after = seen((image(board=False), 1.0, HOME), (image(), 1.2, HOME))
+    assert after.states(board[None], 1.3)[0][0] == OCCUPIED
+    # Behind it is what was looked through before: the age tells when.
+    assert after.states(at(80, 120, 1.0)[None], 1.3)[1][0] == pytest.approx(0.3)
+
+
+def test_occupied_places_are_never_unseen():
+    space = seen((image(), 1.0, HOME))
+    assert not space.unseen(PLACES["on the board"][0], 1000.0, oldest=1.0).any()
+    assert space.unseen(PLACES["behind it"][0], 1.0, oldest=1.0).all()
+
+
+def test_the_number_of_views_is_bounded():
+    frames = [
+        (image(), 0.2 * k, HOME @ RigidTransform(RollPitchYaw(0, 0.16 * k, 0), [0, 0, 0]))
+        for k in range(40)
+    ]
+    space = seen(*frames)
+    assert len(space.views) <= 32
+    assert space.views[-1].time == pytest.approx(39 * 0.2)
+    assert copy.deepcopy(space) is space
+
+
+def test_places_are_described_from_where_the_robot_stands():
+    words = describe_place(np.array([0.421, -0.1, -0.05]))
+    assert words == "0.42 m ahead, 0.10 m to the right, 0.05 m below the torso's middle"

@@ -1,0 +1,48 @@
+"""A sample of `scripts/fuzz.py`: corrupted files are accepted or refused, and no more."""
+
+import random
+import runpy
+from pathlib import Path
+
+import pytest
+
+from pepper_drake.errors import InputError
+
+FUZZ = runpy.run_path(str(Path(__file__).parents[1] / "scripts" / "fuzz.py"))
+FORMATS = FUZZ["formats"]()
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_good_file_is_accepted(tmp_path, name):
+    FORMATS[name].read(FORMATS[name].make(tmp_path))
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_corrupted_files_are_accepted_or_refused_in_one_line(tmp_path, name):
+    seen = set()
+    for number in range(12):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        outcome, words = FUZZ["try_one"](FORMATS[name], f"test {name} {number}", folder)
+        assert outcome in ("accepted", "refused"), (number, words)
+        seen.add(outcome)
+    assert "refused" in seen
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_what_is_no_file_is_refused_at_once(tmp_path, name):
+    path = FORMATS[name].make(tmp_path)
+    path.unlink()
+    path.symlink_to("/dev/zero")
+    with pytest.raises(InputError):
+        FORMATS[name].read(path)
+
+
+def test_corruption_is_the_same_each_time(tmp_path):
+    contents = []
+    for folder in (tmp_path / "one", tmp_path / "two"):
+        folder.mkdir()
+        path = FORMATS["scene"].make(folder)
+        FUZZ["corrupt"](path, random.Random("same"))
+        contents.append(path.read_bytes())
+    assert contents[0] == contents[1]
