@@ -18,9 +18,9 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
-from tqdm import tqdm
 
 from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.models.scene import Scene, save_scene
@@ -34,12 +34,8 @@ from pepper_drake.systems.framework import Diagram, build
 
 Vector = npt.NDArray[np.float64]
 
-_SLICE = 0.1
-"""How often a run is looked at from outside, s of simulated time."""
 _LONGEST = 60.0
 """No reach takes longer, s of simulated time."""
-_KEEP_PERIOD = 0.8
-"""Wall time from when a run was kept until it is kept again [s]; a slice comes on top."""
 
 
 @dataclass
@@ -131,36 +127,30 @@ class ReachSimulation:
             self.reaching.station.renderer.wait_until_ready()
         if self._visualizer is not None and options.record:
             self._visualizer.StartRecording(False)
-        wall = 0.0
-        kept = time.monotonic()
-        progress = tqdm(
-            total=None,
-            desc="looking",
-            unit=" s",
-            bar_format="{desc:10s} {n:5.1f} s simulated, {elapsed} elapsed",
-            disable=not options.progress,
-            leave=False,
-        )
-        mode = ReachMode.LOOKING
-        while mode not in (ReachMode.DONE, ReachMode.FAILED):
-            now = self.simulator.get_context().get_time()
-            if now >= _LONGEST or options.should_stop():
-                break
-            started = time.perf_counter()
-            self._advance(now + _SLICE)
-            wall += time.perf_counter() - started
-            if self._fault:
-                break
+        began, mode = time.perf_counter(), ReachMode.LOOKING
+
+        def watch() -> bool:
+            nonlocal mode
             previous, mode = mode, self.mode()
             if mode == ReachMode.REACHING and previous != mode:
                 self._look_at_cloud()
-            progress.set_description(mode.name.lower())
-            progress.update(_SLICE)
-            if options.keep is not None and time.monotonic() - kept > _KEEP_PERIOD:
-                options.keep(self._result(wall))
-                kept = time.monotonic()
-        progress.close()
-        self._is_over = not options.should_stop()
+            return mode in (ReachMode.DONE, ReachMode.FAILED)
+
+        def keep() -> None:
+            if options.keep is not None:
+                options.keep(self._result(time.perf_counter() - began))
+
+        end = simulate(
+            self.simulator,
+            _LONGEST,
+            watch=watch,
+            should_stop=options.should_stop,
+            keep=keep,
+            progress=options.progress,
+            title=lambda: mode.name.lower(),
+        )
+        self._fault, wall = end.fault, end.wall_seconds
+        self._is_over = not end.stopped
         self._draw_paths()
         html = None
         if self._visualizer is not None and options.record:
@@ -174,14 +164,6 @@ class ReachSimulation:
         """What there is of the run now."""
         log = self._log()
         return ReachResult(self.reaching.scene, self._report(log, wall), log, html)
-
-    def _advance(self, time: float) -> None:
-        """Simulates up to a time; keeps what Drake says when its solver finds no step."""
-        try:
-            self.simulator.AdvanceTo(time)
-        except RuntimeError as error:
-            now = self.simulator.get_context().get_time()
-            self._fault = f"the simulation cannot go on at {now:.2f} s: {error}".splitlines()[0]
 
     def _look_at_cloud(self) -> None:
         """Measures the cloud with which the arm starts, and draws it."""
