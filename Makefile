@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup reach faults test lint bench clean
+.PHONY: help setup reach faults test lint docs bench clean
 
 help: ## List the targets.
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -33,6 +33,12 @@ lint: $(STAMP) ## Check format, lint and types.
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
+
+# Material for MkDocs announces its successor at each build; that is no warning about our pages.
+docs: export NO_MKDOCS_2_WARNING = 1
+docs: $(STAMP) ## Build the docs site in out/site; a warning fails it.
+	@$(BIN)/mkdocs build --strict --quiet
+	@echo "out/site/index.html"
 
 bench: $(STAMP) ## Measure speed, as ratios within one run.
 	@$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only $(ARGS)

@@ -9,13 +9,26 @@ from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_faults
 from pepper_drake.systems.faults.fault_injector import FaultSet
 
 
-def add_robot_options(parser: ArgumentParser) -> None:
-    """Adds `--robot` and `--fault`."""
+def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> None:
+    """Adds `--robot` and `--fault`.
+
+    Args:
+        parser: An app's.
+        addresses: Whether a robot at an address may be named, too.
+    """
     parser.add_argument(
         "--robot",
-        choices=ROBOTS,
+        type=str,
+        choices=None if addresses else ROBOTS,
+        metavar="ideal|worn|ADDRESS" if addresses else None,
         default="ideal",
-        help="worn: joints with slack, encoders with offsets, cameras mounted a little wrongly, "
+        help=(
+            "with --station naoqi the address of a Pepper, as tcp://192.168.1.10:9559, or of "
+            "apps/serve_naoqi.py; simulated, ideal or "
+            if addresses
+            else ""
+        )
+        + "worn: joints with slack, encoders with offsets, cameras mounted a little wrongly, "
         "wheels that slip, commands that come late, as the seed draws them (default: %(default)s)",
     )
     parser.add_argument(

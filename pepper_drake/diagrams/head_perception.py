@@ -1,5 +1,7 @@
 """THE perception: the goal object, the obstacles as clouds, and the head that looks there."""
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
@@ -21,6 +23,7 @@ from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import head_search_pattern
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.systems.faults.fault_injector import FaultSet, Role
 from pepper_drake.systems.framework import Diagram, build_into
@@ -32,8 +35,6 @@ from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
 _EVER = 1e9
 """Longer than any simulation [s]."""
-_IMAGE_POLL = 0.05
-"""Time between looks for new images [s]: they come every 0.2 s, and each look copies the state."""
 _CAMERAS = {
     "camera_top": {
         "image": "color_image_top",
@@ -82,6 +83,27 @@ _CLOUD = {
 """Output ports of the systems inside, and their names outside."""
 
 
+@dataclass
+class PerceptionConfig:
+    """How goal and obstacles are seen."""
+
+    image_poll_period: float = 0.05
+    """Time between looks for new images [s]: they come every 0.2 s, and each look copies the
+    state."""
+    goal: GoalFilterParameters = field(
+        # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
+        default_factory=lambda: GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0)
+    )
+    goal_latency: float = 0.04
+    """Time from an image's arrival to the estimate made of it [s]: detection takes 25 ms."""
+    obstacles: ObstacleParameters = field(default_factory=ObstacleParameters)
+    """Of the depth camera; a stereo pair in its place has its own."""
+    head_velocity: float = 2.5
+    """Fastest motion of a head joint [rad/s], a third of the rated speed."""
+    head_acceleration: float = 8.0
+    """Of a head joint [rad/s²]."""
+
+
 class HeadPerception(Diagram):
     """Goal estimator, cloud source and gaze controller.
 
@@ -121,14 +143,18 @@ class HeadPerception(Diagram):
     Without cameras the goal's true pose is known and there are no obstacles.
     """
 
-    def __init__(self, scene: Scene, station: PepperStation) -> None:
+    def __init__(
+        self, scene: Scene, station: PepperStation, config: PerceptionConfig | None = None
+    ) -> None:
         """Makes the perception.
 
         Args:
             scene: What the goal object is, and which arm reaches for it.
             station: The station to which it will be connected, for its cameras.
+            config: How it sees.
         """
         super().__init__()
+        self._config = config = config or PerceptionConfig()
         self._has_cameras = station.config.cameras
         self._builder = builder = DiagramBuilder()
         marked = MarkedObject.from_scene(scene.goal)
@@ -140,8 +166,8 @@ class HeadPerception(Diagram):
                 radius=marked.marker_size / np.sqrt(2),
                 side=1.0 if scene.arm == "left" else -1.0,
                 search=head_search_pattern,
-                max_velocity=2.5,
-                max_acceleration=8.0,
+                max_velocity=config.head_velocity,
+                max_acceleration=config.head_acceleration,
             ),
         )
         if self._has_cameras:
@@ -194,10 +220,9 @@ class HeadPerception(Diagram):
             "goal_estimator",
             GoalEstimator(
                 marked,
-                # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
-                parameters=GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0),
-                period=_IMAGE_POLL,
-                latency=0.04,
+                parameters=self._config.goal,
+                period=self._config.image_poll_period,
+                latency=self._config.goal_latency,
                 expects_noise=station.config.noise,
             ),
         )
@@ -209,8 +234,8 @@ class HeadPerception(Diagram):
                 ),
                 marked,
                 intrinsics=station.depth_intrinsics,
-                parameters=station.obstacle_parameters,
-                period=_IMAGE_POLL,
+                parameters=station.obstacle_parameters(self._config.obstacles),
+                period=self._config.image_poll_period,
             ),
         )
         for camera, ports in _CAMERAS.items():
@@ -235,7 +260,9 @@ class HeadPerception(Diagram):
         builder = self._builder
         ports = {name: (role, estimator.GetOutputPort(name)) for name, role in _GOAL_ROLES.items()}
         goal = faults.tap(builder, "goal", ports)
-        guard = builder.AddNamedSystem("goal_guard", PoseGuard(time_step=_IMAGE_POLL))
+        guard = builder.AddNamedSystem(
+            "goal_guard", PoseGuard(time_step=self._config.image_poll_period)
+        )
         builder.Connect(goal["object_pose"], guard.pose_input)
         builder.ExportOutput(guard.GetOutputPort("age"), "goal_gap")
         return goal | {"object_pose": guard.GetOutputPort("pose")}
@@ -245,7 +272,9 @@ class HeadPerception(Diagram):
         builder = self._builder
         ports = {name: (role, source.GetOutputPort(name)) for name, role in _CLOUD_ROLES.items()}
         cloud = faults.tap(builder, "cloud", ports)
-        guard = builder.AddNamedSystem("cloud_guard", CloudGuard(time_step=_IMAGE_POLL))
+        guard = builder.AddNamedSystem(
+            "cloud_guard", CloudGuard(time_step=self._config.image_poll_period)
+        )
         guarded = {}
         for name in ("cloud", "cloud_torso", "time_stamp"):
             builder.Connect(cloud[name], guard.GetInputPort(name))

@@ -1,6 +1,7 @@
 """Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
 
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, LogVectorOutput, VectorLogSink
@@ -11,7 +12,7 @@ from pepper_drake.diagrams.compliance import (
     add_hand_force,
     add_pushes,
 )
-from pepper_drake.diagrams.head_perception import HeadPerception
+from pepper_drake.diagrams.head_perception import HeadPerception, PerceptionConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
@@ -55,6 +56,7 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
@@ -65,6 +67,8 @@ class ReachingConfig:
 
 class Reaching(Diagram):
     """The whole loop, from the cameras' images to the joints' commands.
+
+    It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
 
     Attributes:
         station: Pepper in its scene; another station with the same ports may take its place.
@@ -78,7 +82,7 @@ class Reaching(Diagram):
         primitive: MovementPrimitive,
         coupling: Coupling | None,
         config: ReachingConfig,
-        station: PepperStation | None = None,
+        station: Diagram | None = None,
     ) -> None:
         """Makes the loop.
 
@@ -94,10 +98,12 @@ class Reaching(Diagram):
         self._builder = builder = DiagramBuilder()
         model = shared_control_model()
         self.shapes = ExactDistance(model, arm_kinematics(model, scene.arm))
-        if station is None:
-            station = PepperStation(scene, config.station, model)
-        self.station: PepperStation = builder.AddNamedSystem("station", station)
-        self._faults = station.config.faults
+        # A real robot's station has the same ports, less those of the truth.
+        chosen = station or PepperStation(scene, config.station, model)
+        self.station: PepperStation = builder.AddNamedSystem("station", cast(PepperStation, chosen))
+        self._faults = (
+            chosen.config.faults if isinstance(chosen, PepperStation) else config.station.faults
+        )
         self.logs: dict[str, VectorLogSink] = {}
 
         self._add_perception()
@@ -107,7 +113,10 @@ class Reaching(Diagram):
         self._add_motions()
         self._add_triggers()
         self._add_logs()
-        builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
+        if self.station.HasOutputPort("ground_truth.query"):
+            builder.ExportOutput(
+                self.station.GetOutputPort("ground_truth.query"), "ground_truth.query"
+            )
         del self._builder
         build_into(builder, self)
 
@@ -118,7 +127,7 @@ class Reaching(Diagram):
     def _add_perception(self) -> None:
         """Goal estimator, obstacle cloud, and the head that looks at the goal."""
         self.perception = self._builder.AddNamedSystem(
-            "perception", HeadPerception(self.scene, self.station)
+            "perception", HeadPerception(self.scene, self.station, self.config.perception)
         )
         self.perception.connect(self._builder, self.station)
 
@@ -332,32 +341,33 @@ class Reaching(Diagram):
     def _add_logs(self) -> None:
         """Logs what the report and the figures need, and watches the true clearance."""
         builder, station = self._builder, self.station
-        self.clearance = builder.AddNamedSystem(
-            "clearance_monitor",
-            TrueClearance(
-                robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
-            ),
-        )
-        self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
-        touch = builder.AddNamedSystem(
-            "touch_monitor",
-            TouchMonitor(robot=station.robot_bodies(), goal=station.goal_bodies()),
-        )
-        self._connect(
-            station.GetOutputPort("ground_truth.contact_results"), touch, "contact_results"
-        )
         sources = {
-            "contact_force": touch.get_output_port(),
-            "state": station.GetOutputPort("ground_truth.state"),
             "joint_position": station.GetOutputPort("joint_position"),
             "joint_command": self.command,
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
             "mode": self.supervisor.GetOutputPort("mode"),
-            "clearance": self.clearance.get_output_port(),
             "seen_clearance": self.seen_clearance.get_output_port(),
             "body_clearance": self.body_watch.GetOutputPort("clearance"),
         }
+        if station.HasOutputPort("ground_truth.query"):
+            self.clearance = builder.AddNamedSystem(
+                "clearance_monitor",
+                TrueClearance(
+                    robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
+                ),
+            )
+            self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
+            touch = builder.AddNamedSystem(
+                "touch_monitor",
+                TouchMonitor(robot=station.robot_bodies(), goal=station.goal_bodies()),
+            )
+            self._connect(
+                station.GetOutputPort("ground_truth.contact_results"), touch, "contact_results"
+            )
+            sources["contact_force"] = touch.get_output_port()
+            sources["state"] = station.GetOutputPort("ground_truth.state")
+            sources["clearance"] = self.clearance.get_output_port()
         for name in ("desired_position", "goal_position", "phase", "tau", "coupling"):
             sources[name] = self.controller.GetOutputPort(name)
         for name, source in sources.items():

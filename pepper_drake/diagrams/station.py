@@ -210,7 +210,6 @@ class PepperStation(Diagram):
         scene_models: The scene's bodies; none where Pepper is alone.
         renderer: Of the cameras' images, if there are cameras.
         depth_intrinsics: Of the images of the depth camera, or of the stereo pair in its place.
-        obstacle_parameters: How obstacles are best seen in them.
     """
 
     def __init__(
@@ -235,7 +234,6 @@ class PepperStation(Diagram):
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
-        self.obstacle_parameters = self._expecting_noise(ObstacleParameters())
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlant(
             MultibodyPlantConfig(
@@ -307,6 +305,16 @@ class PepperStation(Diagram):
         export_triggers(builder, config.faults)
         build_into(builder, self)
 
+    def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
+        """Parameters with which obstacles are seen in the depth images of this station.
+
+        Args:
+            parameters: Those wanted of the depth camera; a stereo pair has its own.
+        """
+        parameters = STEREO_CLOUD if self.config.stereo else parameters
+        validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
+        return dataclasses.replace(parameters, validity=validity)
+
     def robot_geometries(self) -> set[GeometryId]:
         """Pepper's collision geometries."""
         return self._geometries(index for index in self.plant.GetBodyIndices(self.pepper))
@@ -343,15 +351,19 @@ class PepperStation(Diagram):
 
         It is the plant's, not a context's: all simulations of this station have it from now on.
         """
-        config = self.config
+        for name in JOINT_GROUPS[group]:
+            self.set_joint_stiffness(name, stiffness)
+
+    def set_joint_stiffness(self, name: str, stiffness: float) -> None:
+        """Sets the stiffness of one joint, as `set_stiffness` does of a group."""
+        group = next(group for group, names in JOINT_GROUPS.items() if name in names)
         firmness, damping = _STRENGTH.get(group, (1.0, 1.0))
         gains = PdControllerGains(
-            p=max(firmness * stiffness * config.proportional_gain, 1e-6),
-            d=max(damping * config.derivative_gain * math.sqrt(stiffness), _GEAR_FRICTION),
+            p=max(firmness * stiffness * self.config.proportional_gain, 1e-6),
+            d=max(damping * self.config.derivative_gain * math.sqrt(stiffness), _GEAR_FRICTION),
         )
-        for name in JOINT_GROUPS[group]:
-            actuator = self.plant.GetJointActuatorByName(name, self.pepper)
-            self.plant.get_mutable_joint_actuator(actuator.index()).set_controller_gains(gains)
+        actuator = self.plant.GetJointActuatorByName(name, self.pepper)
+        self.plant.get_mutable_joint_actuator(actuator.index()).set_controller_gains(gains)
 
     def _add_true_state(self, builder: DiagramBuilder) -> dict[str, OutputPort]:
         """Splits the plant's state into joints and base, and exports the joints' velocities."""
@@ -470,12 +482,6 @@ class PepperStation(Diagram):
         builder.Connect(self.scene_graph.get_query_output_port(), stereo.GetInputPort("query"))
         self._export_camera(builder, kinematics, "camera_depth", stereo, "depth_image")
         self.depth_intrinsics = stereo.intrinsics
-        self.obstacle_parameters = self._expecting_noise(STEREO_CLOUD)
-
-    def _expecting_noise(self, parameters: ObstacleParameters) -> ObstacleParameters:
-        """The same, for images with or without noise."""
-        validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
-        return dataclasses.replace(parameters, validity=validity)
 
     def _export_camera(
         self,

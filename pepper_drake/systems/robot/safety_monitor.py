@@ -5,12 +5,19 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, EventStatus, InputPort, State
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    EventStatus,
+    InputPort,
+    State,
+)
 
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.ik.command_check import StopReason, check_command
 from pepper_drake.planning.ik.contact_detection import ContactParams
-from pepper_drake.planning.ik.safe_command import SafeCommand, slowed
+from pepper_drake.planning.ik.safe_command import SafeCommand, SafeCommandLayout, slowed
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 _NOT_MEASURED = (
@@ -54,8 +61,9 @@ class SafetyMonitor(LeafSystem):
     `stop_request` (1), 0 or 1.
     Outputs: `safe_joint_position_command` (n) [rad]; `stop_reason` (1), a `StopReason`;
     `stop_joint` (1), the index of the joint that it is about, or -1.
-    State: a `SafeCommand` (abstract), at `time_step`; from the measured position when the diagram
-    is initialized, in a context that never was from the first command that is within the limits.
+    State: a `SafeCommand` as numbers (`SafeCommandLayout`), at `time_step`; from the measured
+    position when the diagram is initialized, in a context that never was from the first command
+    that is within the limits.
 
     Args:
         limits: Of the joints.
@@ -93,8 +101,9 @@ class SafetyMonitor(LeafSystem):
         self.base_held_input: InputPort = self.DeclareVectorInputPort("base_held", 1)
         self.stop_request_input: InputPort = self.DeclareVectorInputPort("stop_request", 1)
         start = replace(SafeCommand.at_rest(np.asarray(start_position, dtype=float)), known=False)
-        self._state = self.DeclareAbstractState(Value[object](start))
-        state = self.abstract_state_ticket(self._state)
+        self._layout = SafeCommandLayout.of(n, contact, time_step)
+        self._state = self.DeclareDiscreteState(self._layout.to_vector(start))
+        state = self.discrete_state_ticket(self._state)
         # The measured position is read at the ticks alone: it changes with every step of a plant.
         self._next = self.DeclareCacheEntry(
             "command of the present tick",
@@ -123,18 +132,20 @@ class SafetyMonitor(LeafSystem):
         self.DeclareVectorOutputPort(
             "stop_joint", 1, self._calc_joint, prerequisites_of_calc={self._next.ticket()}
         )
+        # Unrestricted updates come first: who holds the command finds the measured position.
         self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _command(self, context: Context) -> SafeCommand:
-        return context.get_abstract_state(int(self._state)).get_value()
+        return self._layout.from_vector(context.get_discrete_state(self._state).value())
 
     def _initialize(self, context: Context, state: State) -> EventStatus:
         measured = self.measured_input.Eval(context)
         if not np.isfinite(measured).all():
             return EventStatus.DidNothing()
         at_rest = SafeCommand.at_rest(measured.copy())
-        state.get_mutable_abstract_state(int(self._state)).set_value(at_rest)
+        mine = state.get_mutable_discrete_state(int(self._state))
+        mine.SetFromVector(self._layout.to_vector(at_rest))
         return EventStatus.Succeeded()
 
     def _scalar(self, context: Context, port: InputPort, otherwise: float) -> float:
@@ -178,12 +189,12 @@ class SafetyMonitor(LeafSystem):
         limits = self._limits_back if command.reason == StopReason.JOINT_HELD else self._limits
         following.set_value(command.advanced(wish.copy(), limits, self._time_step))
 
-    def _update(self, context: Context, state: State) -> None:
+    def _update(self, context: Context, state: DiscreteValues) -> None:
         command = self._next.Eval(context)
         if self._contact is not None:
             measured = self.measured_input.Eval(context).copy()
             command = command.compared(measured, self._contact, self._time_step)
-        state.get_mutable_abstract_state(int(self._state)).set_value(command)
+        state.set_value(self._state, self._layout.to_vector(command))
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._next.Eval(context).position)
