@@ -70,9 +70,8 @@ def print_completion(files: dict[str, Path], shell: str) -> int:
     parser = argparse.ArgumentParser(prog=PROGRAM)
     commands = parser.add_subparsers()
     for name in files:
-        app = load_app(name)
-        own = app.make_parser is not cli.make_parser
-        options = app.make_parser() if own else cli.make_parser(name, None)
+        own = getattr(load_app(name), "make_parser", cli.make_parser)
+        options = cli.make_parser(name, None) if own is cli.make_parser else own()
         commands.add_parser(name, parents=[options], add_help=False, help=name)
     print(shtab.complete(parser, shell))
     return cli.EXIT_DONE

@@ -305,11 +305,6 @@ class PepperStation(Diagram):
         export_triggers(builder, config.faults)
         build_into(builder, self)
 
-    @staticmethod
-    def _arm(scene: Scene | None) -> str:
-        """The arm that reaches."""
-        return "right" if scene is None else scene.arm
-
     def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
         """Parameters with which obstacles are seen in the depth images of this station.
 
