@@ -1,5 +1,7 @@
 """THE perception: the goal object, the obstacles as clouds, and the head that looks there."""
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
@@ -12,6 +14,7 @@ from pydrake.systems.primitives import (
 )
 from pydrake.trajectories import PiecewisePolynomial
 
+from pepper_drake.diagrams.robot_signals import export_triggers
 from pepper_drake.diagrams.station import PepperStation, select_joints
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS
@@ -20,17 +23,18 @@ from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import head_search_pattern
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.systems.faults.fault_injector import FaultSet, Role
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.body_pose import BodyPose
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
+from pepper_drake.systems.sensing.estimate_guard import CloudGuard, PoseGuard
 from pepper_drake.systems.sensing.gaze_controller import GazeController
 from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
 _EVER = 1e9
 """Longer than any simulation [s]."""
-_IMAGE_POLL = 0.05
-"""Time between looks for new images [s]: they come every 0.2 s, and each look copies the state."""
 _CAMERAS = {
     "camera_top": {
         "image": "color_image_top",
@@ -51,6 +55,22 @@ _CAMERAS = {
 }
 """Each camera's ports at the station, and their names at the system that reads them."""
 _GOAL = {"object_pose": "object_pose", "valid": "goal_valid", "age": "goal_age"}
+_GOAL_ROLES = {
+    "object_pose": Role.VALUE,
+    "velocity": Role.CARRIED,
+    "valid": Role.VALID,
+    "age": Role.AGE,
+}
+_CLOUD_ROLES = {
+    "cloud": Role.VALUE,
+    "cloud_torso": Role.VALUE,
+    "predicted_cloud": Role.CARRIED,
+    "predicted_cloud_torso": Role.CARRIED,
+    "time_stamp": Role.STAMP,
+    "age": Role.AGE,
+    "fault": Role.CARRIED,
+}
+"""What the ports are to a fault of the signals "goal" and "cloud"."""
 _CLOUD = {
     "cloud": "cloud",
     "cloud_torso": "cloud_torso",
@@ -61,6 +81,27 @@ _CLOUD = {
     "fault": "cloud_fault",
 }
 """Output ports of the systems inside, and their names outside."""
+
+
+@dataclass
+class PerceptionConfig:
+    """How goal and obstacles are seen."""
+
+    image_poll_period: float = 0.05
+    """Time between looks for new images [s]: they come every 0.2 s, and each look copies the
+    state."""
+    goal: GoalFilterParameters = field(
+        # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
+        default_factory=lambda: GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0)
+    )
+    goal_latency: float = 0.04
+    """Time from an image's arrival to the estimate made of it [s]: detection takes 25 ms."""
+    obstacles: ObstacleParameters = field(default_factory=ObstacleParameters)
+    """Of the depth camera; a stereo pair in its place has its own."""
+    head_velocity: float = 2.5
+    """Fastest motion of a head joint [rad/s], a third of the rated speed."""
+    head_acceleration: float = 8.0
+    """Of a head joint [rad/s²]."""
 
 
 class HeadPerception(Diagram):
@@ -81,6 +122,7 @@ class HeadPerception(Diagram):
         - object_pose
         - goal_valid
         - goal_age
+        - goal_gap
         - cloud
         - cloud_torso
         - predicted_cloud
@@ -93,21 +135,26 @@ class HeadPerception(Diagram):
         - camera_bottom.enabled
 
     The inputs are a station's ports. `scan_enabled` (1): see `GazeController`. Outputs: X_WO of the
-    goal object, whether it is known (1) and since when it was seen [s]; the obstacles and where
-    moving ones will be soon, in W and in T (PointCloud); time, age [s] and fault of the last depth
-    image; HeadYaw and HeadPitch [rad] (2); whether a colour camera is to take images (1).
+    goal object, whether it is known (1), since when it was seen, and since when its estimate made
+    no sense [s]; the obstacles and where moving ones will be soon, in W and in T (PointCloud);
+    time, age [s] and fault of the last depth image; HeadYaw and HeadPitch [rad] (2); whether a
+    colour camera is to take images (1).
 
     Without cameras the goal's true pose is known and there are no obstacles.
     """
 
-    def __init__(self, scene: Scene, station: PepperStation) -> None:
+    def __init__(
+        self, scene: Scene, station: PepperStation, config: PerceptionConfig | None = None
+    ) -> None:
         """Makes the perception.
 
         Args:
             scene: What the goal object is, and which arm reaches for it.
             station: The station to which it will be connected, for its cameras.
+            config: How it sees.
         """
         super().__init__()
+        self._config = config = config or PerceptionConfig()
         self._has_cameras = station.config.cameras
         self._builder = builder = DiagramBuilder()
         marked = MarkedObject.from_scene(scene.goal)
@@ -119,8 +166,8 @@ class HeadPerception(Diagram):
                 radius=marked.marker_size / np.sqrt(2),
                 side=1.0 if scene.arm == "left" else -1.0,
                 search=head_search_pattern,
-                max_velocity=2.5,
-                max_acceleration=8.0,
+                max_velocity=config.head_velocity,
+                max_acceleration=config.head_acceleration,
             ),
         )
         if self._has_cameras:
@@ -173,10 +220,9 @@ class HeadPerception(Diagram):
             "goal_estimator",
             GoalEstimator(
                 marked,
-                # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
-                parameters=GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0),
-                period=_IMAGE_POLL,
-                latency=0.04,
+                parameters=self._config.goal,
+                period=self._config.image_poll_period,
+                latency=self._config.goal_latency,
                 expects_noise=station.config.noise,
             ),
         )
@@ -188,23 +234,52 @@ class HeadPerception(Diagram):
                 ),
                 marked,
                 intrinsics=station.depth_intrinsics,
-                parameters=station.obstacle_parameters,
-                period=_IMAGE_POLL,
+                parameters=station.obstacle_parameters(self._config.obstacles),
+                period=self._config.image_poll_period,
             ),
         )
         for camera, ports in _CAMERAS.items():
             reader = source if camera == "camera_depth" else estimator
             for port, name in ports.items():
                 builder.ExportInput(reader.GetInputPort(name), f"{camera}.{port}")
+        goal = self._guarded_goal(estimator, station.config.faults)
         for name in ("object_pose", "valid", "age", "velocity"):
-            builder.Connect(estimator.GetOutputPort(name), self._gaze.GetInputPort(name))
+            builder.Connect(goal[name], self._gaze.GetInputPort(name))
         for name in ("object_pose", "valid", "velocity"):
             target = name if name == "object_pose" else f"object_{name}"
-            builder.Connect(estimator.GetOutputPort(name), source.GetInputPort(target))
-        builder.Connect(source.GetOutputPort("cloud"), self._gaze.GetInputPort("cloud"))
-        for system, names in ((estimator, _GOAL), (source, _CLOUD)):
+            builder.Connect(goal[name], source.GetInputPort(target))
+        cloud = self._guarded_cloud(source, station.config.faults)
+        builder.Connect(cloud["cloud"], self._gaze.GetInputPort("cloud"))
+        for ports, names in ((goal, _GOAL), (cloud, _CLOUD)):
             for port, name in names.items():
-                builder.ExportOutput(system.GetOutputPort(port), name)
+                builder.ExportOutput(ports[port], name)
+        export_triggers(builder, station.config.faults)
+
+    def _guarded_goal(self, estimator: System, faults: FaultSet) -> dict[str, OutputPort]:
+        """The estimate of the goal as others get it: failing, if it is to, and never senseless."""
+        builder = self._builder
+        ports = {name: (role, estimator.GetOutputPort(name)) for name, role in _GOAL_ROLES.items()}
+        goal = faults.tap(builder, "goal", ports)
+        guard = builder.AddNamedSystem(
+            "goal_guard", PoseGuard(time_step=self._config.image_poll_period)
+        )
+        builder.Connect(goal["object_pose"], guard.pose_input)
+        builder.ExportOutput(guard.GetOutputPort("age"), "goal_gap")
+        return goal | {"object_pose": guard.GetOutputPort("pose")}
+
+    def _guarded_cloud(self, source: System, faults: FaultSet) -> dict[str, OutputPort]:
+        """The clouds as others get them: failing, if they are to, and never senseless."""
+        builder = self._builder
+        ports = {name: (role, source.GetOutputPort(name)) for name, role in _CLOUD_ROLES.items()}
+        cloud = faults.tap(builder, "cloud", ports)
+        guard = builder.AddNamedSystem(
+            "cloud_guard", CloudGuard(time_step=self._config.image_poll_period)
+        )
+        guarded = {}
+        for name in ("cloud", "cloud_torso", "time_stamp"):
+            builder.Connect(cloud[name], guard.GetInputPort(name))
+            guarded[name] = guard.GetOutputPort(name)
+        return cloud | guarded
 
     def _add_known_goal(self, station: PepperStation) -> None:
         """Adds what stands for the estimators where there are no cameras."""
@@ -222,7 +297,7 @@ class HeadPerception(Diagram):
         one = constant("one", ConstantVectorSource([1.0]))
         nothing = constant("no_obstacles", ConstantValueSource(Value(PointCloud())))
         builder.ExportOutput(one, "goal_valid")
-        for name in ("goal_age", "cloud_age", "cloud_fault"):
+        for name in ("goal_age", "goal_gap", "cloud_age", "cloud_fault"):
             builder.ExportOutput(zero, name)
         # There is always a new image of nothing.
         times = PiecewisePolynomial.FirstOrderHold([0.0, _EVER], [[0.0, _EVER]])

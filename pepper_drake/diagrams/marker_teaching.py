@@ -21,6 +21,7 @@ from pepper_drake.diagrams.recording import (
     make_teaching,
     measured_recording,
 )
+from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration
 from pepper_drake.learning.demonstrations.workspace_map import (
@@ -50,7 +51,6 @@ Vector = npt.NDArray[np.float64]
 
 _CAMERAS = {"top": CAMERA_TOP, "bottom": CAMERA_BOTTOM}
 _RENDERER = "vtk"
-_SLICE = 0.1
 
 OUT_OF_REACH = 0.02
 """Farther from where it is led [m] than this, the hand is at the end of its reach."""
@@ -165,11 +165,7 @@ def watch(
     builder.Connect(images.GetOutputPort("time_stamp"), tracker.time_stamp_input)
     log = LogVectorOutput(tracker.sighting_output, builder, publish_period=script.period)
     simulator = Simulator(build(builder))
-    end = path.end_time + script.rest
-    for number in range(int(np.ceil(end / _SLICE))):
-        if should_stop():
-            break
-        simulator.AdvanceTo(min((number + 1) * _SLICE, end))
+    simulate(simulator, path.end_time + script.rest, should_stop=should_stop).check()
     rows = log.FindLog(simulator.get_context()).data().T
     rows = rows[np.isfinite(rows[:, 0])]
     rows = rows[np.unique(rows[:, 0], return_index=True)[1]]

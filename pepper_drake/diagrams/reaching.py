@@ -1,9 +1,10 @@
 """Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
 
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+from pydrake.systems.primitives import Adder, LogVectorOutput, VectorLogSink
 
 from pepper_drake.diagrams.arm_controller import ArmController
 from pepper_drake.diagrams.compliance import (
@@ -11,13 +12,14 @@ from pepper_drake.diagrams.compliance import (
     add_hand_force,
     add_pushes,
 )
-from pepper_drake.diagrams.head_perception import HeadPerception
+from pepper_drake.diagrams.head_perception import HeadPerception, PerceptionConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
     arm_joints,
+    body_indices,
     shared_control_model,
 )
 from pepper_drake.models.objects import GOAL_OBJECT
@@ -29,14 +31,19 @@ from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
+from pepper_drake.systems.faults.fault_injector import Role
+from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, slowed_latency
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.base_position_controller import BasePositionController
+from pepper_drake.systems.robot.body_watch import BodyWatch
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
 from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
+from pepper_drake.systems.robot.touch_monitor import TouchMonitor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 from pepper_drake.systems.robot.true_clearance import TrueClearance
 
@@ -49,6 +56,7 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
@@ -59,6 +67,8 @@ class ReachingConfig:
 
 class Reaching(Diagram):
     """The whole loop, from the cameras' images to the joints' commands.
+
+    It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
 
     Attributes:
         station: Pepper in its scene; another station with the same ports may take its place.
@@ -72,14 +82,28 @@ class Reaching(Diagram):
         primitive: MovementPrimitive,
         coupling: Coupling | None,
         config: ReachingConfig,
+        station: Diagram | None = None,
     ) -> None:
+        """Makes the loop.
+
+        Args:
+            scene: What Pepper is in.
+            primitive: The movement that was taught.
+            coupling: How obstacles bend it; None for not at all.
+            config: How it is built.
+            station: The robot, if another than one of `config.station` in the scene.
+        """
         super().__init__()
         self.scene, self.primitive, self.config = scene, primitive, config
         self._builder = builder = DiagramBuilder()
         model = shared_control_model()
         self.shapes = ExactDistance(model, arm_kinematics(model, scene.arm))
-        station = builder.AddNamedSystem("station", PepperStation(scene, config.station, model))
-        self.station: PepperStation = station
+        # A real robot's station has the same ports, less those of the truth.
+        chosen = station or PepperStation(scene, config.station, model)
+        self.station: PepperStation = builder.AddNamedSystem("station", cast(PepperStation, chosen))
+        self._faults = (
+            chosen.config.faults if isinstance(chosen, PepperStation) else config.station.faults
+        )
         self.logs: dict[str, VectorLogSink] = {}
 
         self._add_perception()
@@ -87,8 +111,12 @@ class Reaching(Diagram):
         self._add_controller()
         self._add_commands(coupled=coupling is not None)
         self._add_motions()
+        self._add_triggers()
         self._add_logs()
-        builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
+        if self.station.HasOutputPort("ground_truth.query"):
+            builder.ExportOutput(
+                self.station.GetOutputPort("ground_truth.query"), "ground_truth.query"
+            )
         del self._builder
         build_into(builder, self)
 
@@ -99,7 +127,7 @@ class Reaching(Diagram):
     def _add_perception(self) -> None:
         """Goal estimator, obstacle cloud, and the head that looks at the goal."""
         self.perception = self._builder.AddNamedSystem(
-            "perception", HeadPerception(self.scene, self.station)
+            "perception", HeadPerception(self.scene, self.station, self.config.perception)
         )
         self.perception.connect(self._builder, self.station)
 
@@ -116,10 +144,16 @@ class Reaching(Diagram):
             params=self.config.planner,
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
-        self.timed_planner = TimedPlanner(self.planner)
+        fault = self._faults.fault("planner")
+        planner: Planner = self.planner
+        if fault is not None:
+            planner = FaultyPlanner(self.planner, fault, self._faults.seed)
+        self.timed_planner = TimedPlanner(planner)
+        timing = replace(
+            self.config.timing, latency=slowed_latency(self.config.timing.latency, fault)
+        )
         self.supervisor = builder.AddNamedSystem(
-            "supervisor",
-            ReachSupervisor(self.timed_planner, self.config.timing, arm=self.scene.arm),
+            "supervisor", ReachSupervisor(self.timed_planner, timing, arm=self.scene.arm)
         )
         for name in (
             *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
@@ -134,15 +168,31 @@ class Reaching(Diagram):
             self._connect(station.GetOutputPort(output), self.supervisor, name)
         self.started = self.supervisor.GetOutputPort("started")
         self._connect(self.started, self.perception, "scan_enabled")
+        self._add_base()
 
-        driver = builder.AddNamedSystem("base_driver", BasePositionController())
+    def _add_base(self) -> None:
+        """Drives the base where the supervisor sends it, and stops it before what is seen."""
+        builder, station = self._builder, self.station
+        self.driver = driver = builder.AddNamedSystem("base_driver", BasePositionController())
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
         builder.Connect(station.GetOutputPort("base_pose"), driver.base_pose_input)
-        builder.Connect(
-            driver.GetOutputPort("base_velocity_command"),
-            station.GetInputPort("base_velocity_command"),
-        )
+        velocity = driver.GetOutputPort("base_velocity_command")
+        command = self._faults.tap(builder, "base_command", {"velocity": (Role.VALUE, velocity)})
+        builder.Connect(command["velocity"], station.GetInputPort("base_velocity_command"))
         self._connect(driver.GetOutputPort("arrived"), self.supervisor, "arrived")
+        self.body_watch = watch = builder.AddNamedSystem(
+            "body_watch", BodyWatch(station.control_model, self.scene.arm)
+        )
+        for name, source in (
+            ("cloud", self.perception.GetOutputPort("cloud")),
+            ("predicted_cloud", self.perception.GetOutputPort("predicted_cloud")),
+            ("joint_position", station.GetOutputPort("joint_position")),
+            ("base_pose", station.GetOutputPort("base_pose")),
+            ("base_velocity_command", velocity),
+            ("active", self.started),
+        ):
+            self._connect(source, watch, name)
+        self._connect(watch.GetOutputPort("stop_base"), self.supervisor, "base_blocked")
 
     def _add_controller(self) -> None:
         """The arm's controller, and what the arm gives way to."""
@@ -228,16 +278,34 @@ class Reaching(Diagram):
                 time_step=self.config.ik.time_step,
             ),
         )
-        self._connect(merge.get_output_port(), self.safety, "joint_position_command")
+        wishes = {"position": (Role.VALUE, merge.get_output_port())}
+        wish = self._faults.tap(builder, "commands", wishes)["position"]
+        self._connect(wish, self.safety, "joint_position_command")
         self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
         if self.config.planner.collision_checked and coupled:
             self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
+            self._connect(self.body_watch.GetOutputPort("clearance"), self.safety, "body_clearance")
+        for name in ("measurement_age", "missing_joint"):
+            self._connect(station.GetOutputPort(name), self.safety, name)
+        self._connect(self.perception.GetOutputPort("goal_gap"), self.safety, "goal_gap")
+        self._connect(self.driver.GetOutputPort("held"), self.safety, "base_held")
+        stop = self.safety.GetOutputPort("stop_reason")
         for system in (self.supervisor, self.controller):
-            self._connect(self.safety.GetOutputPort("stop_reason"), system, "stop_reason")
-        builder.Connect(
-            self.safety.GetOutputPort("safe_joint_position_command"),
-            station.GetInputPort("joint_position_command"),
+            self._connect(stop, system, "stop_reason")
+        self._connect(self.safety.GetOutputPort("stop_joint"), self.supervisor, "stop_joint")
+        stops = builder.AddNamedSystem("base_stop", Adder(2, 1))
+        builder.Connect(stop, stops.get_input_port(0))
+        builder.Connect(self.body_watch.GetOutputPort("stop_base"), stops.get_input_port(1))
+        builder.Connect(stops.get_output_port(), self.driver.stop_input)
+        self.command = self.safety.GetOutputPort("safe_joint_position_command")
+        arriving = self._faults.tap(
+            builder,
+            "actuators",
+            {"position": (Role.VALUE, self.command)},
+            elements=body_indices([*JOINT_GROUPS["head"], *arm_joints(arm)]),
+            neutral=station.GetOutputPort("joint_position"),
         )
+        builder.Connect(arriving["position"], station.GetInputPort("joint_position_command"))
 
     def _contact_params(self) -> ContactParams | None:
         """When a joint counts as held, on a robot of this latency and slack."""
@@ -262,26 +330,44 @@ class Reaching(Diagram):
                 self._builder.Connect(self.started, path.trigger_input)
                 self._connect(path.get_output_port(), self.station, port)
 
+    def _add_triggers(self) -> None:
+        """Tells faults that wait for the arm when it starts."""
+        for injector in self._faults.waiting(self._builder):
+            self._connect(self.started, injector, "trigger")
+        for system in (self.station, self.perception):
+            if system.HasInputPort("fault_trigger"):
+                self._connect(self.started, system, "fault_trigger")
+
     def _add_logs(self) -> None:
         """Logs what the report and the figures need, and watches the true clearance."""
         builder, station = self._builder, self.station
-        self.clearance = builder.AddNamedSystem(
-            "clearance_monitor",
-            TrueClearance(
-                robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
-            ),
-        )
-        self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
         sources = {
-            "state": station.GetOutputPort("ground_truth.state"),
             "joint_position": station.GetOutputPort("joint_position"),
-            "joint_command": self.safety.GetOutputPort("safe_joint_position_command"),
+            "joint_command": self.command,
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
             "mode": self.supervisor.GetOutputPort("mode"),
-            "clearance": self.clearance.get_output_port(),
             "seen_clearance": self.seen_clearance.get_output_port(),
+            "body_clearance": self.body_watch.GetOutputPort("clearance"),
         }
+        if station.HasOutputPort("ground_truth.query"):
+            self.clearance = builder.AddNamedSystem(
+                "clearance_monitor",
+                TrueClearance(
+                    robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
+                ),
+            )
+            self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
+            touch = builder.AddNamedSystem(
+                "touch_monitor",
+                TouchMonitor(robot=station.robot_bodies(), goal=station.goal_bodies()),
+            )
+            self._connect(
+                station.GetOutputPort("ground_truth.contact_results"), touch, "contact_results"
+            )
+            sources["contact_force"] = touch.get_output_port()
+            sources["state"] = station.GetOutputPort("ground_truth.state")
+            sources["clearance"] = self.clearance.get_output_port()
         for name in ("desired_position", "goal_position", "phase", "tau", "coupling"):
             sources[name] = self.controller.GetOutputPort(name)
         for name, source in sources.items():

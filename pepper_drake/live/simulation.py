@@ -15,8 +15,9 @@ from pydrake.systems.framework import Context, System
 
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.live_teaching import PUBLISH_PERIOD, LiveTeaching, with_movable_objects
+from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.station import StationConfig
-from pepper_drake.errors import InputError, PepperDrakeError
+from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
@@ -130,13 +131,7 @@ class LiveSimulation:
             PepperDrakeError: Drake's solver finds no next step.
         """
         self._frames += 1
-        try:
-            self.simulator.AdvanceTo(self._frames * PUBLISH_PERIOD)
-        except RuntimeError as error:
-            message = str(error).splitlines()[0]
-            raise PepperDrakeError(
-                f"the simulation cannot go on at {self.time:.2f} s: {message}"
-            ) from None
+        simulate(self.simulator, self._frames * PUBLISH_PERIOD).check()
 
     def torso_pose(self) -> RigidTransform:
         """Returns X_WT."""

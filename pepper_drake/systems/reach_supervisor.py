@@ -59,6 +59,8 @@ class ReachSupervisor(LeafSystem):
         - arrived
         - tau
         - stop_reason
+        - stop_joint (optional)
+        - base_blocked (optional)
         output_ports:
         - movement
         - started
@@ -73,7 +75,8 @@ class ReachSupervisor(LeafSystem):
     `base_pose` (3) [m, rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive
     wants the hand in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at
     rest where it is measured if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the
-    safety monitor's `StopReason`.
+    safety monitor's `StopReason`, and `stop_joint` (1), the index of the joint that it is about or
+    -1; `base_blocked` (1), whether the base waits for something in its way.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
     `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `progress`, the whole
@@ -115,6 +118,8 @@ class ReachSupervisor(LeafSystem):
             ("arrived", 1),
             ("tau", 1),
             ("stop_reason", 1),
+            ("stop_joint", 1),
+            ("base_blocked", 1),
         ):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
         self._state = self.DeclareAbstractState(Value[object](ReachState()))
@@ -203,7 +208,15 @@ class ReachSupervisor(LeafSystem):
             base_arrived=scalar("arrived") > 0.5,
             tau=scalar("tau"),
             stop_reason=StopReason(int(scalar("stop_reason"))),
+            stop_joint=self._stop_joint(context),
+            base_blocked=ports["base_blocked"].HasValue(context) and scalar("base_blocked") > 0.5,
         )
+
+    def _stop_joint(self, context: Context) -> str:
+        """Returns the name of the joint that a stop is about, "" for none."""
+        port = self._ports["stop_joint"]
+        joint = int(port.Eval(context)[0]) if port.HasValue(context) else -1
+        return BODY_JOINTS[joint] if joint >= 0 else ""
 
     def _calc_movement(self, context: Context, output: Value) -> None:
         state = self.progress(context)

@@ -44,6 +44,25 @@ class ObstacleCoupling(LeafSystem):
 
     Outputs: `coupling` (3) [m]; `slowdown` (1) >= 0 for the `CanonicalSystem`; `distance` (1) [m]
     from the hand's centre to the nearest solid, infinite without obstacles and at rest.
+
+    Examples:
+        >>> from pepper_drake.learning import make_coupling
+        >>> from pepper_drake.perception.mapping.cloud_points import make_cloud
+        >>> system = ObstacleCoupling()
+        >>> context = system.CreateDefaultContext()
+        >>> movement = Movement(None, coupling=make_coupling("barrier"), id=1)
+        >>> _ = system.movement_port.FixValue(context, Value[object](movement))
+        >>> below = make_cloud(np.array([[0.0, 0.0, -0.06]]))
+        >>> _ = system.cloud_port.FixValue(context, Value(below))
+        >>> _ = system.position_port.FixValue(context, [0.0, 0.0, 0.0])
+        >>> _ = system.velocity_port.FixValue(context, [0.1, 0.0, -0.2])
+        >>> _ = system.nominal_acceleration_port.FixValue(context, [0.0, 0.0, -1.0])
+        >>> _ = system.goal_position_port.FixValue(context, [0.3, 0.0, 0.0])
+        >>> _ = system.tau_port.FixValue(context, [2.0])
+        >>> print(f"{system.distance_port.Eval(context)[0]:.2f}")
+        0.06
+        >>> bool(system.coupling_port.Eval(context)[2] > 0.0)  # It pushes up.
+        True
     """
 
     def __init__(self) -> None:

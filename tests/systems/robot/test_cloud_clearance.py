@@ -117,3 +117,26 @@ def test_nothing_is_fed_through(kinematics):
     assert not CloudClearance(
         ExactDistance(shared_control_model(), kinematics)
     ).HasAnyDirectFeedthrough()
+
+
+def test_predicted_points_count_when_the_arm_is_about_to_go_there(kinematics):
+    velocity = np.array([-0.6, 0.0, 0.0, 0.0, 0.0])
+    hand, ahead = (
+        kinematics.hand_pose(JOINTS + time * velocity).translation() for time in (0.0, 0.6)
+    )
+    points = [ahead + 0.05 * (ahead - hand) / np.linalg.norm(ahead - hand)]
+    found = []
+    for port, factor in (("cloud", 1), ("predicted_cloud", 1), ("predicted_cloud", -1)):
+        system, simulator, context = make_rig(kinematics, [])
+        system.GetInputPort(port).FixValue(context, cloud_of(points))
+        system.joint_velocity_input.FixValue(context, factor * velocity)
+        simulator.AdvanceTo(0.01)
+        found.append(clearance(system, context))
+    assert np.isfinite(found[0])
+    assert found[1] == found[0]
+    assert found[2] == np.inf
+    system, simulator, context = make_rig(kinematics, [])
+    system.predicted_cloud_input.FixValue(context, cloud_of([hand]))
+    system.joint_velocity_input.FixValue(context, velocity)
+    simulator.AdvanceTo(0.01)
+    assert clearance(system, context) == np.inf
