@@ -11,6 +11,7 @@ from pydrake.geometry import (
     ColorRenderCamera,
     MakeRenderEngineVtk,
     Meshcat,
+    MeshcatParams,
     MeshcatVisualizer,
     RenderCameraCore,
     RenderEngineVtkParams,
