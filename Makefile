@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup reach test lint bench clean
+.PHONY: help setup reach faults test lint docs bench clean
 
 help: ## List the targets.
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -18,6 +18,10 @@ $(STAMP): pyproject.toml constraints.txt scripts/setup.sh
 reach: $(STAMP) ## Pepper reaches: the main job. ARGS="--live" shows it in a browser.
 	@$(BIN)/python apps/reach.py $(ARGS)
 
+faults: $(STAMP) ## Inject every fault into whole reaches; writes docs/faults.md. Takes hours.
+	@$(BIN)/python apps/faults.py $(ARGS)
+	@cp out/faults/faults.md docs/faults.md
+
 # A process for each core: threads inside them would only wait for one another. Tests of a module
 # stay together, as they share what it builds.
 test: export OMP_NUM_THREADS = 1
@@ -29,6 +33,12 @@ lint: $(STAMP) ## Check format, lint and types.
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
+
+# Material for MkDocs announces its successor at each build; that is no warning about our pages.
+docs: export NO_MKDOCS_2_WARNING = 1
+docs: $(STAMP) ## Build the docs site in out/site; a warning fails it.
+	@$(BIN)/mkdocs build --strict --quiet
+	@echo "out/site/index.html"
 
 bench: $(STAMP) ## Measure speed, as ratios within one run.
 	@$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only $(ARGS)

@@ -22,12 +22,15 @@ from tqdm import tqdm
 from pepper_drake import cli
 from pepper_drake.benchmarking.batch import Task, run_tasks
 from pepper_drake.benchmarking.case import Case
+from pepper_drake.benchmarking.diagram_reach import DiagramReach
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.methods import METHODS, get_method
 from pepper_drake.benchmarking.summary import MethodSummary, Scenes, markdown_table, summarise
+from pepper_drake.cli_robot import add_robot_options
 from pepper_drake.errors import InputError
 from pepper_drake.reporting.benchmark_figure import draw_benchmark
 from pepper_drake.results.folder import whole_results
+from pepper_drake.systems.faults.fault import parse_faults
 
 
 def make_parser() -> ArgumentParser:
@@ -57,6 +60,7 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--goal-motion", metavar="MOTION", help="move the goal, too; see reach.py --help"
     )
+    add_robot_options(parser)
     parser.add_argument(
         "--jobs", type=_count, default=1, metavar="N", help="runs at a time (default: %(default)s)"
     )
@@ -78,7 +82,15 @@ def make_case(options: Namespace, seed: int) -> Case:
     """The case of a seed."""
     if options.moving and options.scene is not None:
         raise InputError("--moving is for random scenes; leave --scene out")
-    return Case(seed, options.scene, options.moving, options.arm, options.goal_motion)
+    return Case(
+        seed,
+        options.scene,
+        options.moving,
+        options.arm,
+        options.goal_motion,
+        options.robot,
+        tuple(map(str, parse_faults(options.fault))),
+    )
 
 
 def make_tasks(options: Namespace) -> list[Task]:
@@ -88,6 +100,11 @@ def make_tasks(options: Namespace) -> list[Task]:
     cases[0].build()  # What is wrong with the scene is said before anything runs.
     for method in methods:
         method.check()
+        if (options.robot != "ideal" or options.fault) and not isinstance(method.run, DiagramReach):
+            raise InputError(
+                f"method {method.letter} has no robot that could be worn or fail; leave it out of "
+                "--methods"
+            )
     return [Task(method.letter, case) for case in cases for method in methods]
 
 

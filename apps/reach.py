@@ -7,8 +7,13 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --scene shelf --arm left     another scene, the other arm
   reach.py --goal-motion up             the object moves while the arm is on its way
   reach.py --push 0 0 5                 somebody pushes the hand on its way
+  reach.py --robot worn --seed 3        a used robot: slack, offsets, slip, latency
+  reach.py --fault depth:stuck@reach    the depth camera's image freezes when the arm starts
+  reach.py --set planner.clearance.want=0.02
+  reach.py --scenario out/reach/scenario.yaml     the same run again
   reach.py --no-avoidance               what happens without the obstacle coupling
   reach.py --live                       watch it in a browser, in real time
+  reach.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
 
 Results: report.json, log.npz, recording.html (open it in any browser), path.png, timeline.png,
 scene.png. While it runs, what there is of it is kept in interrupted/. Exit code 0: reached; 1: not
@@ -22,9 +27,12 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from pepper_drake import cli
+from pepper_drake.cli_robot import add_robot_options
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
-from pepper_drake.diagrams.compliance import ComplianceConfig
-from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
+from pepper_drake.diagrams.factory import (
+    make_coupling,
+    prepare_scene,
+)
 from pepper_drake.diagrams.reach_simulation import (
     ReachResult,
     ReachSimulation,
@@ -32,18 +40,28 @@ from pepper_drake.diagrams.reach_simulation import (
     keep_result,
     save_result,
 )
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
+from pepper_drake.hardware.options import add_link_options, check_station, robot_access
+from pepper_drake.hardware.preflight import PreflightOptions
+from pepper_drake.hardware.reach_run import HardwareRun, reach_with_robot
+from pepper_drake.models.robot_wear import ROBOTS
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.scene_picture import save_scene_picture
 from pepper_drake.results.folder import INTERRUPTED, whole_results
-from pepper_drake.systems.guiding.external_force import ForcePulse
+from pepper_drake.scenario import (
+    Scenario,
+    add_scenario_options,
+    build_reaching,
+    movement_and_config,
+    save_scenario,
+    scenario_of,
+)
 from pepper_drake.web.drake_page import open_meshcat
 
 RESULTS = (
     "report.json",
     "scene.yaml",
+    "scenario.yaml",
     "log.npz",
     "recording.html",
     "path.png",
@@ -52,6 +70,16 @@ RESULTS = (
 )
 """The files that a run leaves."""
 
+SIMULATED_ONLY: dict[str, object] = {
+    "goal_motion": None,
+    "moving": False,
+    "push": None,
+    "no_avoidance": False,
+    "unvetted": False,
+    "live": False,
+}
+"""Options that a robot does not take, and their defaults."""
+
 PUSH_DURATION = 0.5
 """How long the hand is pushed [s]."""
 
@@ -59,7 +87,10 @@ PUSH_DURATION = 0.5
 def make_parser() -> ArgumentParser:
     """Makes the parser of this app's options."""
     parser = cli.make_parser("reach", __doc__)
+    parser.set_defaults(seed=None)  # That of the scenario.
     add_scene_options(parser)
+    add_scenario_options(parser)
+    add_robot_options(parser, addresses=True)
     parser.add_argument(
         "--demo",
         type=Path,
@@ -105,54 +136,64 @@ def make_parser() -> ArgumentParser:
         help="when, after the arm has started (default: %(default)s s)",
     )
     parser.add_argument(
+        "--gentle",
+        action="store_true",
+        help="move so slowly that no point of the arm is faster than 250 mm/s",
+    )
+    parser.add_argument(
         "--live", action="store_true", help="show it in a browser in real time, and stay open"
     )
     cli.add_host_option(parser)
+    add_link_options(parser)
+    parser.add_argument(
+        "--hold-at-end",
+        action="store_true",
+        help="leave a robot's arm stiff at the goal; without it the arm is lowered and relaxed",
+    )
     parser.add_argument(
         "--no-recording", action="store_true", help="leave recording.html out, which is faster"
     )
     return parser
 
 
-def build(options: Namespace) -> Reaching:
-    """Builds the diagram that the options ask for."""
-    scene = chosen_scene(options)
-    scene = prepare_scene(scene, arm=options.arm, motion=options.goal_motion)
+def chosen_scenario(options: Namespace) -> Scenario:
+    """The scenario that the options name, with what they change of it."""
+    scenario = scenario_of(options)
+    if options.scene is not None or options.random_scene is not None:
+        scenario.scene = chosen_scene(options)
+    scenario.scene = prepare_scene(scenario.scene, arm=options.arm, motion=options.goal_motion)
     if options.coupling is not None:
-        scene.coupling = options.coupling
-    config = ReachingConfig(
-        station=StationConfig(
-            seed=options.seed,
-            goal_motion_port=options.goal_motion is not None,
-            obstacle_motion_ports=options.moving,
-        ),
-        compliance=compliance(options),
-    )
-    config.planner.collision_checked = not options.unvetted
-    return Reaching(
-        scene,
-        make_primitive(options.demo, scene.arm),
-        make_coupling("none" if options.no_avoidance else scene.coupling),
-        config,
-    )
-
-
-def compliance(options: Namespace) -> ComplianceConfig | None:
-    """How the arm gives way to the push that the options ask for, if they do."""
-    if options.push is None:
-        return None
-    if not all(map(math.isfinite, (*options.push, options.push_at))):
-        raise InputError("--push and --push-at must be finite numbers")
-    return ComplianceConfig(
-        pushes=(ForcePulse(tuple(options.push), options.push_at, PUSH_DURATION),)
-    )
+        scenario.scene.coupling = options.coupling
+    if options.seed is not None:
+        scenario.seed = options.seed
+    if options.demo is not None:
+        scenario.demonstration = str(options.demo)
+    if options.robot in ROBOTS and options.robot != "ideal":
+        scenario.robot = options.robot
+    if options.fault:
+        scenario.faults = options.fault
+    if options.push is not None:
+        if not all(map(math.isfinite, (*options.push, options.push_at))):
+            raise InputError("--push and --push-at must be finite numbers")
+        scenario.push, scenario.push_at = list(options.push), options.push_at
+    scenario.station.goal_motion_port |= options.goal_motion is not None
+    scenario.station.obstacle_motion_ports |= options.moving
+    scenario.avoid_obstacles &= not options.no_avoidance
+    scenario.planner.collision_checked &= not options.unvetted
+    scenario.gentle |= options.gentle
+    scenario.check()
+    return scenario
 
 
 def main() -> int:
     """Runs the app."""
     options = cli.parse(make_parser())
+    is_robot = check_station(options, SIMULATED_ONLY)
     cli.quiet_libraries()
-    reaching = build(options)
+    if is_robot:
+        return reach_with_hardware(options)
+    scenario = chosen_scenario(options)
+    reaching = build_reaching(scenario)
     with open_meshcat(page=options.live, host=options.host) as (meshcat, url):
         if options.live:
             print(f"Watch it at {url}", flush=True)
@@ -171,7 +212,7 @@ def main() -> int:
             )
             result = run.run()
             interrupted = should_stop()
-        save(result, run, options.output)
+        save(result, run, scenario, options.output)
         if not options.quiet:
             print(result.report.summary())
             print(f"Results are in {options.output}")
@@ -182,10 +223,40 @@ def main() -> int:
     return cli.EXIT_DONE if result.report.outcome == "reached" else cli.EXIT_FAILED
 
 
-def save(result: ReachResult, run: ReachSimulation, folder: Path) -> None:
+def reach_with_hardware(options: Namespace) -> int:
+    """Reaches with the robot that the options name."""
+    access = robot_access(options)
+    scenario = chosen_scenario(options)
+    primitive, config = movement_and_config(scenario)
+    with cli.stop_on_interrupt() as should_stop:
+        result = reach_with_robot(
+            scenario.scene,
+            primitive,
+            make_coupling(scenario.scene.coupling),
+            config,
+            HardwareRun(
+                access,
+                PreflightOptions(disable_life=options.disable_life),
+                should_stop,
+                lambda line: None if options.quiet else print(line, flush=True),
+                options.hold_at_end,
+                options.clock_rate,
+            ),
+        )
+        interrupted = should_stop()
+    result.save(options.output)
+    if not options.quiet:
+        print(f"Results are in {options.output}")
+    if interrupted:
+        return cli.EXIT_INTERRUPTED
+    return cli.EXIT_DONE if result.report.outcome == "reached" else cli.EXIT_FAILED
+
+
+def save(result: ReachResult, run: ReachSimulation, scenario: Scenario, folder: Path) -> None:
     """Writes all results, and removes what was kept of the run until now."""
     with whole_results(folder, RESULTS) as inside:
         save_result(result, inside)
+        save_scenario(scenario, inside / "scenario.yaml")
         save_reach_figures(result.log, inside)
         save_scene_picture(result.scene, *run.final_positions(), inside / "scene.png")
     shutil.rmtree(folder / INTERRUPTED, ignore_errors=True)

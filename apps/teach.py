@@ -27,6 +27,8 @@ from pydrake.geometry import Meshcat
 from tqdm import tqdm
 
 from pepper_drake import cli
+from pepper_drake.cli_robot import add_robot_options, chosen_faults, chosen_wear
+from pepper_drake.diagrams.robot_signals import STATION_SIGNALS
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.files import write_atomically
@@ -75,6 +77,7 @@ def make_parser() -> ArgumentParser:
         choices=("barrier", "report", "none"),
         help="how obstacles bend the movement (default: the scene's)",
     )
+    add_robot_options(parser)
     parser.add_argument("--no-cameras", action="store_true", help="do without the cameras")
     parser.add_argument(
         "--script",
@@ -96,7 +99,12 @@ def make_session(options: Namespace, meshcat: Meshcat) -> LiveSession:
         scene = scene.mirrored()
     simulation = LiveSimulation(
         scene,
-        station=StationConfig(cameras=not options.no_cameras, seed=options.seed),
+        station=StationConfig(
+            cameras=not options.no_cameras,
+            seed=options.seed,
+            wear=chosen_wear(options),
+            faults=chosen_faults(options, STATION_SIGNALS),
+        ),
         movables=[name for name in options.move.split(",") if name],
         coupling=options.coupling,
         meshcat=meshcat,

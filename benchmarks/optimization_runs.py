@@ -36,7 +36,7 @@ from pepper_drake.optimization import (
 )
 from pepper_drake.optimization.averaging import decay_over
 from pepper_drake.optimization.kinematic_rollouts import KinematicRollouts, arm_shapes
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.kinematic_simulation import ArmState, KinematicSimulator
 from pepper_drake.planning.reach.movement import Movement
@@ -72,7 +72,7 @@ def around_table(
     edge, top = table
     x, y = np.meshgrid(np.arange(edge, 0.6, 0.015), np.arange(-0.7, 0.3, 0.015))
     points = np.column_stack((x.ravel(), y.ravel(), np.full(x.size, top)))
-    shapes, geometry = arm_shapes("right"), ArmGeometry(shared_control_model(), "right")
+    shapes, kinematics = arm_shapes("right"), arm_kinematics(shared_control_model(), "right")
     begin = time.process_time()
     task = make_task(
         primitive, obstacles=PointCloudDistance(points, extension=0.03), clearance=0.021
@@ -93,7 +93,7 @@ def around_table(
     movement = Movement(found, None, RigidTransform())
     path = rehearsal.roll_out(movement, start, goal, task.obstacles)
     joints = rehearsal.track(start, path, 0.002)
-    end = geometry.hand_pose(joints[-1]).translation()
+    end = kinematics.hand_pose(joints[-1]).translation()
     before = primitive.rollout().joints
     return {
         "edge": edge,
@@ -101,8 +101,8 @@ def around_table(
         "seed": seed,
         "rollouts": history.rollouts,
         "seconds": seconds,
-        "clearance_before": float(shapes.clearances(before, task.obstacles).min()),
-        "clearance": float(shapes.clearances(joints, task.obstacles).min()),
+        "clearance_before": float(shapes.distances(before, task.obstacles).min()),
+        "clearance": float(shapes.distances(joints, task.obstacles).min()),
         "goal_error": float(np.linalg.norm(end - primitive.goal)),
     }
 
@@ -133,7 +133,9 @@ def main() -> int:
             f"  {np.median(rows[:, 1]):.3f} s, at most {rows[:, 1].max():.3f} s"
         )
     model = shared_control_model()
-    rehearsal = KinematicSimulator(model, ArmGeometry(model, "right"), DifferentialIkParams(), 0.4)
+    rehearsal = KinematicSimulator(
+        model, arm_kinematics(model, "right"), DifferentialIkParams(), 0.4
+    )
     cases = [(table, seed) for table in TABLES for seed in range(options.table_seeds)]
     rows = [
         around_table(primitive, table, seed, rehearsal)

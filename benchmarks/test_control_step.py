@@ -16,7 +16,7 @@ from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.models.control_model import CONTROL_PERIOD, arm_joints, shared_control_model
 from pepper_drake.models.pepper import POSTURES
 from pepper_drake.perception.mapping.cloud import SurfacePoints, to_point_cloud
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.movement import Movement
 
@@ -45,7 +45,7 @@ def make_controller():
         ("movement", Value[object](Movement(primitive, make_coupling("barrier"), id=1))),
         ("object_pose", X_TG),
         ("torso_pose", RigidTransform()),
-        ("hand_pose", ArmGeometry(model, arm).hand_pose(np.array(start))),
+        ("hand_pose", arm_kinematics(model, arm).hand_pose(np.array(start))),
         ("arm_position", start),
         ("cloud", Value(to_point_cloud(make_table(NUM_POINTS)))),
     ):

@@ -13,9 +13,8 @@ def add_scene_options(parser: ArgumentParser) -> None:
     scenes = parser.add_mutually_exclusive_group()
     scenes.add_argument(
         "--scene",
-        default="table",
         metavar="NAME|FILE",
-        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: %(default)s)",
+        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: table)",
     )
     scenes.add_argument(
         "--random-scene", type=cli.seed, metavar="SEED", help="a random scene instead"
@@ -37,4 +36,4 @@ def chosen_scene(options: Namespace) -> Scene:
         raise InputError("--moving is for random scenes; name one with --random-scene")
     if options.random_scene is not None:
         return random_scene(options.random_scene, moving=options.moving)
-    return load_scene(options.scene)
+    return load_scene(options.scene or "table")

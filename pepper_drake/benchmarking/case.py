@@ -1,5 +1,6 @@
 """A benchmark case: a scene, and the seed of all randomness in its run."""
 
+import re
 from dataclasses import dataclass
 
 from pepper_drake.diagrams.factory import prepare_scene
@@ -17,6 +18,8 @@ class Case:
         moving: Whether an obstacle of the random scene moves during the reach.
         arm: "left" or "right"; the scene's if left out.
         goal_motion: How the goal moves; see `prepare_scene`.
+        robot: "ideal", or "worn" for the used robot of the seed.
+        faults: Signals that fail, as SIGNAL:KIND@START[+DURATION].
     """
 
     seed: int
@@ -24,6 +27,8 @@ class Case:
     moving: bool = False
     arm: str | None = None
     goal_motion: str | None = None
+    robot: str = "ideal"
+    faults: tuple[str, ...] = ()
 
     def build(self) -> Scene:
         """Returns the scene.
@@ -46,7 +51,9 @@ class Case:
             stem = self.scene.rpartition("/")[2].removesuffix(".yaml")
             name = f"{stem}_seed_{self.seed}"
         motion = self.goal_motion and self.goal_motion.rpartition("/")[2].partition(".")[0]
-        return "_".join(word for word in (name, self.arm, motion) if word)
+        robot = "" if self.robot == "ideal" else self.robot
+        faults = [re.sub(r"[^a-z0-9.]+", "_", fault) for fault in self.faults]
+        return "_".join(word for word in (name, self.arm, motion, robot, *faults) if word)
 
     @property
     def reach_options(self) -> list[str]:
@@ -61,4 +68,8 @@ class Case:
             options += ["--arm", self.arm]
         if self.goal_motion is not None:
             options += ["--goal-motion", self.goal_motion]
+        if self.robot != "ideal":
+            options += ["--robot", self.robot]
+        for fault in self.faults:
+            options += ["--fault", fault]
         return options

@@ -28,11 +28,14 @@ from pepper_drake.models.control_model import (
     body_indices,
     shared_control_model,
 )
+from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.models.scene import Scene
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
+from pepper_drake.systems.faults.fault import parse_faults
+from pepper_drake.systems.faults.fault_injector import FaultSet
 from pepper_drake.web.drake_page import offline_meshcat
 
 Array = npt.NDArray[np.float64]
@@ -82,6 +85,8 @@ class DiagramReach:
                 seed=case.seed,
                 goal_motion_port=case.goal_motion is not None,
                 obstacle_motion_ports=case.moving,
+                wear=RobotWear.draw(case.seed) if case.robot == "worn" else None,
+                faults=FaultSet(parse_faults(case.faults), case.seed),
             )
         )
         config.planner.adapt, config.planner.collision_checked = self.adapt, self.collision_checked
@@ -174,6 +179,6 @@ def interpolate_held(positions: Array, held: int) -> Array:
 
 def commanded_hand(joint_commands: Array, arm: str) -> Array:
     """The hand's positions (N, 3) in T [m] for commands (N, 15) of all joints [rad]."""
-    geometry = ArmGeometry(shared_control_model(), arm)
+    kinematics = arm_kinematics(shared_control_model(), arm)
     joints = joint_commands[:, body_indices(arm_joints(arm))]
-    return np.array([geometry.hand_pose(q).translation() for q in joints])
+    return np.array([kinematics.hand_pose(q).translation() for q in joints])

@@ -33,7 +33,7 @@ from pepper_drake.benchmarking.timed_path import timed_path
 from pepper_drake.benchmarking.trajectory_optimization import optimized_motion
 from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.models.control_model import shared_control_model
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.results.reach_report import pose_error
 
 Array = npt.NDArray[np.float64]
@@ -172,9 +172,9 @@ def _measure(result: MethodResult, known: GroundTruthScene, found: _Found) -> No
     result.position_error, result.orientation_error = pose_error(last, known.X_WG)
     moved = (len(found.motion) - 1) * _STEP
     result.duration = found.waiting + moved
-    geometry = ArmGeometry(shared_control_model(), arm)
+    kinematics = arm_kinematics(shared_control_model(), arm)
     joints = _whole(known, found.motion, 0.0)
-    hand = np.array([geometry.hand_pose(q).translation() for q in joints])
+    hand = np.array([kinematics.hand_pose(q).translation() for q in joints])
     result.path_length = path_length(hand)
     result.jerk = rms_jerk(hand, _STEP)
     result.demonstration_distance = demonstration_distance(

@@ -11,6 +11,7 @@ from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling, Report
 from pepper_drake.models.motion import MOTION_DIRECTIONS, goal_motion, load_path
 from pepper_drake.models.pepper import MODELS_DIR
 from pepper_drake.models.scene import Scene
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 
 SHIPPED_DEMONSTRATION = MODELS_DIR / "demonstrations" / "reach"
 """A right arm's reach, guided by hand with nothing in the way."""
@@ -21,6 +22,11 @@ HAND_RADIUS = 0.09
 
 SHORTEST_PATH = 0.01
 """A demonstration with a shorter way than this is none [m]."""
+
+_GENTLE_DURATION = 4.0
+"""Duration of a gentle movement, in those of the demonstration."""
+_GENTLE_SPEED = 0.15
+"""Share of the joints' rated speed that a gentle arm uses at most."""
 
 
 def make_coupling(name: str) -> Coupling | None:
@@ -65,6 +71,20 @@ def make_primitive(demonstration: Path | None, arm: str) -> MovementPrimitive:
         own,
         orientation=own.orientation if own.orientation is not None else shipped.orientation,
         posture=own.posture if whole else shipped.posture,
+    )
+
+
+def make_gentle(
+    primitive: MovementPrimitive, ik: DifferentialIkParams
+) -> tuple[MovementPrimitive, DifferentialIkParams]:
+    """Slows a movement and the arm's joints down so that no point exceeds 250 mm/s.
+
+    The shipped demonstration has its fastest point at 0.8 m/s; what replaces it on the way, after
+    replanning or retreating, keeps to the joints' speed.
+    """
+    return (
+        replace(primitive, duration=_GENTLE_DURATION * primitive.duration),
+        replace(ik, speed_fraction=min(ik.speed_fraction, _GENTLE_SPEED)),
     )
 
 

@@ -1,137 +1,309 @@
-"""What Pepper sees: the goal object, the obstacles as a cloud, and the head that looks there."""
+"""THE perception: the goal object, the obstacles as clouds, and the head that looks there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from pydrake.common.value import Value
+from pydrake.perception import PointCloud
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.primitives import (
+    ConstantValueSource,
+    ConstantVectorSource,
+    TrajectorySource,
+    ZeroOrderHold,
+)
+from pydrake.trajectories import PiecewisePolynomial
 
-from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.robot_signals import export_triggers
+from pepper_drake.diagrams.station import PepperStation, select_joints
 from pepper_drake.models.objects import GOAL_OBJECT
+from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.gaze.head_aiming import head_search_pattern
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.systems.faults.fault_injector import FaultSet, Role
+from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.body_pose import BodyPose
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
+from pepper_drake.systems.sensing.estimate_guard import CloudGuard, PoseGuard
 from pepper_drake.systems.sensing.gaze_controller import GazeController
 from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
-SEARCH_GAZE = (0.45, 0.3)
-"""Head yaw (to the arm's side) and pitch with which what is within reach is looked for [rad]."""
+_EVER = 1e9
+"""Longer than any simulation [s]."""
+_CAMERAS = {
+    "camera_top": {
+        "image": "color_image_top",
+        "time_stamp": "time_stamp_top",
+        "pose": "X_WC_top",
+    },
+    "camera_bottom": {
+        "image": "color_image_bottom",
+        "time_stamp": "time_stamp_bottom",
+        "pose": "X_WC_bottom",
+    },
+    "camera_depth": {
+        "image": "depth_image",
+        "time_stamp": "time_stamp",
+        "pose": "X_WC",
+        "position": "position",
+    },
+}
+"""Each camera's ports at the station, and their names at the system that reads them."""
+_GOAL = {"object_pose": "object_pose", "valid": "goal_valid", "age": "goal_age"}
+_GOAL_ROLES = {
+    "object_pose": Role.VALUE,
+    "velocity": Role.CARRIED,
+    "valid": Role.VALID,
+    "age": Role.AGE,
+}
+_CLOUD_ROLES = {
+    "cloud": Role.VALUE,
+    "cloud_torso": Role.VALUE,
+    "predicted_cloud": Role.CARRIED,
+    "predicted_cloud_torso": Role.CARRIED,
+    "time_stamp": Role.STAMP,
+    "age": Role.AGE,
+    "fault": Role.CARRIED,
+}
+"""What the ports are to a fault of the signals "goal" and "cloud"."""
+_CLOUD = {
+    "cloud": "cloud",
+    "cloud_torso": "cloud_torso",
+    "predicted_cloud": "predicted_cloud",
+    "predicted_cloud_torso": "predicted_cloud_torso",
+    "time_stamp": "cloud_time",
+    "age": "cloud_age",
+    "fault": "cloud_fault",
+}
+"""Output ports of the systems inside, and their names outside."""
 
-NEAR_GAZE = 0.07
-"""Of a goal within reach Pepper looks at a point so far beside it, to the side where the arm comes
-from [m]."""
+
+@dataclass
+class PerceptionConfig:
+    """How goal and obstacles are seen."""
+
+    image_poll_period: float = 0.05
+    """Time between looks for new images [s]: they come every 0.2 s, and each look copies the
+    state."""
+    goal: GoalFilterParameters = field(
+        # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
+        default_factory=lambda: GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0)
+    )
+    goal_latency: float = 0.04
+    """Time from an image's arrival to the estimate made of it [s]: detection takes 25 ms."""
+    obstacles: ObstacleParameters = field(default_factory=ObstacleParameters)
+    """Of the depth camera; a stereo pair in its place has its own."""
+    head_velocity: float = 2.5
+    """Fastest motion of a head joint [rad/s], a third of the rated speed."""
+    head_acceleration: float = 8.0
+    """Of a head joint [rad/s²]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Perception:
-    """What was added to a diagram so that Pepper sees.
+class HeadPerception(Diagram):
+    """Goal estimator, cloud source and gaze controller.
 
-    Attributes:
-        look_at: Turns the head to the goal.
-        object_pose: The goal object's X_WO.
-        goal_estimator: Finds the goal's marker; None where the goal is known.
-        cloud_source: Sees obstacles; None without cameras.
+    .. pydrake_system::
+
+        name: HeadPerception
+        input_ports:
+        - head_position
+        - torso_pose
+        - scan_enabled (optional)
+        - camera_top.image, .time_stamp, .pose
+        - camera_bottom.image, .time_stamp, .pose
+        - camera_depth.image, .time_stamp, .pose, .position
+        - body_poses (without cameras)
+        output_ports:
+        - object_pose
+        - goal_valid
+        - goal_age
+        - goal_gap
+        - cloud
+        - cloud_torso
+        - predicted_cloud
+        - predicted_cloud_torso
+        - cloud_time
+        - cloud_age
+        - cloud_fault
+        - head_position_command
+        - camera_top.enabled
+        - camera_bottom.enabled
+
+    The inputs are a station's ports. `scan_enabled` (1): see `GazeController`. Outputs: X_WO of the
+    goal object, whether it is known (1), since when it was seen, and since when its estimate made
+    no sense [s]; the obstacles and where moving ones will be soon, in W and in T (PointCloud);
+    time, age [s] and fault of the last depth image; HeadYaw and HeadPitch [rad] (2); whether a
+    colour camera is to take images (1).
+
+    Without cameras the goal's true pose is known and there are no obstacles.
     """
 
-    look_at: GazeController
-    object_pose: OutputPort
-    goal_estimator: GoalEstimator | None = None
-    cloud_source: DepthPointCloudSource | None = None
+    def __init__(
+        self, scene: Scene, station: PepperStation, config: PerceptionConfig | None = None
+    ) -> None:
+        """Makes the perception.
 
+        Args:
+            scene: What the goal object is, and which arm reaches for it.
+            station: The station to which it will be connected, for its cameras.
+            config: How it sees.
+        """
+        super().__init__()
+        self._config = config = config or PerceptionConfig()
+        self._has_cameras = station.config.cameras
+        self._builder = builder = DiagramBuilder()
+        marked = MarkedObject.from_scene(scene.goal)
+        self._gaze = builder.AddNamedSystem(
+            "gaze_controller",
+            GazeController(
+                marked.X_OM.translation(),
+                secondary_camera=CAMERA_DEPTH,
+                radius=marked.marker_size / np.sqrt(2),
+                side=1.0 if scene.arm == "left" else -1.0,
+                search=head_search_pattern,
+                max_velocity=config.head_velocity,
+                max_acceleration=config.head_acceleration,
+            ),
+        )
+        if self._has_cameras:
+            self._add_estimators(marked, station)
+        else:
+            self._add_known_goal(station)
+        builder.ExportInput(self._gaze.GetInputPort("X_WT"), "torso_pose")
+        if self._has_cameras:
+            builder.ConnectInput("torso_pose", self._cloud_source.GetInputPort("X_WT"))
+        builder.ExportInput(self._gaze.GetInputPort("scan_enabled"), "scan_enabled")
+        builder.ExportInput(self._gaze.GetInputPort("head_position"), "head_position")
+        builder.ExportOutput(
+            self._gaze.GetOutputPort("head_position_command"), "head_position_command"
+        )
+        for camera in ("top", "bottom"):
+            builder.ExportOutput(
+                self._gaze.GetOutputPort(f"{camera}_enabled"), f"camera_{camera}.enabled"
+            )
+        del self._builder
+        build_into(builder, self)
 
-def add_perception(builder: DiagramBuilder, scene: Scene, station: PepperStation) -> Perception:
-    """Adds what sees the goal and the obstacles; without cameras the goal's true pose is known."""
-    marked = MarkedObject.from_scene(scene.goal)
-    aside = NEAR_GAZE if scene.arm == "left" else -NEAR_GAZE
-    p_OP = marked.X_OM.translation() + np.array([0.0, aside, 0.0])
-    look_at = builder.AddNamedSystem("look_at", GazeController(p_OP))
-    builder.Connect(station.GetOutputPort("torso_pose"), look_at.GetInputPort("X_WT"))
-    if not station.config.cameras:
+    def connect(self, builder: DiagramBuilder, station: PepperStation) -> None:
+        """Connects a station's measurements to the perception, and the perception to its cameras.
+
+        Args:
+            builder: Of the diagram that both are in.
+            station: Simulated or real.
+        """
+        joint_position = station.GetOutputPort("joint_position")
+        head = select_joints(builder, joint_position, "head_position", JOINT_GROUPS["head"])
+        builder.Connect(head, self.GetInputPort("head_position"))
+        builder.Connect(station.GetOutputPort("torso_pose"), self.GetInputPort("torso_pose"))
+        if not self._has_cameras:
+            builder.Connect(
+                station.GetOutputPort("ground_truth.body_poses"), self.GetInputPort("body_poses")
+            )
+            return
+        for camera, ports in _CAMERAS.items():
+            for port in ports:
+                name = f"{camera}.{port}"
+                builder.Connect(station.GetOutputPort(name), self.GetInputPort(name))
+        for camera in ("camera_top", "camera_bottom"):
+            name = f"{camera}.enabled"
+            builder.Connect(self.GetOutputPort(name), station.GetInputPort(name))
+
+    def _add_estimators(self, marked: MarkedObject, station: PepperStation) -> None:
+        """Adds what finds the goal and the obstacles in the cameras' images."""
+        builder = self._builder
+        estimator = builder.AddNamedSystem(
+            "goal_estimator",
+            GoalEstimator(
+                marked,
+                parameters=self._config.goal,
+                period=self._config.image_poll_period,
+                latency=self._config.goal_latency,
+                expects_noise=station.config.noise,
+            ),
+        )
+        self._cloud_source = source = builder.AddNamedSystem(
+            "cloud_source",
+            DepthPointCloudSource(
+                RobotSolids(
+                    station.control_model.plant, station.control_model.diagram.scene_graph()
+                ),
+                marked,
+                intrinsics=station.depth_intrinsics,
+                parameters=station.obstacle_parameters(self._config.obstacles),
+                period=self._config.image_poll_period,
+            ),
+        )
+        for camera, ports in _CAMERAS.items():
+            reader = source if camera == "camera_depth" else estimator
+            for port, name in ports.items():
+                builder.ExportInput(reader.GetInputPort(name), f"{camera}.{port}")
+        goal = self._guarded_goal(estimator, station.config.faults)
+        for name in ("object_pose", "valid", "age", "velocity"):
+            builder.Connect(goal[name], self._gaze.GetInputPort(name))
+        for name in ("object_pose", "valid", "velocity"):
+            target = name if name == "object_pose" else f"object_{name}"
+            builder.Connect(goal[name], source.GetInputPort(target))
+        cloud = self._guarded_cloud(source, station.config.faults)
+        builder.Connect(cloud["cloud"], self._gaze.GetInputPort("cloud"))
+        for ports, names in ((goal, _GOAL), (cloud, _CLOUD)):
+            for port, name in names.items():
+                builder.ExportOutput(ports[port], name)
+        export_triggers(builder, station.config.faults)
+
+    def _guarded_goal(self, estimator: System, faults: FaultSet) -> dict[str, OutputPort]:
+        """The estimate of the goal as others get it: failing, if it is to, and never senseless."""
+        builder = self._builder
+        ports = {name: (role, estimator.GetOutputPort(name)) for name, role in _GOAL_ROLES.items()}
+        goal = faults.tap(builder, "goal", ports)
+        guard = builder.AddNamedSystem(
+            "goal_guard", PoseGuard(time_step=self._config.image_poll_period)
+        )
+        builder.Connect(goal["object_pose"], guard.pose_input)
+        builder.ExportOutput(guard.GetOutputPort("age"), "goal_gap")
+        return goal | {"object_pose": guard.GetOutputPort("pose")}
+
+    def _guarded_cloud(self, source: System, faults: FaultSet) -> dict[str, OutputPort]:
+        """The clouds as others get them: failing, if they are to, and never senseless."""
+        builder = self._builder
+        ports = {name: (role, source.GetOutputPort(name)) for name, role in _CLOUD_ROLES.items()}
+        cloud = faults.tap(builder, "cloud", ports)
+        guard = builder.AddNamedSystem(
+            "cloud_guard", CloudGuard(time_step=self._config.image_poll_period)
+        )
+        guarded = {}
+        for name in ("cloud", "cloud_torso", "time_stamp"):
+            builder.Connect(cloud[name], guard.GetInputPort(name))
+            guarded[name] = guard.GetOutputPort(name)
+        return cloud | guarded
+
+    def _add_known_goal(self, station: PepperStation) -> None:
+        """Adds what stands for the estimators where there are no cameras."""
+        builder = self._builder
         body = station.plant.GetBodyByName(GOAL_OBJECT)
         known = builder.AddNamedSystem("known_goal", BodyPose(body.index()))
-        builder.Connect(station.GetOutputPort("ground_truth.body_poses"), known.body_poses_input)
-        builder.Connect(known.pose_output, look_at.GetInputPort("object_pose"))
-        return Perception(look_at, known.pose_output)
-    estimator = _add_goal_estimator(builder, station, marked, look_at, scene.arm)
-    object_pose = estimator.GetOutputPort("object_pose")
-    source = builder.AddNamedSystem(
-        "cloud_source",
-        DepthPointCloudSource(
-            RobotSolids(station.control_model.plant, station.control_model.diagram.scene_graph()),
-            marked,
-            intrinsics=station.depth_intrinsics,
-            parameters=station.obstacle_parameters,
-        ),
-    )
-    _connect_camera(
-        builder,
-        station,
-        "camera_depth",
-        source,
-        {
-            "image": "depth_image",
-            "time_stamp": "time_stamp",
-            "pose": "X_WC",
-            "position": "position",
-        },
-    )
-    for port, name in (
-        (object_pose, "object_pose"),
-        (estimator.GetOutputPort("valid"), "object_valid"),
-        (estimator.GetOutputPort("velocity"), "object_velocity"),
-        (station.GetOutputPort("torso_pose"), "X_WT"),
-    ):
-        builder.Connect(port, source.GetInputPort(name))
-    return Perception(look_at, object_pose, estimator, source)
+        builder.ExportInput(known.body_poses_input, "body_poses")
+        builder.Connect(known.pose_output, self._gaze.GetInputPort("object_pose"))
+        builder.ExportOutput(known.pose_output, "object_pose")
 
+        def constant(name: str, source: System) -> OutputPort:
+            return builder.AddNamedSystem(name, source).get_output_port()
 
-def _add_goal_estimator(
-    builder: DiagramBuilder,
-    station: PepperStation,
-    marked: MarkedObject,
-    look_at: GazeController,
-    arm: str,
-) -> GoalEstimator:
-    """Adds the estimator on both colour cameras, of which the head switches on the better one."""
-    estimator = builder.AddNamedSystem(
-        "goal_estimator",
-        GoalEstimator(
-            marked,
-            # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
-            parameters=GoalFilterParameters(publish_angle=0.01),
-            expects_noise=station.config.noise,
-        ),
-    )
-    for camera in ("top", "bottom"):
-        ports = {
-            "image": f"color_image_{camera}",
-            "time_stamp": f"time_stamp_{camera}",
-            "pose": f"X_WC_{camera}",
-        }
-        _connect_camera(builder, station, f"camera_{camera}", estimator, ports)
-        builder.Connect(
-            look_at.GetOutputPort(f"{camera}_enabled"),
-            station.GetInputPort(f"camera_{camera}.enabled"),
-        )
-    builder.Connect(estimator.GetOutputPort("object_pose"), look_at.GetInputPort("object_pose"))
-    builder.Connect(estimator.GetOutputPort("valid"), look_at.GetInputPort("valid"))
-    yaw, pitch = SEARCH_GAZE
-    gaze = builder.AddNamedSystem(
-        "head_search_pattern", ConstantVectorSource([yaw if arm == "left" else -yaw, pitch])
-    )
-    builder.Connect(gaze.get_output_port(), look_at.GetInputPort("resting_head"))
-    return estimator
-
-
-def _connect_camera(
-    builder: DiagramBuilder,
-    station: PepperStation,
-    camera: str,
-    system: System,
-    ports: dict[str, str],
-) -> None:
-    for port, name in ports.items():
-        builder.Connect(station.GetOutputPort(f"{camera}.{port}"), system.GetInputPort(name))
+        zero = constant("zero", ConstantVectorSource([0.0]))
+        one = constant("one", ConstantVectorSource([1.0]))
+        nothing = constant("no_obstacles", ConstantValueSource(Value(PointCloud())))
+        builder.ExportOutput(one, "goal_valid")
+        for name in ("goal_age", "goal_gap", "cloud_age", "cloud_fault"):
+            builder.ExportOutput(zero, name)
+        # There is always a new image of nothing.
+        times = PiecewisePolynomial.FirstOrderHold([0.0, _EVER], [[0.0, _EVER]])
+        clock = constant("clock", TrajectorySource(times))
+        images = builder.AddNamedSystem("images", ZeroOrderHold(station.config.camera_period, 1))
+        builder.Connect(clock, images.get_input_port())
+        builder.ExportOutput(images.get_output_port(), "cloud_time")
+        for name in ("cloud", "cloud_torso", "predicted_cloud", "predicted_cloud_torso"):
+            builder.ExportOutput(nothing, name)

@@ -10,7 +10,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource
 
 from pepper_drake.diagrams.arm_controller import ArmController
-from pepper_drake.diagrams.head_perception import add_perception
+from pepper_drake.diagrams.head_perception import HeadPerception
 from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
@@ -21,7 +21,8 @@ from pepper_drake.models.control_model import (
 )
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.models.scene import Scene
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
 )
@@ -129,7 +130,8 @@ class LiveTeaching(Diagram):
             "station", PepperStation(scene, config, self._model)
         )
         self.station.set_stiffness(arm_group(scene.arm), 0.0)
-        self.perception = add_perception(builder, scene, self.station)
+        self.perception = builder.AddNamedSystem("perception", HeadPerception(scene, self.station))
+        self.perception.connect(builder, self.station)
         self._add_objects()
         self._add_arm(primitive)
         self._add_guide()
@@ -193,19 +195,20 @@ class LiveTeaching(Diagram):
         self._connect(self.arm_position, controller, "arm_position")
         self._connect(self._out("torso_pose"), controller, "torso_pose")
         self._connect(self._out(f"{arm}_hand_pose"), controller, "hand_pose")
-        self._connect(self.perception.object_pose, controller, "object_pose")
-        if self.perception.cloud_source is not None:
-            self._connect(
-                self.perception.cloud_source.GetOutputPort("cloud_torso"), controller, "cloud"
-            )
-        look_at = self.perception.look_at
-        head = select_joints(builder, measured, "head_position", JOINT_GROUPS["head"])
-        self._connect(head, look_at, "head_position")
+        for name, port in (
+            ("object_pose", "object_pose"),
+            ("cloud_torso", "cloud"),
+            ("predicted_cloud_torso", "predicted_cloud"),
+        ):
+            self._connect(self.perception.GetOutputPort(name), controller, port)
+        self._connect(controller.GetOutputPort("active"), self.perception, "scan_enabled")
         self.commands = builder.AddNamedSystem(
             "joint_commands",
             JointCommandMerge({"head": JOINT_GROUPS["head"], "arm": arm_joints(arm)}, start),
         )
-        self._connect(look_at.GetOutputPort("head_position_command"), self.commands, "head_command")
+        self._connect(
+            self.perception.GetOutputPort("head_position_command"), self.commands, "head_command"
+        )
         self._connect(controller.GetOutputPort("position_command"), self.commands, "arm_command")
 
     def _add_guide(self) -> None:
@@ -261,12 +264,12 @@ class LiveTeaching(Diagram):
             self.safety.GetOutputPort("safe_joint_position_command"),
             self.station.GetInputPort("joint_position_command"),
         )
-        if self.perception.cloud_source is None:
-            return
         clearance = builder.AddNamedSystem(
-            "seen_clearance", CloudClearance(ArmGeometry(self._model, self.arm))
+            "seen_clearance",
+            CloudClearance(ExactDistance(self._model, arm_kinematics(self._model, self.arm))),
         )
-        self._connect(self.perception.cloud_source.GetOutputPort("cloud_torso"), clearance, "cloud")
+        for name in ("cloud", "predicted_cloud"):
+            self._connect(self.perception.GetOutputPort(f"{name}_torso"), clearance, name)
         self._connect(self.controller.GetOutputPort("active"), clearance, "active")
         self._connect(self.arm_position, clearance, "joint_position")
         self._connect(

@@ -21,6 +21,7 @@ from pepper_drake.diagrams.recording import (
     make_teaching,
     measured_recording,
 )
+from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration
 from pepper_drake.learning.demonstrations.workspace_map import (
@@ -37,7 +38,7 @@ from pepper_drake.models.marker_script import FACING, MarkerScript
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP, make_render_cameras
 from pepper_drake.perception.cameras.noise import ColorNoise
 from pepper_drake.perception.goal.detection import MarkedObject
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.kinematic_simulation import ArmState, HandPath, KinematicSimulator
 from pepper_drake.systems.framework import build
@@ -50,7 +51,6 @@ Vector = npt.NDArray[np.float64]
 
 _CAMERAS = {"top": CAMERA_TOP, "bottom": CAMERA_BOTTOM}
 _RENDERER = "vtk"
-_SLICE = 0.1
 
 OUT_OF_REACH = 0.02
 """Farther from where it is led [m] than this, the hand is at the end of its reach."""
@@ -165,11 +165,7 @@ def watch(
     builder.Connect(images.GetOutputPort("time_stamp"), tracker.time_stamp_input)
     log = LogVectorOutput(tracker.sighting_output, builder, publish_period=script.period)
     simulator = Simulator(build(builder))
-    end = path.end_time + script.rest
-    for number in range(int(np.ceil(end / _SLICE))):
-        if should_stop():
-            break
-        simulator.AdvanceTo(min((number + 1) * _SLICE, end))
+    simulate(simulator, path.end_time + script.rest, should_stop=should_stop).check()
     rows = log.FindLog(simulator.get_context()).data().T
     rows = rows[np.isfinite(rows[:, 0])]
     rows = rows[np.unique(rows[:, 0], return_index=True)[1]]
@@ -214,18 +210,18 @@ def _followed(
 ) -> tuple[Demonstration, Vector, float]:
     """The wanted motion, joints that follow it, and how far the hand is from it at most [m]."""
     model = shared_control_model()
-    geometry = ArmGeometry(model, arm)
-    X_TH = geometry.hand_pose(start)
+    kinematics = arm_kinematics(model, arm)
+    X_TH = kinematics.hand_pose(start)
     wanted = workspace.apply(shown, X_TH.translation(), X_TH.rotation().ToQuaternion().wxyz())
     assert wanted.rotations is not None
     count = len(wanted.times)
     nominal = np.tile(start, (count, 1))
     ik = DifferentialIkParams(time_step=float(wanted.times[1] - wanted.times[0]))
-    rehearsal = KinematicSimulator(model, geometry, ik, settle=0.0)
+    rehearsal = KinematicSimulator(model, kinematics, ik, settle=0.0)
     joints = rehearsal.track(
         ArmState(start, np.zeros(5)),
         HandPath(wanted.positions, wanted.rotations, nominal, count - 1),
         OUT_OF_REACH,
     )
-    hands = geometry.kinematics.poses(joints).hand_position
+    hands = kinematics.poses(joints).hand_position
     return wanted, joints, float(np.linalg.norm(hands - wanted.positions, axis=1).max())

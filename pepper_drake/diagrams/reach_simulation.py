@@ -18,10 +18,12 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
-from tqdm import tqdm
 
 from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.touch_report import arm_speed, stopping_time, touch_speed
+from pepper_drake.models.control_model import arm_joints, body_indices
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.models.scene import Scene, save_scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points, make_cloud
@@ -34,12 +36,10 @@ from pepper_drake.systems.framework import Diagram, build
 
 Vector = npt.NDArray[np.float64]
 
-_SLICE = 0.1
-"""How often a run is looked at from outside, s of simulated time."""
+_AFTERMATH = 1.5
+"""Time that a run goes on after a failure, to see how the robot stops [s] of simulated time."""
 _LONGEST = 60.0
 """No reach takes longer, s of simulated time."""
-_KEEP_PERIOD = 0.8
-"""Wall time from when a run was kept until it is kept again [s]; a slice comes on top."""
 
 
 @dataclass
@@ -131,36 +131,33 @@ class ReachSimulation:
             self.reaching.station.renderer.wait_until_ready()
         if self._visualizer is not None and options.record:
             self._visualizer.StartRecording(False)
-        wall = 0.0
-        kept = time.monotonic()
-        progress = tqdm(
-            total=None,
-            desc="looking",
-            unit=" s",
-            bar_format="{desc:10s} {n:5.1f} s simulated, {elapsed} elapsed",
-            disable=not options.progress,
-            leave=False,
-        )
-        mode = ReachMode.LOOKING
-        while mode not in (ReachMode.DONE, ReachMode.FAILED):
-            now = self.simulator.get_context().get_time()
-            if now >= _LONGEST or options.should_stop():
-                break
-            started = time.perf_counter()
-            self._advance(now + _SLICE)
-            wall += time.perf_counter() - started
-            if self._fault:
-                break
+        began, mode, failed = time.perf_counter(), ReachMode.LOOKING, np.inf
+
+        def watch() -> bool:
+            nonlocal mode, failed
             previous, mode = mode, self.mode()
             if mode == ReachMode.REACHING and previous != mode:
                 self._look_at_cloud()
-            progress.set_description(mode.name.lower())
-            progress.update(_SLICE)
-            if options.keep is not None and time.monotonic() - kept > _KEEP_PERIOD:
-                options.keep(self._result(wall))
-                kept = time.monotonic()
-        progress.close()
-        self._is_over = not options.should_stop()
+            now = self.simulator.get_context().get_time()
+            if mode == ReachMode.FAILED and previous != mode:
+                failed = now
+            return mode == ReachMode.DONE or now >= failed + _AFTERMATH
+
+        def keep() -> None:
+            if options.keep is not None:
+                options.keep(self._result(time.perf_counter() - began))
+
+        end = simulate(
+            self.simulator,
+            _LONGEST,
+            watch=watch,
+            should_stop=options.should_stop,
+            keep=keep,
+            progress=options.progress,
+            title=lambda: mode.name.lower(),
+        )
+        self._fault, wall = end.fault, end.wall_seconds
+        self._is_over = not end.stopped
         self._draw_paths()
         html = None
         if self._visualizer is not None and options.record:
@@ -175,22 +172,13 @@ class ReachSimulation:
         log = self._log()
         return ReachResult(self.reaching.scene, self._report(log, wall), log, html)
 
-    def _advance(self, time: float) -> None:
-        """Simulates up to a time; keeps what Drake says when its solver finds no step."""
-        try:
-            self.simulator.AdvanceTo(time)
-        except RuntimeError as error:
-            now = self.simulator.get_context().get_time()
-            self._fault = f"the simulation cannot go on at {now:.2f} s: {error}".splitlines()[0]
-
     def _look_at_cloud(self) -> None:
         """Measures the cloud with which the arm starts, and draws it."""
         reaching, context = self.reaching, self.context
-        source = reaching.cloud_source.GetMyContextFromRoot(self.simulator.get_context())
-        self._cloud_W = cloud_points(reaching.cloud_source.GetOutputPort("cloud").Eval(source))
-        self._cloud_T = cloud_points(
-            reaching.cloud_source.GetOutputPort("cloud_torso").Eval(source)
-        )
+        perception = reaching.perception
+        seen = perception.GetMyContextFromRoot(self.simulator.get_context())
+        self._cloud_W = cloud_points(perception.GetOutputPort("cloud").Eval(seen))
+        self._cloud_T = cloud_points(perception.GetOutputPort("cloud_torso").Eval(seen))
         query = reaching.GetOutputPort("ground_truth.query").Eval(context)
         self._cloud_report = measure_cloud(reaching.station, query, self._cloud_W)
         if self._options.meshcat is not None:
@@ -296,16 +284,51 @@ class ReachSimulation:
             report.planning_delay = started - arrived - reaching.config.timing.settling
         report.closest_pair = self._closest_pair(log)
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
-        estimator = reaching.goal_estimator.GetMyContextFromRoot(root)
-        if reaching.goal_estimator.GetOutputPort("valid").Eval(estimator)[0]:
-            X_WO = reaching.object_pose.Eval(estimator)
+        perception = reaching.perception
+        seen = perception.GetMyContextFromRoot(root)
+        if perception.GetOutputPort("goal_valid").Eval(seen)[0]:
+            X_WO = perception.GetOutputPort("object_pose").Eval(seen)
             report.goal_estimate_error, _ = pose_error(X_WO @ scene.pre_grasp(), X_WG)
         moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
         if np.any(moving):
             error = log.hand_position_torso_m[moving] - log.desired_position_torso_m[moving]
             report.tracking_error_rms = float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+        self._measure_motion(report, log)
         self._judge(report, progress.mode, progress.reason, progress.message)
         return report
+
+    def _measure_motion(self, report: ReachReport, log: ReachLog) -> None:
+        """Fills in how fast and how hard the robot was, and how it stopped."""
+        reaching, times = self.reaching, log.time_s
+        if len(times) < 4:
+            return
+        root = self.simulator.get_context().Clone()
+        station = reaching.station
+        touch = touch_speed(
+            station,
+            station.GetMyMutableContextFromRoot(root),
+            self._rows("state"),
+            log.clearance_m,
+        )
+        if touch is not None:
+            report.touch_speed, report.own_touch_speed = touch.relative, touch.own
+        forces = self._rows("contact_force").max(axis=0)
+        report.contact_force, report.goal_force = float(forces[0]), float(forces[1])
+        arm = body_indices(arm_joints(reaching.scene.arm))
+        step = float(times[1] - times[0])
+        report.arm_speed = arm_speed(
+            station.control_model, reaching.scene.arm, log.joint_position_rad[:, arm], step
+        )
+        period = reaching.config.ik.time_step
+        commands = log.joint_command_rad[:: round(period / step)]
+        changes = np.abs(np.diff(commands, n=2, axis=0))
+        report.command_acceleration = float(changes.max() / period**2)
+        failed = np.flatnonzero(log.mode == ReachMode.FAILED)
+        if len(failed):
+            report.stopping_seconds = stopping_time(
+                times, log.joint_command_rad, log.base_pose_m_m_rad, float(times[failed[0]])
+            )
+        report.faults = [str(fault) for fault in station.config.faults.faults]
 
     def _closest_pair(self, log: ReachLog) -> str:
         """Which link was nearest to which obstacle, at the moment of the least clearance."""

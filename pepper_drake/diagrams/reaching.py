@@ -1,10 +1,10 @@
 """Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
 
 from dataclasses import dataclass, field, replace
+from typing import cast
 
-import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+from pydrake.systems.primitives import Adder, LogVectorOutput, VectorLogSink
 
 from pepper_drake.diagrams.arm_controller import ArmController
 from pepper_drake.diagrams.compliance import (
@@ -12,41 +12,40 @@ from pepper_drake.diagrams.compliance import (
     add_hand_force,
     add_pushes,
 )
+from pepper_drake.diagrams.head_perception import HeadPerception, PerceptionConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
     arm_joints,
+    body_indices,
     shared_control_model,
 )
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group
 from pepper_drake.models.scene import Scene
-from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.goal.detection import MarkedObject
-from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
-from pepper_drake.perception.mapping.solids import RobotSolids
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
+from pepper_drake.systems.faults.fault_injector import Role
+from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, slowed_latency
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.base_position_controller import BasePositionController
+from pepper_drake.systems.robot.body_watch import BodyWatch
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
 from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
+from pepper_drake.systems.robot.touch_monitor import TouchMonitor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 from pepper_drake.systems.robot.true_clearance import TrueClearance
-from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
-from pepper_drake.systems.sensing.gaze_controller import GazeController
-from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
-
-_IMAGE_POLL = 0.05
-"""Time between looks for new images [s]: they come every 0.2 s, and each look copies the state."""
 
 
 @dataclass
@@ -57,6 +56,7 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
@@ -67,6 +67,8 @@ class ReachingConfig:
 
 class Reaching(Diagram):
     """The whole loop, from the cameras' images to the joints' commands.
+
+    It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
 
     Attributes:
         station: Pepper in its scene; another station with the same ports may take its place.
@@ -80,14 +82,28 @@ class Reaching(Diagram):
         primitive: MovementPrimitive,
         coupling: Coupling | None,
         config: ReachingConfig,
+        station: Diagram | None = None,
     ) -> None:
+        """Makes the loop.
+
+        Args:
+            scene: What Pepper is in.
+            primitive: The movement that was taught.
+            coupling: How obstacles bend it; None for not at all.
+            config: How it is built.
+            station: The robot, if another than one of `config.station` in the scene.
+        """
         super().__init__()
         self.scene, self.primitive, self.config = scene, primitive, config
         self._builder = builder = DiagramBuilder()
         model = shared_control_model()
-        self.geometry = ArmGeometry(model, scene.arm)
-        station = builder.AddNamedSystem("station", PepperStation(scene, config.station, model))
-        self.station: PepperStation = station
+        self.shapes = ExactDistance(model, arm_kinematics(model, scene.arm))
+        # A real robot's station has the same ports, less those of the truth.
+        chosen = station or PepperStation(scene, config.station, model)
+        self.station: PepperStation = builder.AddNamedSystem("station", cast(PepperStation, chosen))
+        self._faults = (
+            chosen.config.faults if isinstance(chosen, PepperStation) else config.station.faults
+        )
         self.logs: dict[str, VectorLogSink] = {}
 
         self._add_perception()
@@ -95,8 +111,12 @@ class Reaching(Diagram):
         self._add_controller()
         self._add_commands(coupled=coupling is not None)
         self._add_motions()
+        self._add_triggers()
         self._add_logs()
-        builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "ground_truth.query")
+        if self.station.HasOutputPort("ground_truth.query"):
+            builder.ExportOutput(
+                self.station.GetOutputPort("ground_truth.query"), "ground_truth.query"
+            )
         del self._builder
         build_into(builder, self)
 
@@ -106,80 +126,10 @@ class Reaching(Diagram):
 
     def _add_perception(self) -> None:
         """Goal estimator, obstacle cloud, and the head that looks at the goal."""
-        builder, station = self._builder, self.station
-        marked = MarkedObject.from_scene(self.scene.goal)
-        self.goal_estimator = builder.AddNamedSystem(
-            "goal_estimator",
-            GoalEstimator(
-                marked,
-                # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
-                parameters=GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0),
-                period=_IMAGE_POLL,
-                latency=0.04,
-                expects_noise=self.config.station.noise,
-            ),
+        self.perception = self._builder.AddNamedSystem(
+            "perception", HeadPerception(self.scene, self.station, self.config.perception)
         )
-        for camera in ("top", "bottom"):
-            for port, name in (
-                ("image", "color_image"),
-                ("time_stamp", "time_stamp"),
-                ("pose", "X_WC"),
-            ):
-                self._connect(
-                    station.GetOutputPort(f"camera_{camera}.{port}"),
-                    self.goal_estimator,
-                    f"{name}_{camera}",
-                )
-        self.object_pose = self.goal_estimator.GetOutputPort("object_pose")
-
-        self.cloud_source = builder.AddNamedSystem(
-            "cloud_source",
-            DepthPointCloudSource(
-                RobotSolids(
-                    station.control_model.plant, station.control_model.diagram.scene_graph()
-                ),
-                marked,
-                intrinsics=station.depth_intrinsics,
-                parameters=station.obstacle_parameters,
-                period=_IMAGE_POLL,
-            ),
-        )
-        for port, name in (
-            ("image", "depth_image"),
-            ("time_stamp", "time_stamp"),
-            ("pose", "X_WC"),
-            ("position", "position"),
-        ):
-            self._connect(station.GetOutputPort(f"camera_depth.{port}"), self.cloud_source, name)
-        self._connect(self.object_pose, self.cloud_source, "object_pose")
-        self._connect(self.goal_estimator.GetOutputPort("valid"), self.cloud_source, "object_valid")
-        self._connect(
-            self.goal_estimator.GetOutputPort("velocity"), self.cloud_source, "object_velocity"
-        )
-        self._connect(station.GetOutputPort("torso_pose"), self.cloud_source, "X_WT")
-
-        self.look_at = builder.AddNamedSystem(
-            "look_at",
-            GazeController(
-                marked.X_OM.translation(),
-                secondary_camera=CAMERA_DEPTH,
-                radius=marked.marker_size / np.sqrt(2),
-                side=1.0 if self.scene.arm == "left" else -1.0,
-                max_velocity=2.5,
-                max_acceleration=8.0,
-            ),
-        )
-        for name in ("age", "velocity"):
-            self._connect(self.goal_estimator.GetOutputPort(name), self.look_at, name)
-        self._connect(self.object_pose, self.look_at, "object_pose")
-        self._connect(self.cloud_source.GetOutputPort("cloud"), self.look_at, "cloud")
-        self._connect(self.goal_estimator.GetOutputPort("valid"), self.look_at, "valid")
-        self._connect(station.GetOutputPort("torso_pose"), self.look_at, "X_WT")
-        for camera in ("top", "bottom"):
-            builder.Connect(
-                self.look_at.GetOutputPort(f"{camera}_enabled"),
-                station.GetInputPort(f"camera_{camera}.enabled"),
-            )
+        self.perception.connect(self._builder, self.station)
 
     def _add_supervisor(self, coupling: Coupling | None) -> None:
         """The supervisor with its planner, and the base that it drives."""
@@ -194,37 +144,55 @@ class Reaching(Diagram):
             params=self.config.planner,
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
-        self.timed_planner = TimedPlanner(self.planner)
-        self.supervisor = builder.AddNamedSystem(
-            "supervisor",
-            ReachSupervisor(self.timed_planner, self.config.timing, arm=self.scene.arm),
+        fault = self._faults.fault("planner")
+        planner: Planner = self.planner
+        if fault is not None:
+            planner = FaultyPlanner(self.planner, fault, self._faults.seed)
+        self.timed_planner = TimedPlanner(planner)
+        timing = replace(
+            self.config.timing, latency=slowed_latency(self.config.timing.latency, fault)
         )
-        sources = {
-            "object_pose": self.object_pose,
-            "goal_valid": self.goal_estimator.GetOutputPort("valid"),
-            "goal_age": self.goal_estimator.GetOutputPort("age"),
-            "cloud": self.cloud_source.GetOutputPort("cloud"),
-            "cloud_time": self.cloud_source.GetOutputPort("time_stamp"),
-            "cloud_fault": self.cloud_source.GetOutputPort("fault"),
-            "approaching": self.cloud_source.GetOutputPort("approaching"),
-            "joint_position": station.GetOutputPort("joint_position"),
-            "base_pose": station.GetOutputPort("base_pose"),
-            "hand_pose": station.GetOutputPort(f"{self.scene.arm}_hand_pose"),
-        }
-        for name, source in sources.items():
-            self._connect(source, self.supervisor, name)
-        self._connect(self.supervisor.GetOutputPort("resting_head"), self.look_at, "resting_head")
+        self.supervisor = builder.AddNamedSystem(
+            "supervisor", ReachSupervisor(self.timed_planner, timing, arm=self.scene.arm)
+        )
+        for name in (
+            *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
+            *("cloud_time", "cloud_fault"),
+        ):
+            self._connect(self.perception.GetOutputPort(name), self.supervisor, name)
+        for output, name in (
+            ("joint_position", "joint_position"),
+            ("base_pose", "base_pose"),
+            (f"{self.scene.arm}_hand_pose", "hand_pose"),
+        ):
+            self._connect(station.GetOutputPort(output), self.supervisor, name)
         self.started = self.supervisor.GetOutputPort("started")
-        self._connect(self.started, self.look_at, "scan_enabled")
+        self._connect(self.started, self.perception, "scan_enabled")
+        self._add_base()
 
-        driver = builder.AddNamedSystem("base_driver", BasePositionController())
+    def _add_base(self) -> None:
+        """Drives the base where the supervisor sends it, and stops it before what is seen."""
+        builder, station = self._builder, self.station
+        self.driver = driver = builder.AddNamedSystem("base_driver", BasePositionController())
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
         builder.Connect(station.GetOutputPort("base_pose"), driver.base_pose_input)
-        builder.Connect(
-            driver.GetOutputPort("base_velocity_command"),
-            station.GetInputPort("base_velocity_command"),
-        )
+        velocity = driver.GetOutputPort("base_velocity_command")
+        command = self._faults.tap(builder, "base_command", {"velocity": (Role.VALUE, velocity)})
+        builder.Connect(command["velocity"], station.GetInputPort("base_velocity_command"))
         self._connect(driver.GetOutputPort("arrived"), self.supervisor, "arrived")
+        self.body_watch = watch = builder.AddNamedSystem(
+            "body_watch", BodyWatch(station.control_model, self.scene.arm)
+        )
+        for name, source in (
+            ("cloud", self.perception.GetOutputPort("cloud")),
+            ("predicted_cloud", self.perception.GetOutputPort("predicted_cloud")),
+            ("joint_position", station.GetOutputPort("joint_position")),
+            ("base_pose", station.GetOutputPort("base_pose")),
+            ("base_velocity_command", velocity),
+            ("active", self.started),
+        ):
+            self._connect(source, watch, name)
+        self._connect(watch.GetOutputPort("stop_base"), self.supervisor, "base_blocked")
 
     def _add_controller(self) -> None:
         """The arm's controller, and what the arm gives way to."""
@@ -248,11 +216,12 @@ class Reaching(Diagram):
         )
         for name, source in (
             ("movement", self.supervisor.GetOutputPort("movement")),
-            ("object_pose", self.object_pose),
+            ("object_pose", self.perception.GetOutputPort("object_pose")),
             ("torso_pose", station.GetOutputPort("torso_pose")),
             ("hand_pose", station.GetOutputPort(f"{arm}_hand_pose")),
             ("arm_position", self.arm_position),
-            ("cloud", self.cloud_source.GetOutputPort("cloud_torso")),
+            ("cloud", self.perception.GetOutputPort("cloud_torso")),
+            ("predicted_cloud", self.perception.GetOutputPort("predicted_cloud_torso")),
         ):
             self._connect(source, controller, name)
         for output, name in (
@@ -282,17 +251,15 @@ class Reaching(Diagram):
                 self.scene.robot.positions(),
             ),
         )
-        self._connect(self.look_at.GetOutputPort("head_position_command"), merge, "head_command")
+        self._connect(self.perception.GetOutputPort("head_position_command"), merge, "head_command")
         self._connect(self.controller.GetOutputPort("position_command"), merge, "arm_command")
 
-        measured = station.GetOutputPort("joint_position")
-        head = select_joints(builder, measured, "head_position", JOINT_GROUPS["head"])
-        self._connect(head, self.look_at, "head_position")
-
         self.seen_clearance = builder.AddNamedSystem(
-            "seen_clearance", CloudClearance(self.geometry, time_step=0.05)
+            "seen_clearance", CloudClearance(self.shapes, time_step=0.05)
         )
-        self._connect(self.cloud_source.GetOutputPort("cloud_torso"), self.seen_clearance, "cloud")
+        for name in ("cloud", "predicted_cloud"):
+            source = self.perception.GetOutputPort(f"{name}_torso")
+            self._connect(source, self.seen_clearance, name)
         self._connect(self.active, self.seen_clearance, "active")
         self._connect(self.arm_position, self.seen_clearance, "joint_position")
         self._connect(
@@ -311,16 +278,34 @@ class Reaching(Diagram):
                 time_step=self.config.ik.time_step,
             ),
         )
-        self._connect(merge.get_output_port(), self.safety, "joint_position_command")
+        wishes = {"position": (Role.VALUE, merge.get_output_port())}
+        wish = self._faults.tap(builder, "commands", wishes)["position"]
+        self._connect(wish, self.safety, "joint_position_command")
         self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
         if self.config.planner.collision_checked and coupled:
             self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
+            self._connect(self.body_watch.GetOutputPort("clearance"), self.safety, "body_clearance")
+        for name in ("measurement_age", "missing_joint"):
+            self._connect(station.GetOutputPort(name), self.safety, name)
+        self._connect(self.perception.GetOutputPort("goal_gap"), self.safety, "goal_gap")
+        self._connect(self.driver.GetOutputPort("held"), self.safety, "base_held")
+        stop = self.safety.GetOutputPort("stop_reason")
         for system in (self.supervisor, self.controller):
-            self._connect(self.safety.GetOutputPort("stop_reason"), system, "stop_reason")
-        builder.Connect(
-            self.safety.GetOutputPort("safe_joint_position_command"),
-            station.GetInputPort("joint_position_command"),
+            self._connect(stop, system, "stop_reason")
+        self._connect(self.safety.GetOutputPort("stop_joint"), self.supervisor, "stop_joint")
+        stops = builder.AddNamedSystem("base_stop", Adder(2, 1))
+        builder.Connect(stop, stops.get_input_port(0))
+        builder.Connect(self.body_watch.GetOutputPort("stop_base"), stops.get_input_port(1))
+        builder.Connect(stops.get_output_port(), self.driver.stop_input)
+        self.command = self.safety.GetOutputPort("safe_joint_position_command")
+        arriving = self._faults.tap(
+            builder,
+            "actuators",
+            {"position": (Role.VALUE, self.command)},
+            elements=body_indices([*JOINT_GROUPS["head"], *arm_joints(arm)]),
+            neutral=station.GetOutputPort("joint_position"),
         )
+        builder.Connect(arriving["position"], station.GetInputPort("joint_position_command"))
 
     def _contact_params(self) -> ContactParams | None:
         """When a joint counts as held, on a robot of this latency and slack."""
@@ -345,26 +330,44 @@ class Reaching(Diagram):
                 self._builder.Connect(self.started, path.trigger_input)
                 self._connect(path.get_output_port(), self.station, port)
 
+    def _add_triggers(self) -> None:
+        """Tells faults that wait for the arm when it starts."""
+        for injector in self._faults.waiting(self._builder):
+            self._connect(self.started, injector, "trigger")
+        for system in (self.station, self.perception):
+            if system.HasInputPort("fault_trigger"):
+                self._connect(self.started, system, "fault_trigger")
+
     def _add_logs(self) -> None:
         """Logs what the report and the figures need, and watches the true clearance."""
         builder, station = self._builder, self.station
-        self.clearance = builder.AddNamedSystem(
-            "clearance_monitor",
-            TrueClearance(
-                robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
-            ),
-        )
-        self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
         sources = {
-            "state": station.GetOutputPort("ground_truth.state"),
             "joint_position": station.GetOutputPort("joint_position"),
-            "joint_command": self.safety.GetOutputPort("safe_joint_position_command"),
+            "joint_command": self.command,
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
             "mode": self.supervisor.GetOutputPort("mode"),
-            "clearance": self.clearance.get_output_port(),
             "seen_clearance": self.seen_clearance.get_output_port(),
+            "body_clearance": self.body_watch.GetOutputPort("clearance"),
         }
+        if station.HasOutputPort("ground_truth.query"):
+            self.clearance = builder.AddNamedSystem(
+                "clearance_monitor",
+                TrueClearance(
+                    robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
+                ),
+            )
+            self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
+            touch = builder.AddNamedSystem(
+                "touch_monitor",
+                TouchMonitor(robot=station.robot_bodies(), goal=station.goal_bodies()),
+            )
+            self._connect(
+                station.GetOutputPort("ground_truth.contact_results"), touch, "contact_results"
+            )
+            sources["contact_force"] = touch.get_output_port()
+            sources["state"] = station.GetOutputPort("ground_truth.state")
+            sources["clearance"] = self.clearance.get_output_port()
         for name in ("desired_position", "goal_position", "phase", "tau", "coupling"):
             sources[name] = self.controller.GetOutputPort(name)
         for name, source in sources.items():

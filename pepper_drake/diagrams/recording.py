@@ -1,6 +1,5 @@
 """A demonstration given by a script, simulated and recorded so that nothing is lost."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +11,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
-from tqdm import tqdm
 
+from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.teaching import Teaching
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.learning import Demonstration
@@ -25,7 +24,7 @@ from pepper_drake.models.pad_script import PadScript
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, hand_frame
 from pepper_drake.models.scene import make_pose
 from pepper_drake.models.teaching_script import TeachingScript
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.systems.framework import Diagram, build
 from pepper_drake.systems.guiding.gamepad_velocity import GamepadState, GamepadVelocity
 from pepper_drake.systems.guiding.scripted_gamepad import ScriptedGamepad
@@ -119,25 +118,26 @@ class Session:
         return recorded, motion, stopped
 
     def _advance(self, end_time: float, writer: RecordingWriter | None) -> bool:
-        """Simulates slice by slice, and writes after each; returns whether it was stopped."""
-        recorder = self._teaching.recorder
-        with tqdm(
-            total=round(end_time, 1),
-            desc="recording",
-            unit=" s",
-            bar_format="{desc} {n:5.1f} of {total:.1f} s |{bar}|",
-            disable=not self._options.progress,
-            leave=False,
-        ) as progress:
-            for number in range(math.ceil(end_time / _SLICE)):
-                if self._options.should_stop():
-                    return True
-                end = min((number + 1) * _SLICE, end_time)
-                self.simulator.AdvanceTo(end + _HAIR)
-                if writer is not None:
-                    writer.write(*recorder.samples(self.simulator.get_context()))
-                progress.update(end - number * _SLICE)
-        return False
+        """Simulates, and writes what is new once in a while; returns whether it was stopped."""
+        context = self.simulator.get_context()
+
+        def write() -> bool:
+            if writer is not None:
+                writer.write(*self._teaching.recorder.samples(context))
+            return False
+
+        end = simulate(
+            self.simulator,
+            end_time + _HAIR,
+            watch=write,
+            should_stop=self._options.should_stop,
+            period=_SLICE,
+            progress=self._options.progress,
+            title="recording",
+        )
+        end.check()
+        write()
+        return end.stopped
 
 
 def record_guided(script: GuideScript, options: RecordOptions | None = None) -> Recording:
@@ -178,8 +178,10 @@ def record_joints(script: JointScript, options: RecordOptions | None = None) -> 
     drag_joints(builder, teaching, path)
     session = Session(build(builder), teaching, options)
     recorded, motion, stopped = session.run(path.end_time() + script.rest, script.name)
-    geometry = ArmGeometry(shared_control_model(), script.arm)
-    dragged = [geometry.hand_pose(path.value(time)[:, 0]).translation() for time in recorded.times]
+    kinematics = arm_kinematics(shared_control_model(), script.arm)
+    dragged = [
+        kinematics.hand_pose(path.value(time)[:, 0]).translation() for time in recorded.times
+    ]
     return measured_recording(recorded, motion, stopped, np.array(dragged))
 
 

@@ -1,9 +1,7 @@
 """A primitive performed without cameras from start to end, pushed on its way, and measured."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import monotonic
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +11,9 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, Rgba
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
-from tqdm import tqdm
 
 from pepper_drake.diagrams.reproduction import Reproduction, ReproductionParams
+from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.correction import ReproducedMotion
 from pepper_drake.models.control_model import arm_joints, shared_control_model
@@ -27,8 +25,6 @@ from pepper_drake.systems.guiding.external_force import ForcePulse, ScriptedForc
 Vector = npt.NDArray[np.float64]
 
 _SLICE = 0.1
-_KEEP_PERIOD = 0.8
-"""Wall time from when a run was kept until it is kept again [s]; a slice comes on top."""
 _STILL = 0.01
 """A hand that is slower than this [m/s] has come to rest."""
 _LONGEST = 3.0
@@ -152,31 +148,32 @@ def _advance(
     duration = diagram.primitive.duration
     end = diagram.primitive.phase_at([duration])[0]
     last_push = max((push.start + push.duration for push in options.pushes), default=0.0)
-    context = diagram.GetMyContextFromRoot(simulator.get_context())
+    root = simulator.get_context()
+    context = diagram.GetMyContextFromRoot(root)
     before = diagram.GetOutputPort("hand_position").Eval(context)
-    kept = monotonic()
-    with tqdm(
-        desc="reproducing",
-        unit=" s",
-        bar_format="{desc} {n:5.1f} s simulated, {elapsed} elapsed",
-        disable=not options.progress,
-        leave=False,
-    ) as progress:
-        for number in range(math.ceil((_LONGEST * duration + last_push) / _SLICE)):
-            if options.should_stop():
-                return
-            now = (number + 1) * _SLICE
-            simulator.AdvanceTo(now)
-            progress.update(_SLICE)
-            if options.keep is not None and monotonic() - kept > _KEEP_PERIOD:
-                options.keep(_measure(diagram, simulator.get_context(), goal))
-                kept = monotonic()
-            hand = np.array(diagram.GetOutputPort("hand_position").Eval(context))
-            still = np.linalg.norm(hand - before) < _STILL * _SLICE
-            before = hand
-            over = diagram.GetOutputPort("phase").Eval(context)[0] < end
-            if over and still and now > last_push + 0.5:
-                return
+
+    def rests() -> bool:
+        nonlocal before
+        hand = np.array(diagram.GetOutputPort("hand_position").Eval(context))
+        still = np.linalg.norm(hand - before) < _STILL * _SLICE
+        before = hand
+        over = diagram.GetOutputPort("phase").Eval(context)[0] < end
+        return bool(over and still and root.get_time() > last_push + 0.5)
+
+    def keep() -> None:
+        if options.keep is not None:
+            options.keep(_measure(diagram, root, goal))
+
+    simulate(
+        simulator,
+        _LONGEST * duration + last_push,
+        watch=rests,
+        should_stop=options.should_stop,
+        keep=keep,
+        period=_SLICE,
+        progress=options.progress,
+        title="reproducing",
+    ).check()
 
 
 def _measure(diagram: Reproduction, root: Context, goal: Vector) -> ReproductionResult:

@@ -8,7 +8,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource, MatrixGain, Multiplexer
 
-from pepper_drake.models.control_model import BODY_JOINTS
+from pepper_drake.models.control_model import BODY_JOINTS, CommandLimits
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.systems.faults.fault_injector import FaultSet, Role
@@ -16,6 +16,14 @@ from pepper_drake.systems.robot.base_velocity_controller import BaseVelocityCont
 from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
 from pepper_drake.systems.robot.measurement_guard import MeasurementGuard
 from pepper_drake.systems.robot.worn_joints import CommandLatency, JointBacklash
+
+STATION_SIGNALS = ("top", "bottom", "depth", "stamps", "encoders", "base_pose")
+"""The signals that can fail in a station; the others are of who uses it."""
+
+_BEYOND = 0.3
+"""No joint is measured farther beyond its limits [rad]."""
+_FARTHEST = 100.0
+"""No base drives so far [m], and none turns so often [rad]."""
 
 
 def add_offset(
@@ -154,6 +162,7 @@ def add_measurements(
     wear: RobotWear | None,
     faults: FaultSet,
     failing_joints: Sequence[int],
+    limits: CommandLimits,
 ) -> dict[str, OutputPort]:
     """Leads the true state of joints and base to what is known of it.
 
@@ -166,6 +175,7 @@ def add_measurements(
         wear: The robot's errors; None for none.
         faults: Faults of encoders and odometry.
         failing_joints: Indices of the joints of which one fails if an encoder fails.
+        limits: Of the joints; what is measured far outside cannot be.
 
     Returns:
         The ports `joint_position` (15) and `base_pose` (3); always finite numbers.
@@ -189,12 +199,14 @@ def add_measurements(
     )["position"]
     base = faults.tap(builder, "base_pose", {"pose": (Role.VALUE, base)})["pose"]
     ports, ages, missing = {}, [], None
-    for name, port, names in (
-        ("joint_position", joints, BODY_JOINTS),
-        ("base_pose", base, JOINT_GROUPS["base"]),
+    joint_range = (limits.position_lower - _BEYOND, limits.position_upper + _BEYOND)
+    for name, port, names, (lower, upper) in (
+        ("joint_position", joints, BODY_JOINTS, joint_range),
+        ("base_pose", base, JOINT_GROUPS["base"], (-_FARTHEST, _FARTHEST)),
     ):
         guard = builder.AddNamedSystem(
-            f"{name}_guard", MeasurementGuard([start[joint] for joint in names])
+            f"{name}_guard",
+            MeasurementGuard([start[joint] for joint in names], lower=lower, upper=upper),
         )
         builder.Connect(port, guard.measured_input)
         ports[name] = guard.GetOutputPort("measured")

@@ -56,7 +56,7 @@ from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
 from pepper_drake.systems.sensing.camera_model import CameraModel
 
 RENDERER = "vtk"
-_STRENGTH = {"base": (10.0, 40.0), "body": (10.0, 10.0)}
+_STRENGTH = {"base": (40.0, 80.0), "body": (10.0, 10.0)}
 """Proportional and derivative gain of what carries the rest, over a joint's."""
 _GEAR_FRICTION = 0.3
 """Damping that is left of a limp joint [N m s/rad]."""
@@ -189,6 +189,7 @@ class PepperStation(Diagram):
         - ground_truth.state
         - ground_truth.body_poses
         - ground_truth.body_velocities
+        - ground_truth.contact_results
 
     The joint ports have 15 elements in the order of `BODY_JOINTS` (rad); `base_velocity_command`
     is vx, vy, yaw rate in the base frame; `base_pose` is x, y, yaw in W by odometry. What is
@@ -209,7 +210,6 @@ class PepperStation(Diagram):
         scene_models: The scene's bodies; none where Pepper is alone.
         renderer: Of the cameras' images, if there are cameras.
         depth_intrinsics: Of the images of the depth camera, or of the stereo pair in its place.
-        obstacle_parameters: How obstacles are best seen in them.
     """
 
     def __init__(
@@ -234,7 +234,6 @@ class PepperStation(Diagram):
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
         self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
-        self.obstacle_parameters = self._expecting_noise(ObstacleParameters())
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlant(
             MultibodyPlantConfig(
@@ -261,6 +260,7 @@ class PepperStation(Diagram):
         for name, position in positions.items():
             plant.GetJointByName(name, self.pepper).set_default_positions([position])
 
+        arm = "right" if scene is None else scene.arm
         true = self._add_true_state(builder)
         gap = add_servos(
             builder,
@@ -279,7 +279,8 @@ class PepperStation(Diagram):
             gap=gap,
             wear=config.wear,
             faults=config.faults,
-            failing_joints=body_indices([*JOINT_GROUPS["head"], *arm_joints(self._arm(scene))]),
+            failing_joints=body_indices([*JOINT_GROUPS["head"], *arm_joints(arm)]),
+            limits=model.command_limits(BODY_JOINTS),
         )
         self._add_motions(builder)
         add_gravity_compensation(builder, plant)
@@ -297,6 +298,9 @@ class PepperStation(Diagram):
         builder.ExportOutput(
             plant.get_body_spatial_velocities_output_port(), "ground_truth.body_velocities"
         )
+        builder.ExportOutput(
+            plant.get_contact_results_output_port(), "ground_truth.contact_results"
+        )
         builder.ExportInput(plant.get_applied_spatial_force_input_port(), "applied_forces")
         export_triggers(builder, config.faults)
         build_into(builder, self)
@@ -305,6 +309,16 @@ class PepperStation(Diagram):
     def _arm(scene: Scene | None) -> str:
         """The arm that reaches."""
         return "right" if scene is None else scene.arm
+
+    def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
+        """Parameters with which obstacles are seen in the depth images of this station.
+
+        Args:
+            parameters: Those wanted of the depth camera; a stereo pair has its own.
+        """
+        parameters = STEREO_CLOUD if self.config.stereo else parameters
+        validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
+        return dataclasses.replace(parameters, validity=validity)
 
     def robot_geometries(self) -> set[GeometryId]:
         """Pepper's collision geometries."""
@@ -315,6 +329,14 @@ class PepperStation(Diagram):
         return self._geometries(
             self.plant.GetBodyByName(name).index() for name in self.scene_models.obstacles
         )
+
+    def robot_bodies(self) -> set[BodyIndex]:
+        """The indices of Pepper's bodies."""
+        return set(self.plant.GetBodyIndices(self.pepper))
+
+    def goal_bodies(self) -> set[BodyIndex]:
+        """The index of the goal object's body."""
+        return {self.plant.GetBodyByName(self.scene_models.goal_object).index()}
 
     def goal_geometries(self) -> set[GeometryId]:
         """The collision geometries of the goal object."""
@@ -334,15 +356,19 @@ class PepperStation(Diagram):
 
         It is the plant's, not a context's: all simulations of this station have it from now on.
         """
-        config = self.config
+        for name in JOINT_GROUPS[group]:
+            self.set_joint_stiffness(name, stiffness)
+
+    def set_joint_stiffness(self, name: str, stiffness: float) -> None:
+        """Sets the stiffness of one joint, as `set_stiffness` does of a group."""
+        group = next(group for group, names in JOINT_GROUPS.items() if name in names)
         firmness, damping = _STRENGTH.get(group, (1.0, 1.0))
         gains = PdControllerGains(
-            p=max(firmness * stiffness * config.proportional_gain, 1e-6),
-            d=max(damping * config.derivative_gain * math.sqrt(stiffness), _GEAR_FRICTION),
+            p=max(firmness * stiffness * self.config.proportional_gain, 1e-6),
+            d=max(damping * self.config.derivative_gain * math.sqrt(stiffness), _GEAR_FRICTION),
         )
-        for name in JOINT_GROUPS[group]:
-            actuator = self.plant.GetJointActuatorByName(name, self.pepper)
-            self.plant.get_mutable_joint_actuator(actuator.index()).set_controller_gains(gains)
+        actuator = self.plant.GetJointActuatorByName(name, self.pepper)
+        self.plant.get_mutable_joint_actuator(actuator.index()).set_controller_gains(gains)
 
     def _add_true_state(self, builder: DiagramBuilder) -> dict[str, OutputPort]:
         """Splits the plant's state into joints and base, and exports the joints' velocities."""
@@ -461,12 +487,6 @@ class PepperStation(Diagram):
         builder.Connect(self.scene_graph.get_query_output_port(), stereo.GetInputPort("query"))
         self._export_camera(builder, kinematics, "camera_depth", stereo, "depth_image")
         self.depth_intrinsics = stereo.intrinsics
-        self.obstacle_parameters = self._expecting_noise(STEREO_CLOUD)
-
-    def _expecting_noise(self, parameters: ObstacleParameters) -> ObstacleParameters:
-        """The same, for images with or without noise."""
-        validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
-        return dataclasses.replace(parameters, validity=validity)
 
     def _export_camera(
         self,

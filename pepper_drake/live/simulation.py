@@ -15,8 +15,9 @@ from pydrake.systems.framework import Context, System
 
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.live_teaching import PUBLISH_PERIOD, LiveTeaching, with_movable_objects
+from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.station import StationConfig
-from pepper_drake.errors import InputError, PepperDrakeError
+from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
@@ -130,13 +131,7 @@ class LiveSimulation:
             PepperDrakeError: Drake's solver finds no next step.
         """
         self._frames += 1
-        try:
-            self.simulator.AdvanceTo(self._frames * PUBLISH_PERIOD)
-        except RuntimeError as error:
-            message = str(error).splitlines()[0]
-            raise PepperDrakeError(
-                f"the simulation cannot go on at {self.time:.2f} s: {message}"
-            ) from None
+        simulate(self.simulator, self._frames * PUBLISH_PERIOD).check()
 
     def torso_pose(self) -> RigidTransform:
         """Returns X_WT."""
@@ -172,15 +167,11 @@ class LiveSimulation:
 
     def goal_is_seen(self) -> bool:
         """Tells whether Pepper knows where the goal is."""
-        estimator = self.diagram.perception.goal_estimator
-        return estimator is None or bool(self._eval(estimator, "valid")[0])
+        return bool(self._eval(self.diagram.perception, "goal_valid")[0])
 
     def cloud(self) -> Vector:
         """Returns the obstacles that Pepper sees or remembers (P, 3) in W [m]."""
-        source = self.diagram.perception.cloud_source
-        if source is None:
-            return np.zeros((0, 3))
-        return cloud_points(self._eval(source, "cloud"))
+        return cloud_points(self._eval(self.diagram.perception, "cloud"))
 
     def tau(self) -> float:
         """Returns the duration of the movement, as the goal has extended it so far [s]."""

@@ -99,9 +99,12 @@ def with_settings(config: T, settings: Sequence[str]) -> T:
         if not equals or not re.fullmatch(r"\w+(\.\w+)*", name) or not value.strip():
             raise InputError(f'--set "{setting}": give it as FIELD=VALUE, such as station.seed=3')
         text = "".join(f"{'  ' * k}{key}:\n" for k, key in enumerate(name.split(".")))
-        config = parse_yaml(
-            type(config), f"{text.rstrip()} {value.strip()}", f"--set {name}", config
-        )
+        try:
+            config = parse_yaml(
+                type(config), f"{text.rstrip()} {value.strip()}", f"--set {name}", config
+            )
+        except InputError as error:  # A setting has no lines.
+            raise InputError(re.sub(r" line \d+", "", str(error), count=1)) from None
     return config
 
 

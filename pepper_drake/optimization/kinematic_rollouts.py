@@ -133,7 +133,7 @@ class KinematicRollouts:
         measured = terms_of(self.cost, self.outcome(parameters[None]), self.task)
         if self.task.obstacles is not None:
             joints = self.joints(parameters[None])[1][0]
-            gaps = arm_shapes(self.arm).clearances(joints, self.task.obstacles)
+            gaps = arm_shapes(self.arm).distances(joints, self.task.obstacles)
             measured["arm_clearance"] = float(gaps.min())
         return measured
 

@@ -59,6 +59,8 @@ def draw_benchmark(summaries: Sequence[MethodSummary], results: Sequence[MethodR
         for height, values in enumerate(rows, start=1):
             axes.plot(values, np.full(len(values), height), "|", color="tab:blue", alpha=0.4)
         _label(axes, summaries)
+        if not any(value > 0.0 for values in rows for value in values):
+            scale = "linear"  # Nothing was reached: there is nothing to be put on a scale.
         axes.set(xlabel=label, xscale=scale)
         if scale == "log":  # A short axis has no decade on it, and no room for all that is between.
             axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

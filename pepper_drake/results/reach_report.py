@@ -51,6 +51,22 @@ class ReachReport:
     """Link and obstacle of the least clearance."""
     contacts: int = 0
     """Time steps (of 20 ms) with a link in contact with an obstacle."""
+    touch_speed: float | None = None
+    """Speed of link and obstacle against each other at the first touch; None without one."""
+    own_touch_speed: float | None = None
+    """The link's part in it."""
+    contact_force: float = 0.0
+    """Largest force between Pepper and obstacles [N]."""
+    goal_force: float = 0.0
+    """Largest force between Pepper and the goal object [N]."""
+    arm_speed: float = 0.0
+    """Largest speed of a point of the reaching arm, against the torso."""
+    command_acceleration: float = 0.0
+    """Largest acceleration of a joint's commands [rad/s^2]."""
+    stopping_seconds: float | None = None
+    """After a failure: time until joints and base stood still; None if the run ended before."""
+    faults: list[str] = field(default_factory=list)
+    """The faults that were injected, as SIGNAL:KIND@START[+DURATION]."""
     tracking_error_rms: float | None = None
     """Root mean square distance between the hand and the primitive's position during the reach."""
     planning_seconds: float | None = None
@@ -85,6 +101,13 @@ class ReachReport:
                 f"   ({self.contacts} steps in contact"
                 + (f"; {self.closest_pair})" if self.closest_pair else ")")
             )
+        lines.append(
+            f"  fastest arm point {1000 * self.arm_speed:6.0f} mm/s"
+            f"   (largest force {max(self.contact_force, self.goal_force):.0f} N)"
+        )
+        if self.touch_speed is not None:
+            lines.append(f"  speed at touch    {1000 * self.touch_speed:6.0f} mm/s")
+        lines.extend(f"  injected          {fault}" for fault in self.faults)
         if self.tracking_error_rms is not None:
             lines.append(f"  tracking error    {1000 * self.tracking_error_rms:6.1f} mm rms")
         lines.append(

@@ -47,8 +47,8 @@ class RobotState:
         base_velocity: Base's velocity in its own frame: vx, vy [m/s], wz [rad/s].
         currents: Motor currents (17,) [A], or None where they are not simulated.
         touched: Those of `SENSORS` that are touched.
-        ranges: Distances by device name, such as "Platform/Front/Sonar" [m]; only those that are
-            simulated, always the same ones.
+        ranges: Distances by device name, such as "Platform/Front/Sonar" [m]; only those that were
+            measured.
     """
 
     time: float
@@ -135,6 +135,7 @@ class KinematicRobot:
         self._velocities = np.zeros(len(JOINTS))
         self._pose = (0.0, 0.0, 0.0)
         self._touched: frozenset[str] = frozenset()
+        self._ranges: dict[str, float] = {}
 
     def state(self) -> RobotState:
         """Returns the state now."""
@@ -147,6 +148,7 @@ class KinematicRobot:
             velocity,
             np.zeros(len(JOINTS)),
             self._touched,
+            dict(self._ranges),
         )
 
     def command(self, command: RobotCommand) -> None:
@@ -193,6 +195,10 @@ class KinematicRobot:
     def touch(self, *sensors: str) -> None:
         """Touches these sensors and no others."""
         self._touched = frozenset(sensors)
+
+    def measure(self, ranges: Mapping[str, float]) -> None:
+        """Lets devices measure these distances [m] and no others."""
+        self._ranges = dict(ranges)
 
 
 def _inside(name: str) -> float:

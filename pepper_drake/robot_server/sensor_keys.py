@@ -12,6 +12,20 @@ from pepper_drake.robot_server.robot_port import SENSORS
 
 DEVICES = "Device/SubDeviceList/"
 
+RANGES: tuple[str, ...] = (
+    "Platform/Front/Sonar",
+    "Platform/Back/Sonar",
+    "Platform/InfraredSpot/Left",
+    "Platform/InfraredSpot/Right",
+    *(
+        f"Platform/LaserSensor/{side}/Horizontal/Seg{number:02d}/{axis}"
+        for side in ("Front", "Left", "Right")
+        for number in range(1, 16)
+        for axis in "XY"
+    ),
+)
+"""Devices that measure distances [m]; a key of one that the robot does not simulate says so."""
+
 _TOUCH_EVENTS = {
     "Head/Touch/Front": "FrontTactilTouched",
     "Head/Touch/Middle": "MiddleTactilTouched",
@@ -97,7 +111,7 @@ def install_keys(memory: Memory, motion: Motion) -> None:
         "AccelerometerZ": lambda: -_GRAVITY,
     }
     keys |= {f"{inertial}{name}/Sensor/Value": value for name, value in level.items()}
-    for name in motion.state.ranges:
+    for name in RANGES:
         keys[f"{DEVICES}{name}/Sensor/Value"] = partial(_range, motion, name)
     memory.compute(keys)
     for key, value in CONSTANTS.items():
@@ -160,6 +174,9 @@ def _touched(motion: Motion, sensor: str) -> float:
 
 
 def _range(motion: Motion, name: str) -> float:
+    if name not in motion.state.ranges:
+        # Nothing was measured, which is not the same as nothing being near.
+        raise ValueError(f"{DEVICES}{name}/Sensor/Value: not simulated")
     return float(motion.state.ranges[name])
 
 

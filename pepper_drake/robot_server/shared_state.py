@@ -4,6 +4,8 @@ Each block has one writer. A count before and after its content (a seqlock) tell
 the content changed while it was copied; it then copies again.
 """
 
+import itertools
+import time
 from dataclasses import dataclass
 from multiprocessing import shared_memory
 from typing import Any
@@ -13,7 +15,11 @@ import numpy.typing as npt
 
 Record = npt.NDArray[np.void]
 
-_TRIES = 1000
+_SPINS = 20
+"""Copies that are made at once before the writer is waited for."""
+_PAUSE = 0.0002
+_LONGEST_WRITE = 2.0
+"""Time after which a write that has begun is taken for one that will never end [s]."""
 
 
 class SharedRecord:
@@ -57,11 +63,17 @@ class SharedRecord:
         Raises:
             RuntimeError: The writer stopped in the middle of a write.
         """
-        for _ in range(_TRIES):
+        end = time.monotonic() + _LONGEST_WRITE
+        for tries in itertools.count():
             after = int(self._record["after"])
             content = self._record["content"].copy()
             if int(self._record["before"]) == after == int(self._record["after"]):
                 return np.asarray(content)
+            if tries > _SPINS:
+                # The writer was interrupted in the middle, and may need this processor to go on.
+                if time.monotonic() > end:
+                    break
+                time.sleep(_PAUSE)
         raise RuntimeError("the other process stopped while it wrote")
 
     def close(self) -> None:

@@ -27,8 +27,14 @@ LARGEST_IMAGE = 1280 * 960 * 4
 """Bytes kept for an image."""
 SLOWEST_SHOWN = 0.98
 """Rate of the robot's clock below which it is said to be slow."""
+_LATENCY = 0.9
+"""Share of the time between two images after which one is out."""
 _HAND_SPEED = 1.5
 """Rate at which a hand opens and closes, whole ways a second [1/s]; assumed."""
+_LIMP_JOINTS = tuple(
+    name for group in ("head", "left_arm", "right_arm") for name in JOINT_GROUPS[group]
+)
+"""Joints that go limp; the wheels and the leg are always stiff, or Pepper would fall."""
 _PALMS = {"l_wrist": "LHand/Touch/Back", "r_wrist": "RHand/Touch/Back"}
 
 STATE = np.dtype(
@@ -106,13 +112,17 @@ class SimulatedPepper:
         self._command = SharedRecord(COMMAND, names.command)
         self._images = [SharedRecord(IMAGE, name) for name in names.images]
         station_config = StationConfig(
-            seed=config.seed, camera_period=config.camera_period, camera_latency=0.0
+            seed=config.seed,
+            camera_period=config.camera_period,
+            # Until then an image may be rendered beside the simulation, which must not wait.
+            camera_latency=_LATENCY * config.camera_period,
         )
         self._station = PepperStation(config.scene, station_config, shared_control_model())
         self._simulator = Simulator(self._station)
         self._context: Context = self._simulator.get_mutable_context()
         self._rows = [JOINTS.index(name) for name in BODY_JOINTS]
         self._stiffness: dict[str, float] = {}
+        self._obeyed = np.zeros(len(JOINTS))
         self._stamps = [-math.inf] * len(CAMERAS)
         self._hands = np.full(len(HANDS), 0.5)
         inspector = self._station.scene_graph.model_inspector()
@@ -125,6 +135,8 @@ class SimulatedPepper:
         """Advances slice by slice, in step with the wall's clock if the config says so."""
         self._obey(self._measured_as_command())
         self._simulator.Initialize()
+        if self._station.renderer is not None:
+            self._station.renderer.wait_until_ready()
         self._publish(1.0)
         rate, slice_count = self._config.rate, 0
         begin, shown_rate = time.monotonic(), 1.0
@@ -167,26 +179,38 @@ class SimulatedPepper:
 
     def _obey(self, command: npt.NDArray[np.void]) -> None:
         station, context = self._station, self._context
-        wanted = np.asarray(command["positions"])
+        wanted = np.array(command["positions"])
+        for name in _LIMP_JOINTS:
+            row = JOINTS.index(name)
+            stiffness = float(command["stiffnesses"][row])
+            before = self._stiffness.get(name)
+            if before != stiffness:
+                station.set_joint_stiffness(name, stiffness)
+                self._stiffness[name] = stiffness
+            if before == 0.0 and stiffness > 0.0:
+                self._restart_servo(name, wanted[row])
+            if stiffness == 0.0:
+                # A limp joint's command follows the joint. Passed on, it would drag the joint's
+                # friction along, a cycle late, and drive the joint away.
+                wanted[row] = self._obeyed[row]
+        self._obeyed = wanted
         station.GetInputPort("joint_position_command").FixValue(context, wanted[self._rows])
         station.GetInputPort("base_velocity_command").FixValue(context, command["base_velocity"])
         for k, name in enumerate(CAMERAS.values()):
             if station.HasInputPort(f"{name}.enabled"):
                 port = station.GetInputPort(f"{name}.enabled")
                 port.FixValue(context, [float(command["enabled"][k])])
-        for group, joints in JOINT_GROUPS.items():
-            if group in ("base", "body"):
-                continue  # The wheels and the leg are always stiff: Pepper would fall.
-            rows = [JOINTS.index(name) for name in joints]
-            stiffness = float(np.min(command["stiffnesses"][rows]))
-            if self._stiffness.get(group) != stiffness:
-                station.set_stiffness(group, stiffness)
-                self._stiffness[group] = stiffness
         for k, name in enumerate(HANDS):
             row = JOINTS.index(name)
             if command["stiffnesses"][row] > 0.0:
                 step = np.clip(wanted[row] - self._hands[k], -1.0, 1.0)
                 self._hands[k] += np.clip(step, -_HAND_SPEED * CYCLE, _HAND_SPEED * CYCLE)
+
+    def _restart_servo(self, name: str, position: float) -> None:
+        """Lets a joint that becomes stiff go on from where it is [rad]."""
+        servo = self._station.GetSubsystemByName("joint_servo")
+        context = servo.GetMyMutableContextFromRoot(self._context)
+        servo.restart(context, [BODY_JOINTS.index(name)], [position])
 
     def _publish(self, rate: float) -> None:
         station, now = self._station, self._config.epoch + self._context.get_time()
@@ -217,9 +241,12 @@ class SimulatedPepper:
             self._publish_image(k, name)
 
     def _publish_image(self, camera: int, name: str) -> None:
-        stamp = float(self._eval(f"{name}.time_stamp")[0])
-        if not math.isfinite(stamp) or stamp <= self._stamps[camera]:
-            return
+        system = self._station.GetSubsystemByName(name)
+        frame = system.last_frame(system.GetMyContextFromRoot(self._context))
+        stamp = float(frame.time)
+        is_new = math.isfinite(stamp) and stamp > self._stamps[camera]
+        if not is_new or not frame.image.future.done():
+            return  # One that is still being rendered must not stop the robot's clock.
         pixels = self._station.GetOutputPort(f"{name}.image").Eval(self._context).data
         if pixels.size == 0:
             return

@@ -49,7 +49,7 @@ class ReachSupervisor(LeafSystem):
         - cloud
         - cloud_time
         - cloud_fault (optional)
-        - approaching (optional)
+        - predicted_cloud (optional)
         - joint_position
         - base_pose
         - hand_pose
@@ -59,26 +59,28 @@ class ReachSupervisor(LeafSystem):
         - arrived
         - tau
         - stop_reason
+        - stop_joint (optional)
+        - base_blocked (optional)
         output_ports:
         - movement
         - started
         - base_goal
-        - resting_head
         - mode
         - progress
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
     hand's goal in T [m]; `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last
-    image [s], not finite before the first; `cloud_fault` (1), a `DepthFault`; `approaching`
+    image [s], not finite before the first; `cloud_fault` (1), a `DepthFault`; `predicted_cloud`
     (PointCloud in W), predicted positions of moving obstacles; `joint_position` (15) [rad];
     `base_pose` (3) [m, rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive
     wants the hand in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at
     rest where it is measured if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the
-    safety monitor's `StopReason`.
+    safety monitor's `StopReason`, and `stop_joint` (1), the index of the joint that it is about or
+    -1; `base_blocked` (1), whether the base waits for something in its way.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
-    `base_goal` (3) [m, rad], NaN for "stay"; `resting_head` (2), yaw and pitch of the head while
-    the goal is searched [rad]; `mode` (1), a `ReachMode`; `progress`, the whole `ReachState`.
+    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `progress`, the whole
+    `ReachState`.
     State: `ReachState` (abstract), every `timing.time_step`.
     """
 
@@ -98,7 +100,7 @@ class ReachSupervisor(LeafSystem):
             for name, value in (
                 ("object_pose", Value(RigidTransform())),
                 ("cloud", Value(PointCloud())),
-                ("approaching", Value(PointCloud())),
+                ("predicted_cloud", Value(PointCloud())),
                 ("hand_pose", Value(RigidTransform())),
             )
         }
@@ -116,6 +118,8 @@ class ReachSupervisor(LeafSystem):
             ("arrived", 1),
             ("tau", 1),
             ("stop_reason", 1),
+            ("stop_joint", 1),
+            ("base_blocked", 1),
         ):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
         self._state = self.DeclareAbstractState(Value[object](ReachState()))
@@ -123,12 +127,6 @@ class ReachSupervisor(LeafSystem):
         self._declare_output("started", 1, lambda now: [now.has_started], state)
         self._declare_output("base_goal", 3, lambda now: now.base_goal, state)
         self._declare_output("mode", 1, lambda now: [now.mode], state)
-        self.DeclareVectorOutputPort(
-            "resting_head",
-            2,
-            lambda context, out: out.SetFromVector(head_search_pattern(context.get_time())),
-            prerequisites_of_calc={self.time_ticket()},
-        )
         self.DeclareAbstractOutputPort(
             "progress",
             lambda: Value[object](ReachState()),
@@ -182,8 +180,8 @@ class ReachSupervisor(LeafSystem):
         measured = joints[self._arm_in_body]
         position, velocity = optional("arm_position_command"), optional("arm_velocity_command")
         predicted = np.zeros((0, 3))
-        if ports["approaching"].HasValue(context):
-            predicted = cloud_points(value("approaching"))
+        if ports["predicted_cloud"].HasValue(context):
+            predicted = cloud_points(value("predicted_cloud"))
         near = np.sum((predicted - X_WO.translation()) ** 2, axis=1) < _NEAR**2
         fault = 0.0
         if ports["cloud_fault"].HasValue(context):
@@ -210,7 +208,15 @@ class ReachSupervisor(LeafSystem):
             base_arrived=scalar("arrived") > 0.5,
             tau=scalar("tau"),
             stop_reason=StopReason(int(scalar("stop_reason"))),
+            stop_joint=self._stop_joint(context),
+            base_blocked=ports["base_blocked"].HasValue(context) and scalar("base_blocked") > 0.5,
         )
+
+    def _stop_joint(self, context: Context) -> str:
+        """Returns the name of the joint that a stop is about, "" for none."""
+        port = self._ports["stop_joint"]
+        joint = int(port.Eval(context)[0]) if port.HasValue(context) else -1
+        return BODY_JOINTS[joint] if joint >= 0 else ""
 
     def _calc_movement(self, context: Context, output: Value) -> None:
         state = self.progress(context)
@@ -224,20 +230,3 @@ class ReachSupervisor(LeafSystem):
             return EventStatus.DidNothing()
         state.get_mutable_abstract_state(int(self._state)).set_value(after)
         return EventStatus.Succeeded()
-
-
-def head_search_pattern(time: float) -> Vector:
-    """Head angles while the goal is searched.
-
-    Args:
-        time: Since the search began [s].
-
-    Returns:
-        Head yaw and pitch (2,) [rad]: first ahead at the height of tables, then sweeping to the
-        left and right, by turns at that height and above it.
-    """
-    patience, sweep, period = 1.5, np.radians(60), 6.0
-    pitches = (0.25, -0.1)  # Tables, then what is higher.
-    swept = max(time - patience, 0.0)
-    pitch = pitches[int(swept / period) % len(pitches)]
-    return np.array([sweep * np.sin(2 * np.pi * swept / period), pitch])

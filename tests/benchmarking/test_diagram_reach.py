@@ -13,7 +13,7 @@ from pepper_drake.benchmarking.methods import get_method
 from pepper_drake.benchmarking.metrics import rms_jerk
 from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
 from pepper_drake.models.pepper import BODY_JOINTS
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 
 
 @pytest.mark.parametrize(
@@ -65,9 +65,9 @@ def test_the_commanded_hand_is_where_the_arms_joints_put_it():
     commands = np.zeros((2, len(BODY_JOINTS)))
     commands[1, body_indices(arm_joints("left"))] = [0.3, 0.4, -0.5, -0.6, 0.7]
     hand = commanded_hand(commands, "left")
-    geometry = ArmGeometry(shared_control_model(), "left")
+    kinematics = arm_kinematics(shared_control_model(), "left")
     for row, joints in zip(hand, ([0.0] * 5, [0.3, 0.4, -0.5, -0.6, 0.7]), strict=True):
-        np.testing.assert_allclose(row, geometry.hand_pose(np.array(joints)).translation())
+        np.testing.assert_allclose(row, kinematics.hand_pose(np.array(joints)).translation())
 
 
 def test_a_path_is_measured_without_the_steps_in_which_it_was_commanded():

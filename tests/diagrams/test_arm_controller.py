@@ -16,7 +16,7 @@ from pepper_drake.learning import PointCloudDistance
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.pepper import POSTURES
 from pepper_drake.perception.mapping.cloud_points import make_cloud
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.kinematic_simulation import ArmState, KinematicSimulator
 from pepper_drake.planning.reach.movement import Movement
@@ -31,13 +31,13 @@ class Rig:
 
     def __init__(self, arm, primitive=None):
         self.arm, self.primitive = arm, primitive or make_primitive(None, arm)
-        self.geometry = ArmGeometry(MODEL, arm)
+        self.kinematics = arm_kinematics(MODEL, arm)
         self.start = np.array([POSTURES["stand"][name] for name in arm_joints(arm)])
         self.controller = ArmController(MODEL, arm, self.primitive, self.start)
         self.simulator = Simulator(self.controller)
         self.context = self.simulator.get_mutable_context()
         self.fix("torso_pose", X_WT)
-        self.fix("hand_pose", self.geometry.hand_pose(self.start))
+        self.fix("hand_pose", self.kinematics.hand_pose(self.start))
         self.fix("arm_position", self.start)
         self.time_step = DifferentialIkParams().time_step
 
@@ -62,7 +62,7 @@ class Rig:
             self.simulator.AdvanceTo((k + 0.5) * self.time_step)
             taken.append(self.value("position_command"))
             self.fix("arm_position", taken[-1])
-            self.fix("hand_pose", self.geometry.hand_pose(taken[-1]))
+            self.fix("hand_pose", self.kinematics.hand_pose(taken[-1]))
         return np.array(taken)
 
 
@@ -94,7 +94,7 @@ def test_the_kinematic_simulation_gives_the_controllers_commands(arm, case):
     points = points_near(rig.primitive) if case.get("obstacles") else np.zeros((0, 3))
     # The cloud is in single precision.
     points = points.astype(np.float32).astype(float)
-    simulator = KinematicSimulator(MODEL, rig.geometry, DifferentialIkParams(), 0.5)
+    simulator = KinematicSimulator(MODEL, rig.kinematics, DifferentialIkParams(), 0.5)
     start = ArmState(rig.start, np.zeros(5))
     path = simulator.roll_out(movement, start, X_TG, PointCloudDistance(points))
     expected = simulator.track(start, path, 1e-9)
@@ -148,7 +148,7 @@ def test_a_movement_that_takes_anothers_place_begins_with_its_velocity():
     step = np.abs(rig.value("velocity_command") - before).max()
     assert step < 0.3 < np.abs(before).max()
     rig.commands(220)
-    hand = rig.geometry.hand_pose(rig.value("position_command"))
+    hand = rig.kinematics.hand_pose(rig.value("position_command"))
     assert np.linalg.norm(hand.translation() - X_TG.translation()) < 2e-3
 
 

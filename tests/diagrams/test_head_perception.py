@@ -1,7 +1,7 @@
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
-from pepper_drake.diagrams.head_perception import add_perception
+from pepper_drake.diagrams.head_perception import HeadPerception
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import SCENES_DIR, load_scene
@@ -15,11 +15,15 @@ def test_without_cameras_the_goal_is_known(arm):
     station = builder.AddSystem(
         PepperStation(scene, StationConfig(cameras=False), shared_control_model())
     )
-    perception = add_perception(builder, scene, station)
-    builder.ExportOutput(perception.object_pose, "object_pose")
+    perception = builder.AddSystem(HeadPerception(scene, station))
+    perception.connect(builder, station)
+    names = ("object_pose", "goal_valid", "cloud", "predicted_cloud_torso", "cloud_fault")
+    for name in names:
+        builder.ExportOutput(perception.GetOutputPort(name), name)
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
-    X_WO = diagram.GetOutputPort("object_pose").Eval(context)
+    X_WO, valid, cloud, predicted, fault = (
+        diagram.GetOutputPort(name).Eval(context) for name in names
+    )
     assert X_WO.IsNearlyEqualTo(scene.goal.pose(), 1e-9)
-    assert perception.goal_estimator is None
-    assert perception.cloud_source is None
+    assert (valid[0], cloud.size(), predicted.size(), fault[0]) == (1, 0, 0, 0)

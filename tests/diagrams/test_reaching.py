@@ -180,14 +180,14 @@ def test_a_solver_that_gives_up_is_an_outcome_and_not_a_traceback(monkeypatch):
     run = ReachSimulation(reaching, RunOptions(progress=False))
     run.simulator.AdvanceTo(0.05)
 
-    def give_up(context, state):
+    def give_up(context):
         raise RuntimeError("The SAP solver failed to converge.\nMore about it.")
 
-    monkeypatch.setattr(reaching.supervisor, "_next", give_up)
+    monkeypatch.setattr(reaching.supervisor, "observe", give_up)
     report = run.run().report
     assert report.outcome == "failed"
     assert report.reason == "simulation_failed"
-    assert report.message.endswith("The SAP solver failed to converge.")
+    assert report.message.endswith("The SAP solver failed to converge. More about it.")
 
 
 def test_the_safety_monitor_hears_how_near_the_arm_is_only_where_a_coupling_is_vetted():

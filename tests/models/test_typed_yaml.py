@@ -52,8 +52,8 @@ def test_later_settings_win_and_the_original_stays():
 @pytest.mark.parametrize(
     ("setting", "sentence"),
     [
-        ("inner.sise=2", '--set inner.sise line 2: inner has no field "sise"; its fields are size'),
-        ("inner.size=big", '--set inner.size line 2: inner.size is "big"; it must be a number'),
+        ("inner.sise=2", '--set inner.sise: inner has no field "sise"; its fields are size'),
+        ("inner.size=big", '--set inner.size: inner.size is "big"; it must be a number'),
         ("inner.count=0x10", "it must be a whole number"),
         ("inner.count=1:30", "it must be a whole number"),
         ("inner.size=1:30", "it must be a number"),

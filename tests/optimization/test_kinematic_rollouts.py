@@ -25,7 +25,7 @@ from pepper_drake.optimization.kinematic_rollouts import (
     arm_and_limits,
     arm_shapes,
 )
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.batch_ik import batch_inverse_kinematics
 
 
@@ -83,13 +83,13 @@ def test_the_outcome_is_what_drake_says(reach, led_by):
     )
     x = 0.03 * np.random.default_rng(1).standard_normal((2, parameters.size))
     outcome = evaluate.outcome(x)
-    geometry = ArmGeometry(shared_control_model(), "right")
+    kinematics = arm_kinematics(shared_control_model(), "right")
     for k in range(2):
-        hands = [geometry.hand_pose(q).translation() for q in outcome.joints[k]]
+        hands = [kinematics.hand_pose(q).translation() for q in outcome.joints[k]]
         assert np.abs(outcome.positions[k] - hands).max() < 1e-9
         # The grid is good to a few millimetres, and looks no farther than 8 cm.
-        exact = geometry.sphere_centers(outcome.joints[k])
-        gaps = (field.distance(exact) - geometry.spheres.radii).min(axis=1)
+        exact = kinematics.sphere_centers_at(outcome.joints[k])
+        gaps = (field.distance(exact) - kinematics.spheres.radii).min(axis=1)
         near = gaps < 0.03
         assert near.any()
         # They are taken to be smaller, by what the grid is wrong.
@@ -133,7 +133,7 @@ def test_a_demonstration_through_the_table_becomes_a_movement_around_it(reach):
     path = found.rollout()
     assert np.linalg.norm(path.positions[-1] - reach.goal) < 0.005
     # What was found is a primitive, joints and all: it goes where the arm went.
-    assert arm_shapes("right").clearances(path.joints, task.obstacles).min() > 0.02
+    assert arm_shapes("right").distances(path.joints, task.obstacles).min() > 0.02
     hands = arm_and_limits("right")[0].poses(path.joints).hand_position
     assert np.abs(hands - path.positions).max() < 0.003
     assert found.duration >= reach.duration

@@ -206,3 +206,17 @@ def test_events_call_the_modules_of_clients_and_forget_those_that_are_gone():
             pepper.call("ALMemory.unsubscribeToEvent", "other", "Mine")
 
     virtual(scenario)
+
+
+def test_a_distance_that_was_not_measured_is_told_apart_from_a_free_way():
+    async def scenario(pepper):
+        sonar = "Device/SubDeviceList/Platform/{}/Sonar/Sensor/Value"
+        pepper.robot.measure({"Platform/Front/Sonar": 1.25})
+        await pepper.cycle()
+        assert pepper.call("ALMemory.getData", sonar.format("Front")) == 1.25
+        with pytest.raises(ServiceError, match="Back/Sonar/Sensor/Value: not simulated"):
+            pepper.call("ALMemory.getData", sonar.format("Back"))
+        keys = pepper.call("ALSonar.getMemoryKeyList")
+        assert pepper.call("ALMemory.getListData", keys) == [1.25, None]
+
+    virtual(scenario)

@@ -370,6 +370,7 @@ def test_long_after_the_motion_nothing_is_undefined(primitive):
 
 def test_an_orientation_is_needed_for_the_orientation_system():
     t = np.arange(20) * 0.1
-    bare = MovementPrimitive.fit(Demonstration.from_positions(t, np.outer(t, [1, 1, 1])))
+    line = np.outer(0.1 * t, [1, 1, 1])
+    bare = MovementPrimitive.fit(Demonstration.from_positions(t, line))
     with pytest.raises(InputError, match="no orientation"):
         OrientationTransformationSystem(bare)

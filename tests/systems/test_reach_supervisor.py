@@ -8,7 +8,7 @@ from pepper_drake.models.control_model import BODY_JOINTS, arm_joints, body_indi
 from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.systems.reach_supervisor import ReachSupervisor, head_search_pattern
+from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from tests.planning.reach.scripted_planner import (
     ADAPTED,
     CLOUD,
@@ -113,7 +113,7 @@ def test_an_observation_is_what_is_at_the_ports():
     rig.set(
         desired_position=[1.0, 2.0, 3.0],
         hand_pose=RigidTransform([0.1, 0.2, 0.3]),
-        approaching=cloud_at([X_WO.translation(), X_WO.translation() + [0.5, 0.5, 0.0]]),
+        predicted_cloud=cloud_at([X_WO.translation(), X_WO.translation() + [0.5, 0.5, 0.0]]),
         stop_reason=[float(StopReason.REQUESTED)],
         cloud_time=[0.07],
         cloud_fault=[float(DepthFault.FROZEN)],
@@ -185,18 +185,6 @@ def test_two_contexts_do_not_share_their_state():
 
 def test_nothing_is_fed_through():
     assert not Rig().supervisor.HasAnyDirectFeedthrough()
-
-
-def test_the_search_begins_ahead_and_sweeps_to_both_sides_without_a_jump():
-    times = np.arange(0, 12, 0.05)
-    gaze = np.array([head_search_pattern(time) for time in times])
-    assert np.all(gaze[times <= 1.5, 0] == 0)
-    assert gaze[:, 0].max() > 0.9
-    assert gaze[:, 0].min() < -0.9
-    # The head turns with at most 1.2 rad/s, of its rated 7.3.
-    assert np.abs(np.diff(gaze[:, 0])).max() < 1.2 * 0.05
-    rig = Rig().advance(3.0)
-    np.testing.assert_allclose(rig.value("resting_head"), head_search_pattern(3.0), atol=1e-12)
 
 
 def test_the_planned_movement_is_known_a_tick_before_it_begins():

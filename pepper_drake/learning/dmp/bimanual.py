@@ -100,8 +100,8 @@ class BimanualPrimitive:
         samples = max(len(left.times), len(right.times))
         absolute, relative = _told_as_pair(*align([left, right], num_samples=samples))
         return cls(
-            MovementPrimitive.fit(absolute, approximator=approximator, num_basis=num_basis),
-            MovementPrimitive.fit(relative, approximator=approximator, num_basis=num_basis),
+            MovementPrimitive.fit(absolute, approximator, num_basis, check=False),
+            MovementPrimitive.fit(relative, approximator, num_basis, check=False),
             hold_rate,
         )
 

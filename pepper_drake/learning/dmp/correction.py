@@ -136,6 +136,7 @@ def learn_correction(
         scaling=primitive.translation.scaling,
         orientation=primitive.orientation.mode,
         alpha_z=primitive.translation.alpha_z,
+        check=False,
     )
     return Correction(corrected, learned, float(distances.max()))
 

@@ -49,7 +49,7 @@ class CouplingOutput(NamedTuple):
 
 
 class Field(Protocol):
-    """Obstacles: a `PointCloudDistance` or a `FieldFollower`."""
+    """Obstacles, such as a `PointCloudDistance`."""
 
     def distance(self, positions: npt.ArrayLike, within: float = np.inf) -> Array:
         """Returns distances (...) [m] at positions (..., 3), infinite from `within` [m] on."""

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators.registry import LinearForcingModel
-from pepper_drake.learning.demonstrations.check import refuse_unlike
+from pepper_drake.learning.demonstrations.check import refuse_impossible, refuse_unlike
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.learning.dmp.orientation import OrientationAttractor, learn_orientation
@@ -118,6 +118,7 @@ class MovementPrimitive:
         orientation: str = "log_map",
         alpha_z: float = ALPHA_Z,
         seed: int = 0,
+        check: bool = True,
     ) -> Self:
         """Learns one primitive from one or several demonstrations, aligned in phase.
 
@@ -134,6 +135,8 @@ class MovementPrimitive:
             orientation: `log_map`, or `angles` for the report's three angles.
             alpha_z: Constant of the spring.
             seed: For approximators with random starts.
+            check: Refuse demonstrations that cannot be a hand's motion, or are not of one movement
+                (see `demonstrations.check`); False for motions that a program made.
 
         Raises:
             InputError: A name is unknown, a number out of range, or a demonstration unusable.
@@ -145,7 +148,10 @@ class MovementPrimitive:
             raise InputError("demonstrations: none given; a primitive needs at least one")
         if not alpha_z > 0.0:
             raise InputError(f"alpha_z: {alpha_z} is not positive")
-        refuse_unlike(demos)
+        if check:
+            for demo in demos:
+                refuse_impossible(demo)
+            refuse_unlike(demos)
         if num_basis is not None:
             return cls._fit(demos, approximator, num_basis, scaling, orientation, alpha_z, seed)
         fewest = min(len(demo.times) for demo in demos)

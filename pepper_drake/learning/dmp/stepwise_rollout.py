@@ -156,7 +156,6 @@ class _Obstacles:
     ) -> None:
         self._coupling = coupling
         self._field = field
-        self._followed = field if shape else field.follow()
         self._goal_line: Array | None = None
         self._clearance = 0.0
         self._pushed = False
@@ -171,7 +170,7 @@ class _Obstacles:
             return None, 0.0
         self._find_clearance(goal)
         push = self._coupling.push(
-            self._followed, state, acceleration, goal.position, self._clearance, tau
+            self._field, state, acceleration, goal.position, self._clearance, tau
         )
         self._distance, self._position = push.distance, state[..., 0, :]
         self._pushed = bool(np.vdot(push.coupling, push.coupling))

@@ -23,14 +23,14 @@ _SHADOW_STEP = 0.04
 """Least step in depth between a surface and what lies in its shadow [m]."""
 _NEAREST = 0.1
 """Depth below which the displacement of the pattern is not followed [m]."""
+_STRIDE = 2
+"""Of so many pixels along both axes one tells whether all are on a dark or a grazing surface."""
 _BEND = 0.3
 """Bend of the inverse depth on a surface, as a share of its rise between pixels."""
 _PATCH_CELLS = 128
 """Edge of the cube of reflectances that fills space periodically [cells], a power of two."""
 _PATCH_CELL = 0.01
 """Edge of one of its cells [m]."""
-_PATCH_STRIDE = 2
-"""Of so many pixels along both axes one tells whether all are in a patch."""
 _PATCH_BLUR = 2.0
 """Standard deviation of the Gaussian that gives patches their size [cells]."""
 
@@ -99,29 +99,37 @@ def grazing_pixels(depth: Array, intrinsics: CameraIntrinsics, cosine: Array) ->
         cosine: Cosine of the angle between ray and normal (height, width) below which it is.
 
     Returns:
-        (height, width); False where a pixel and its four neighbours are not in a plane.
+        (height, width), for squares of pixels at once; False where a pixel and its neighbours are
+        not in a plane.
     """
+    coarse = depth[::_STRIDE, ::_STRIDE]
     with np.errstate(invalid="ignore", divide="ignore"):
-        inverse = np.where(depth > 0.0, np.float32(1.0) / depth, np.float32(0.0))
+        inverse = np.where(coarse > 0.0, np.float32(1.0) / coarse, np.float32(0.0))
     half = np.array([[-0.5, 0.0, 0.5]], np.float32)
     along_x, along_y = cv2.filter2D(inverse, -1, half), cv2.filter2D(inverse, -1, half.T)
     rise = np.abs(along_x) + np.abs(along_y)
     # Inverse depth is linear on a plane: at a step it bends as much as it rises.
     bend = np.abs(cv2.Laplacian(inverse, -1))
-    steep = (rise * min(intrinsics.focal_x, intrinsics.focal_y) > inverse) & (inverse > 0.0)
-    grazing = np.zeros(depth.shape, dtype=bool)
+    focal_x, focal_y = intrinsics.focal_x / _STRIDE, intrinsics.focal_y / _STRIDE
+    steep = (rise * np.float32(min(focal_x, focal_y)) > inverse) & (inverse > 0.0)
+    grazing = np.zeros(coarse.shape, dtype=bool)
     chosen = np.nonzero(steep & (bend <= _BEND * rise))
-    if not len(chosen[0]):
-        return grazing
-    w = inverse[chosen]
-    a = along_x[chosen] * np.float32(intrinsics.focal_x)
-    b = along_y[chosen] * np.float32(intrinsics.focal_y)
-    rays = pixel_rays(intrinsics)[chosen]
-    # A plane a x + b y + c = 1/z has the normal (a, b, c); along the ray it measures 1/z.
-    c = w - a * rays[:, 0] - b * rays[:, 1]
-    length = np.sqrt(a * a + b * b + c * c) * ray_lengths(intrinsics)[chosen]
-    grazing[chosen] = w < cosine[chosen] * length
-    return grazing
+    if len(chosen[0]):
+        w = inverse[chosen]
+        a = along_x[chosen] * np.float32(focal_x)
+        b = along_y[chosen] * np.float32(focal_y)
+        rays = pixel_rays(intrinsics)[::_STRIDE, ::_STRIDE][chosen]
+        # A plane a x + b y + c = 1/z has the normal (a, b, c); along the ray it measures 1/z.
+        c = w - a * rays[:, 0] - b * rays[:, 1]
+        length = np.sqrt(a * a + b * b + c * c)
+        length *= ray_lengths(intrinsics)[::_STRIDE, ::_STRIDE][chosen]
+        grazing[chosen] = w < cosine[::_STRIDE, ::_STRIDE][chosen] * length
+    return _repeated(grazing, depth.shape)
+
+
+def _repeated(coarse: Mask, shape: tuple[int, ...]) -> Mask:
+    """A mask of every `_STRIDE`-th pixel as one of all of them (height, width)."""
+    return coarse.repeat(_STRIDE, 0).repeat(_STRIDE, 1)[: shape[0], : shape[1]]
 
 
 @functools.lru_cache(maxsize=4)
@@ -155,20 +163,18 @@ def dark_patches(
     """
     if share <= 0.0:
         return np.zeros(depth.shape, dtype=bool)
-    coarse = depth[::_PATCH_STRIDE, ::_PATCH_STRIDE]
+    coarse = depth[::_STRIDE, ::_STRIDE]
     with np.errstate(invalid="ignore"):
         surface = (coarse > 0.0) & (coarse < np.inf)
     z = np.where(surface, coarse, np.float32(0.0))
     scale = np.float32(1.0 / _PATCH_CELL)
     R = X_WC.rotation().matrix().astype(np.float32) * scale
     p = X_WC.translation().astype(np.float32) * scale
-    p_W = (pixel_rays(intrinsics)[::_PATCH_STRIDE, ::_PATCH_STRIDE] * z[..., None]) @ R.T + p
+    p_W = (pixel_rays(intrinsics)[::_STRIDE, ::_STRIDE] * z[..., None]) @ R.T + p
     cells = np.floor(p_W).astype(np.int32) & (_PATCH_CELLS - 1)
     index = (cells[..., 0] * _PATCH_CELLS + cells[..., 1]) * _PATCH_CELLS + cells[..., 2]
     dark = surface & _patches(seed, share).ravel()[index]
-    height, width = depth.shape
-    fine = dark.repeat(_PATCH_STRIDE, 0).repeat(_PATCH_STRIDE, 1)
-    return np.asarray(fine[:height, :width])
+    return _repeated(np.asarray(dark), depth.shape)
 
 
 def quantise_depth(

@@ -26,6 +26,11 @@ _EDGE = 0.95
 _HALVINGS = 6
 """With which the angles between two gazes are found, to a hundredth of the way."""
 
+_TABLES, _ABOVE = 0.3, -0.1
+"""Pitch at which tables are searched, and what is higher [rad]."""
+_FIRST, _FIRST_FOR = 0.4, 1.5
+"""Yaw to the arm's side with which a search begins [rad], and how long it stays there [s]."""
+
 Vector = npt.NDArray[np.float64]
 
 
@@ -150,6 +155,24 @@ def look_at(camera: HeadCamera, p_TP: npt.ArrayLike) -> Gaze:
     head = clamp_head(aim_head(camera, p_TP))
     offset = image_offset(camera, head, p_TP)
     return Gaze(camera, head, offset, offset < 1)
+
+
+def head_search_pattern(time: float, side: float) -> Vector:
+    """Where the head looks while the goal is searched for.
+
+    Args:
+        time: Since the search began [s].
+        side: Of the arm that is to reach it, 1 left or -1 right.
+
+    Returns:
+        Head yaw and pitch (2,) [rad]: first a little to the arm's side, where both what is ahead
+        and what is within reach is seen, then sweeping over ahead to the other side and back, by
+        turns at the height of tables and above it.
+    """
+    sweep, period = np.radians(60), 6.0
+    swept = max(time - _FIRST_FOR, 0.0) / period
+    yaw = sweep * np.sin(np.pi - np.arcsin(_FIRST / sweep) + 2 * np.pi * swept)
+    return np.array([side * yaw, (_TABLES, _ABOVE)[int(swept) % 2]])
 
 
 def choose_camera(

@@ -35,6 +35,13 @@ which grows as the side shrinks."""
 _LARGEST_REPROJECTION_ERROR = 1.5
 """A quadrilateral that no square projects to within this rms [pixels] is not a marker."""
 
+_WORTHLESS = 10.0
+"""OpenCV's first guess is of no use with a reprojection error above this [pixels]: so it is for a
+marker that faces the camera squarely, its sides along the image's, to the last digit."""
+
+_NUDGE = np.array([[[1e-3, 0.0]], [[0.0, 0.0]], [[0.0, 0.0]], [[0.0, 1e-3]]])
+"""Corners that are off by this [pixels] are not square to the last digit."""
+
 _AMBIGUITY_RATIO = 2.5
 _AMBIGUITY_SIGMAS = 1.5
 """Two poses are told apart by the errors of four corners when these differ by this factor, and by
@@ -234,9 +241,12 @@ def marker_poses(
     model = marker_corners(size)
     matrix, distortion = intrinsics.matrix, intrinsics.distortion_coefficients
     image_points = np.ascontiguousarray(corners, dtype=float).reshape(4, 1, 2)
-    count, rotations, translations, _ = cv2.solvePnPGeneric(
-        model, image_points, matrix, distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
-    )
+    for nudge in (0.0, _NUDGE):
+        count, rotations, translations, errors = cv2.solvePnPGeneric(
+            model, image_points + nudge, matrix, distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
+        )
+        if count and errors[0] <= _WORTHLESS:
+            break
     poses: list[MarkerPose] = []
     for k in range(count):
         rotation, translation = cv2.solvePnPRefineLM(

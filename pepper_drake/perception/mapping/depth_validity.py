@@ -62,7 +62,7 @@ _SAME_SHARE = 0.04
 """Spread of the relative errors of depth below which they are those of one wrong scale."""
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class ValidityParameters:
     """When a depth image contradicts what is known.
 

@@ -1,10 +1,10 @@
-"""Boxes, cylinders, spheres and capsules, and which points of a cloud lie in or near them.
+"""Boxes, cylinders, spheres and capsules: distances of points to them, points on them.
 
 With these a robot or an object is cut out of a cloud by its own shape, not by a ball around it.
 """
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,6 +77,89 @@ class Solid:
         return outside + np.minimum(excess.max(axis=1), 0)
 
 
+class SolidSet:
+    """Solids at fixed poses in a frame F: the one place where points are measured against solids.
+
+    Args:
+        solids: The solids, posed in F.
+    """
+
+    def __init__(self, solids: Sequence[Solid]) -> None:
+        self._solids = list(solids)
+
+    @classmethod
+    def posed(cls, solids: Sequence[Solid], poses: Sequence[RigidTransform]) -> "SolidSet":
+        """Returns solids of several frames G in a frame F, by the poses X_FG of their frames."""
+        return cls(
+            [
+                Solid(solid.shape, X_FG @ solid.X_FS)
+                for solid, X_FG in zip(solids, poses, strict=True)
+            ]
+        )
+
+    def __len__(self) -> int:
+        """Number of solids."""
+        return len(self._solids)
+
+    def distance(self, positions: Points, cap: float = np.inf) -> npt.NDArray[np.float64]:
+        """Returns the signed distance (...) [m] of positions (..., 3) to the nearest solid.
+
+        It is at most `cap` [m]: with a cap, only points near a solid cost anything.
+        """
+        points = positions.reshape(-1, 3)
+        least = np.full(len(points), cap)
+        for chosen, distances in self._distances(points, cap):
+            least[chosen] = np.minimum(least[chosen], distances)
+        return least.reshape(positions.shape[:-1])
+
+    def near(self, p_F: Points, margin: float) -> Mask:
+        """Tells which points (N, 3) are in a solid, or closer to one than a margin.
+
+        Args:
+            p_F: The points [m].
+            margin: Distance [m]; negative to tell only points that lie that deep inside.
+        """
+        near = np.zeros(len(p_F), dtype=bool)
+        for chosen, distances in self._distances(p_F, margin):
+            near[chosen[distances <= margin]] = True
+        return near
+
+    def _distances(
+        self, points: Points, within: float
+    ) -> Iterator[tuple[npt.NDArray[np.intp], Points]]:
+        """Yields for each solid the indices of the points that may be near, and their distances."""
+        if not len(points) or not self._solids:
+            return
+        centers = np.array([solid.X_FS.translation() for solid in self._solids])
+        reaches = np.maximum([solid.bounding_radius + within for solid in self._solids], 0)
+        indices = np.arange(len(points))
+        close = list(range(len(self._solids)))
+        if np.isfinite(within):
+            # Column by column: numpy reduces along the short axis of an (N, 3) array ten times
+            # slower.
+            lower = np.array([points[:, k].min() for k in range(3)])
+            upper = np.array([points[:, k].max() for k in range(3)])
+            beside = np.clip(centers, lower, upper) - centers
+            close = np.flatnonzero(np.einsum("ij,ij->i", beside, beside) <= reaches**2).tolist()
+            if not close:
+                return
+            # Most points are far from all of them.
+            low = (centers[close] - reaches[close, None]).min(axis=0)
+            high = (centers[close] + reaches[close, None]).max(axis=0)
+            boxed = np.ones(len(points), dtype=bool)
+            for k in range(3):
+                boxed &= (points[:, k] >= low[k]) & (points[:, k] <= high[k])
+            indices = np.flatnonzero(boxed)
+            points = points[indices]
+        for k in close:
+            offset = points - centers[k].astype(points.dtype)
+            candidates = np.flatnonzero(np.einsum("ij,ij->i", offset, offset) <= reaches[k] ** 2)
+            if len(candidates):
+                solid = self._solids[k]
+                p_S = offset[candidates] @ solid.X_FS.rotation().matrix().astype(points.dtype)
+                yield indices[candidates], solid.signed_distance(p_S)
+
+
 def near_solids(
     p_W: Points,
     solids: Sequence[Solid],
@@ -89,40 +172,12 @@ def near_solids(
         p_W: Points (N, 3) [m].
         solids: The solids.
         poses: Pose X_WF of each solid's frame F.
-        margin: m; negative to tell only what lies that deep inside.
+        margin: Distance [m]; negative to tell only points that lie that deep inside.
 
     Returns:
         (N,).
     """
-    near = np.zeros(len(p_W), dtype=bool)
-    if len(p_W) == 0 or not solids:
-        return near
-    X_WS = [X_WF @ solid.X_FS for solid, X_WF in zip(solids, poses, strict=True)]
-    centers = np.array([X.translation() for X in X_WS])
-    reaches = np.maximum([solid.bounding_radius + margin for solid in solids], 0)
-    # Column by column: numpy reduces along the short axis of an (N, 3) array ten times slower.
-    lower = np.array([p_W[:, k].min() for k in range(3)])
-    upper = np.array([p_W[:, k].max() for k in range(3)])
-    beside = np.clip(centers, lower, upper) - centers
-    close = np.flatnonzero(np.einsum("ij,ij->i", beside, beside) <= reaches**2).tolist()
-    if not close:
-        return near
-    # Most points are far from all of them.
-    low = (centers[close] - reaches[close, None]).min(axis=0)
-    high = (centers[close] + reaches[close, None]).max(axis=0)
-    boxed = np.ones(len(p_W), dtype=bool)
-    for k in range(3):
-        boxed &= (p_W[:, k] >= low[k]) & (p_W[:, k] <= high[k])
-    indices = np.flatnonzero(boxed)
-    points = p_W[indices]
-    for k in close:
-        offset = points - centers[k].astype(p_W.dtype)
-        candidates = np.flatnonzero(np.einsum("ij,ij->i", offset, offset) <= reaches[k] ** 2)
-        if not len(candidates):
-            continue
-        p_S = offset[candidates] @ X_WS[k].rotation().matrix().astype(p_W.dtype)
-        near[indices[candidates[solids[k].signed_distance(p_S) <= margin]]] = True
-    return near
+    return SolidSet.posed(solids, poses).near(p_W, margin)
 
 
 class RobotSolids:
@@ -172,3 +227,42 @@ class RobotSolids:
     def near(self, p_W: Points, q: npt.NDArray[np.float64], margin: float) -> Mask:
         """Tells which points (N, 3) are in the robot or closer to it than a margin [m]."""
         return near_solids(p_W, self.solids, self.poses(q), margin)
+
+
+def sample_surface(solids: Sequence[Solid], spacing: float = 0.01) -> npt.NDArray[np.float64]:
+    """Points (P, 3) on the surfaces of boxes and cylinders, in the frame in which they are placed.
+
+    Args:
+        solids: Boxes and cylinders with their poses X_FS.
+        spacing: Between points at most [m].
+    """
+    points = [np.zeros((0, 3))]
+    for solid in solids:
+        shape = solid.shape
+        if isinstance(shape, Cylinder):
+            turns = int(np.ceil(2.0 * np.pi * shape.radius() / spacing))
+            angle = 2.0 * np.pi * np.arange(turns) / turns
+            rim = shape.radius() * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+            rings = np.concatenate([rim * r for r in _even(0.0, 1.0, spacing / shape.radius())])
+            half = shape.length() / 2.0
+            side = [_at_height(rim, z) for z in _even(-half, half, spacing)]
+            local = np.concatenate([*side, _at_height(rings, -half), _at_height(rings, half)])
+        elif isinstance(shape, Box):
+            half_size = np.asarray(shape.size()) / 2.0
+            axes = [_even(-h, h, spacing) for h in half_size]
+            nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+            local = nodes[np.any(np.abs(nodes) >= half_size - 1e-9, axis=1)]
+        else:
+            raise TypeError(f"no points on a shape of type {type(shape).__name__}")
+        points.append(local @ solid.X_FS.rotation().matrix().T + solid.X_FS.translation())
+    return np.concatenate(points)
+
+
+def _even(lower: float, upper: float, spacing: float) -> npt.NDArray[np.float64]:
+    """Even numbers from one to another, no farther apart than the spacing."""
+    return np.linspace(lower, upper, int(np.ceil((upper - lower) / spacing)) + 1)
+
+
+def _at_height(points: npt.NDArray[np.float64], z: float) -> npt.NDArray[np.float64]:
+    """Points (N, 2) in the plane at a height, (N, 3)."""
+    return np.column_stack((points, np.full(len(points), z)))

@@ -1,19 +1,20 @@
-"""What an arm must not touch, in the torso frame: what was seen, the goal object, and the body."""
+"""Distances of an arm to obstacles, to the goal object and to the rest of the robot."""
 
 from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.geometry import Role
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
-from pepper_drake.planning.collision.arm_kinematics import ArmKinematics, ArmPoses
+from pepper_drake.models.control_model import ControlModel
+from pepper_drake.perception.mapping.solids import Solid, SolidSet
+from pepper_drake.planning.collision.arm_kinematics import ArmPoses
 from pepper_drake.planning.collision.distance_grid import DistanceGrid, Region, sample
 from pepper_drake.planning.collision.exact_distance import ExactDistance
-from pepper_drake.planning.collision.self_clearance import self_collision_spheres
-from pepper_drake.planning.collision.solid_set import SolidSet
-from pepper_drake.planning.collision.sphere_model import SphereModel
+from pepper_drake.planning.collision.sphere_model import SphereModel, arm_link_names
 
 Vector = npt.NDArray[np.float64]
 
@@ -36,45 +37,105 @@ def arm_region(arm: str) -> Region:
     return Region.of([-0.20, y[0], -0.50], [0.50, y[1], 0.46], GRID_SPACING)
 
 
+_SELF_COLLISION_LINKS = ("ForeArm", "wrist")
+"""The arm's links that can reach the body; those nearer to the shoulder touch it by design."""
+
+
+def self_collision_spheres(spheres: SphereModel) -> npt.NDArray[np.bool_]:
+    """Which of an arm's spheres (S,) can reach the robot's body."""
+    return np.array([spheres.link_names[k].endswith(_SELF_COLLISION_LINKS) for k in spheres.link])
+
+
+class BodyShapes:
+    """Pepper's collision shapes without those of one arm and its shoulder.
+
+    Args:
+        model: Pepper.
+        arm: "left" or "right".
+    """
+
+    def __init__(self, model: ControlModel, arm: str) -> None:
+        self._model = model
+        inspector = model.diagram.scene_graph().model_inspector()
+        left_out = {*arm_link_names(arm), f"{arm[0].upper()}Shoulder"}
+        self._solids: list[Solid] = []
+        self._frames = []
+        for index in model.plant.GetBodyIndices(model.model_instance):
+            body = model.plant.get_body(index)
+            frame = model.plant.GetBodyFrameIdIfExists(index)
+            if frame is None or body.name() in left_out:
+                continue
+            for shape in inspector.GetGeometries(frame, Role.kProximity):
+                self._solids.append(
+                    Solid(inspector.GetShape(shape), inspector.GetPoseInFrame(shape))
+                )
+                self._frames.append(body.body_frame())
+
+    def at(self, joint_position: Vector) -> SolidSet:
+        """Returns the shapes in T at joints (15,) in the order of `BODY_JOINTS` [rad]."""
+        context = self._model.create_context()
+        q = self._model.positions(joint_position, np.zeros(3))
+        self._model.plant.SetPositions(context, q)
+        torso = self._model.plant.GetFrameByName("torso")
+        poses = [frame.CalcPose(context, torso) for frame in self._frames]
+        return SolidSet.posed(self._solids, poses)
+
+
 class ArmCollisionChecker:
-    """Distances of an arm to everything around it.
+    """Distances of an arm to everything that it must not touch.
 
     Args:
         shapes: Of the arm.
-        kinematics: Of the arm.
-        field: What was seen, in any frame F.
+        obstacles: Seen obstacles, in any frame F.
         X_FT: The torso's pose in F.
-        object_field: The goal object's surface, in T.
-        body_layer: Gives the distance (N,) of the body at the nodes of `arm_region`, m (see
-            `sample_body`), if it is asked for.
-        body_allowance: How much nearer than obstacles the body may be [m].
+        goal_object: The goal object's surface, in T.
+        body: Gives the body's shapes in T.
+        body_layer: Gives the distance (N,) of the body at the nodes of `arm_region` [m]; see
+            `sample_body`. Both are asked only when they are needed.
+        body_allowance: Distance by which the body may be nearer than obstacles [m].
+
+    Attributes:
+        kinematics: Of the arm.
     """
 
     def __init__(
         self,
         shapes: ExactDistance,
-        kinematics: ArmKinematics,
-        field: PointCloudDistance,
+        obstacles: PointCloudDistance,
+        *,
         X_FT: RigidTransform,
-        object_field: PointCloudDistance,
+        goal_object: PointCloudDistance,
+        body: Callable[[], SolidSet],
         body_layer: Callable[[], Vector],
         body_allowance: float,
     ) -> None:
-        self.kinematics, self._shapes = kinematics, shapes
-        self._field, self._X_FT, self._object = field, X_FT, object_field
-        self._body_layer, self._allowance = body_layer, body_allowance
-        self._watched = self_collision_spheres(kinematics.spheres)
+        self.kinematics, self._shapes = shapes.kinematics, shapes
+        self._field, self._X_FT, self._object = obstacles, X_FT, goal_object
+        self._body, self._body_layer, self._allowance = body, body_layer, body_allowance
+        self._watched = self_collision_spheres(self.kinematics.spheres)
 
-    def clearances(self, joints: Vector) -> Vector:
-        """Least distance (N,) of the arm at joints (N, 5) to what was seen [m].
+    def distances(self, joints: Vector) -> Vector:
+        """Returns the least distance (N,) to seen obstacles at joints (N, 5) [rad] [m].
 
-        Beyond `FAR` it is infinite.
+        It is exact where the arm is near, that of its spheres farther away, and infinite beyond
+        `FAR`.
         """
-        return self._shapes.clearances(joints, self._field, self._X_FT, within=FAR)
+        return self._shapes.distances(joints, self._field, self._X_FT, within=FAR)
 
-    def object_clearances(self, joints: Vector) -> Vector:
-        """Least distance (N,) of the arm at joints (N, 5) to the goal object, as `clearances`."""
-        return self._shapes.clearances(joints, self._object, within=FAR)
+    def object_distances(self, joints: Vector) -> Vector:
+        """Returns the least distance (N,) to the goal object, as `distances` [m]."""
+        return self._shapes.distances(joints, self._object, within=FAR)
+
+    def self_distances(self, joints: Vector) -> Vector:
+        """Returns the least distance (N,) of forearm and hand to the robot's body [m].
+
+        The spheres bulge out of the arm's shapes: a hand that hangs beside the body, a few
+        millimetres from it, has about -5 mm.
+        """
+        centers = self.kinematics.sphere_centers_at(joints)[:, self._watched]
+        radii = self.kinematics.spheres.radii[self._watched]
+        distances: Vector = (self._body().distance(centers) - radii).min(axis=1)
+        return distances
 
     @cached_property
     def _grid(self) -> DistanceGrid:
@@ -103,7 +164,7 @@ class ArmCollisionChecker:
         return spheres.selected(kept), layers
 
     def approximate_distances(self, joints: Vector) -> npt.NDArray[np.float32]:
-        """Distances (S', N) of the spheres below the upper arm, from the grid [m].
+        """Returns distances (S', N) of the spheres below the upper arm, from the grid [m].
 
         Within a few millimetres of the truth, and at most `GRID_CAP` less the sphere's radius;
         forearm and hand see the body, too, `body_allowance` farther away than it is.
@@ -113,13 +174,13 @@ class ArmCollisionChecker:
     def approximate_distances_and_poses(
         self, joints: Vector
     ) -> tuple[npt.NDArray[np.float32], ArmPoses]:
-        """What `approximate_distances` gives, and the poses that it came from."""
+        """Returns what `approximate_distances` does, and the poses that it came from."""
         spheres, layers = self._moving
         poses = self.kinematics.poses(joints)
         centers = self.kinematics.sphere_centers(poses, spheres)
-        gaps = self._grid.distance(centers, layers[:, None])
-        gaps -= spheres.radii.astype(np.float32)[:, None]
-        return gaps, poses
+        distances = self._grid.distance(centers, layers[:, None])
+        distances -= spheres.radii.astype(np.float32)[:, None]
+        return distances, poses
 
 
 def sample_body(arm: str, body: SolidSet) -> Vector:

@@ -10,6 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import RevoluteJoint
 
 from pepper_drake.models.control_model import ControlModel, arm_joints
@@ -146,6 +147,16 @@ class ArmKinematics:
                 links[link] = (R, p)
         R_LH, p_LH = self._hand
         return ArmPoses(links, axes, origins, (_times(R, R_LH), p + _rotate(R, p_LH)))
+
+    def hand_pose(self, joints: Vector) -> RigidTransform:
+        """Returns X_TH at joints (5,) [rad]."""
+        poses = self.poses(joints[None])
+        R_TH = RotationMatrix.ProjectToRotationMatrix(poses.hand_rotation[0])
+        return RigidTransform(R_TH, poses.hand_position[0])
+
+    def sphere_centers_at(self, joints: Vector) -> Vector:
+        """Returns centres (M, S, 3) of the arm's spheres in T [m] at joints (M, 5) [rad]."""
+        return self.sphere_centers(self.poses(joints)).transpose(2, 1, 0)
 
     def sphere_centers(self, poses: ArmPoses, spheres: SphereModel | None = None) -> Vector:
         """Centres (3, S, M) of spheres on the arm's links in T [m]; the arm's own if left out."""

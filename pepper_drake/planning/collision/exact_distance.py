@@ -13,7 +13,7 @@ from pepper_drake.planning.collision.arm_kinematics import ArmKinematics, ArmPos
 Vector = npt.NDArray[np.float64]
 
 NEAR = 0.03
-"""Clearances below this are exact; those above are the spheres', which bulge by 14 mm [m]."""
+"""Distances below this are exact; those above are the spheres', which bulge by 14 mm [m]."""
 
 
 class ExactDistance:
@@ -25,10 +25,13 @@ class ExactDistance:
     Args:
         model: Pepper.
         kinematics: Of the arm.
+
+    Attributes:
+        kinematics: Of the arm.
     """
 
     def __init__(self, model: ControlModel, kinematics: ArmKinematics) -> None:
-        self._kinematics = kinematics
+        self.kinematics = kinematics
         inspector = model.diagram.scene_graph().model_inspector()
         self._shapes: list[tuple[int, Solid]] = []
         for number, name in enumerate(kinematics.spheres.link_names):
@@ -37,7 +40,7 @@ class ExactDistance:
                 solid = Solid(inspector.GetShape(geometry), inspector.GetPoseInFrame(geometry))
                 self._shapes.append((number, solid))
 
-    def clearances(
+    def distances(
         self,
         joints: Vector,
         field: PointCloudDistance,
@@ -54,7 +57,7 @@ class ExactDistance:
         """
         X_FT = RigidTransform() if X_FT is None else X_FT
         R_FT, p_FT = X_FT.rotation().matrix(), X_FT.translation()
-        kinematics = self._kinematics
+        kinematics = self.kinematics
         poses = kinematics.poses(joints)
         centers = kinematics.sphere_centers(poses).transpose(1, 2, 0) @ R_FT.T + p_FT
         radii = kinematics.spheres.radii[:, None]

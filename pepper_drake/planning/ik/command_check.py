@@ -24,6 +24,7 @@ class StopReason(IntEnum):
     BASE_NOT_MEASURED = 8
     BASE_HELD = 9
     BODY_TOO_CLOSE = 10
+    GOAL_NOT_FINITE = 11
 
 
 STOP_SENTENCES: dict[StopReason, str] = {
@@ -38,6 +39,7 @@ STOP_SENTENCES: dict[StopReason, str] = {
     StopReason.BASE_NOT_MEASURED: "the base's odometry gave no number",
     StopReason.BASE_HELD: "the base did not follow its command: it slips, or something holds it",
     StopReason.BODY_TOO_CLOSE: "the robot's body came too close to an obstacle",
+    StopReason.GOAL_NOT_FINITE: "the estimate of the goal's pose was not a number",
 }
 
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 Vector = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class ContactParams:
     """How far and for how long a joint may be off its command before it counts as held.
 

@@ -61,10 +61,6 @@ class SafeCommand:
         held = np.zeros(len(position), dtype=np.intp)
         return cls(position, np.zeros(len(position)), held=held)
 
-    def __deepcopy__(self, memo: dict) -> "SafeCommand":
-        """Returns itself: Drake copies the state at each event, and this never changes."""
-        return self
-
     def stopped(self, reason: StopReason, joint: int = -1) -> "SafeCommand":
         """The same robot, stopped for a reason; the first reason stays."""
         if self.reason != StopReason.NONE:
@@ -98,12 +94,11 @@ class SafeCommand:
             params: What counts as held.
             time_step: The control period [s].
         """
-        on_their_way = 1 + round(params.latency / time_step)
+        on_their_way, memory = _kept(params, time_step)
         sent = (*self.sent, self.position)[-on_their_way:]
         error = following_error(sent, measured)
         excess = excess_error(error, self.velocity, params)
         held = np.where(excess > 1.0, self.held + 1, 0)
-        memory = 1 + round(params.back_off / time_step)
         known = (*self.measured, measured)[-memory:]
         state = replace(self, sent=sent, measured=known, held=held)
         if self.reason == StopReason.NONE:
@@ -116,6 +111,79 @@ class SafeCommand:
             # What still presses is not pressed against.
             return replace(state, target=measured, held=np.zeros_like(held))
         return state
+
+
+@dataclass(frozen=True)
+class SafeCommandLayout:
+    """A `SafeCommand` as one vector of numbers, for discrete state.
+
+    Discrete state changes at a tick together with that of the systems around. Abstract state
+    changes before it, so that within a tick the command would be advanced twice.
+
+    Attributes:
+        joints: Number of joints n.
+        sent: Most commands that are kept.
+        measured: Most measurements that are kept.
+    """
+
+    joints: int
+    sent: int = 0
+    measured: int = 0
+
+    @classmethod
+    def of(cls, joints: int, params: ContactParams | None, time_step: float) -> "SafeCommandLayout":
+        """The layout for what `SafeCommand.compared` keeps; see there."""
+        if params is None:
+            return cls(joints)
+        return cls(joints, *_kept(params, time_step))
+
+    def to_vector(self, command: SafeCommand) -> Vector:
+        """Returns flags and counts (6), then rows of n: see `from_vector`."""
+        unknown = np.full(self.joints, np.nan)
+        numbers = [
+            float(command.known),
+            float(command.reason),
+            float(command.joint),
+            float(command.wish is not None) + 2.0 * float(command.target is not None),
+            float(len(command.sent)),
+            float(len(command.measured)),
+        ]
+        rows = [
+            command.position,
+            command.velocity,
+            unknown if command.wish is None else command.wish,
+            unknown if command.target is None else command.target,
+            command.held if len(command.held) else np.zeros(self.joints),
+            *command.sent,
+            *[unknown] * (self.sent - len(command.sent)),
+            *command.measured,
+            *[unknown] * (self.measured - len(command.measured)),
+        ]
+        return np.concatenate((numbers, *rows))
+
+    def from_vector(self, vector: Vector) -> SafeCommand:
+        """Returns what `to_vector` was given."""
+        known, reason, joint, given, sent, measured = map(int, vector[:6])
+        rows = vector[6:].reshape(-1, self.joints).copy()
+        position, velocity, wish, target, held = rows[:5]
+        first = 5 + self.sent
+        return SafeCommand(
+            position,
+            velocity,
+            wish if given & 1 else None,
+            bool(known),
+            StopReason(reason),
+            joint,
+            target if given & 2 else None,
+            tuple(rows[5 : 5 + sent]),
+            tuple(rows[first : first + measured]),
+            held.astype(np.intp),
+        )
+
+
+def _kept(params: ContactParams, time_step: float) -> tuple[int, int]:
+    """Numbers of commands and of measurements that a comparison needs."""
+    return 1 + round(params.latency / time_step), 1 + round(params.back_off / time_step)
 
 
 def slowed(limits: CommandLimits, speed: float) -> CommandLimits:

@@ -9,7 +9,11 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.models.pepper import JOINT_GROUPS
-from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
+from pepper_drake.planning.collision.body_clearance import (
+    BodyClearance,
+    body_links,
+    drive_poses,
+)
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.planning_scene import PlanningScene
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
@@ -47,6 +51,7 @@ class BasePlacement:
         self._model, self._arm, self._X_OG = model, arm, X_OG
         self._demonstrated_goal, self._params = demonstrated_goal, params
         self.body_clearances = BodyClearance(model, body_links(model, without_arm=arm))
+        self._resting_clearances = BodyClearance(model, body_links(model))
 
     def __call__(
         self,
@@ -143,6 +148,28 @@ class BasePlacement:
         side = 1.0 if self._arm == "left" else -1.0
         return np.array([params.hand_x, side * params.hand_y])
 
+    def drive_clearances(
+        self,
+        base_pose: Vector,
+        places: Vector,
+        joint_position: Vector,
+        field: PointCloudDistance,
+    ) -> Vector:
+        """Least distance (N,) [m] of the body, its arms at rest, on the straight ways to places.
+
+        Args:
+            base_pose: Where the base stands, x, y [m], yaw [rad] in W.
+            places: Where it may go (N, 3).
+            joint_position: The joints on the way (15,) [rad].
+            field: The obstacles, in W.
+        """
+        ways = [drive_poses(base_pose, place) for place in places]
+        if not ways:
+            return np.zeros(0)
+        clearances = self._resting_clearances(np.concatenate(ways), joint_position, field)
+        ends = np.cumsum([len(way) for way in ways])[:-1]
+        return np.array([part.min() for part in np.split(clearances, ends)])
+
 
 class BasePlacementPlanner:
     """Simulates reaches from candidate base poses and returns the best.
@@ -169,7 +196,12 @@ class BasePlacementPlanner:
 
         def has_room(places: Vector) -> npt.NDArray[np.bool_]:
             room = self._places.body_clearances(places, observation.joint_position, field)
-            return room >= params.body_clearance
+            free = room >= params.body_clearance
+            drive = self._places.drive_clearances(
+                observation.base_pose, places[free], observation.joint_position, field
+            )
+            free[free] = drive >= params.drive_clearance
+            return free
 
         scenes = self._evaluator.scenes
         obstacles = scenes.obstacle_field(observation)

@@ -11,7 +11,7 @@ from pydrake.systems.framework import BusValue
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel, arm_joints
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
 from pepper_drake.planning.ik.command_limits import limit_joint_command
 from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
@@ -55,7 +55,7 @@ class KinematicSimulator:
 
     Args:
         model: Pepper.
-        geometry: Of the arm.
+        kinematics: Of the arm.
         ik: Parameters of the inverse kinematics.
         settle: How long a motion goes on after its end at most, in tau.
     """
@@ -63,13 +63,13 @@ class KinematicSimulator:
     def __init__(
         self,
         model: ControlModel,
-        geometry: ArmGeometry,
+        kinematics: ArmKinematics,
         ik: DifferentialIkParams,
         settle: float,
     ) -> None:
-        self._geometry, self._params, self._settle = geometry, ik, settle
-        self._ik = make_differential_ik(model, geometry.arm, ik)
-        names = arm_joints(geometry.arm)
+        self._kinematics, self._params, self._settle = kinematics, ik, settle
+        self._ik = make_differential_ik(model, kinematics.arm, ik)
+        names = arm_joints(kinematics.arm)
         self.limits = model.command_limits(names, speed_fraction=ik.speed_fraction)
         self.time_step = ik.time_step
         self._indices = model.position_indices(names)
@@ -92,10 +92,10 @@ class KinematicSimulator:
             field: The obstacles that the coupling knows, in T.
             duration: tau [s]; the primitive's if left out.
         """
-        X_TH = self._geometry.hand_pose(start.position)
+        X_TH = self._kinematics.hand_pose(start.position)
         velocity = np.zeros(6)
         if start.velocity.any():
-            J = self._geometry.kinematics.poses(start.position[None]).hand_jacobian()[0]
+            J = self._kinematics.poses(start.position[None]).hand_jacobian()[0]
             velocity = J @ start.velocity
         time_step = self._params.time_step
         path = movement.primitive.rollout(
@@ -128,7 +128,7 @@ class KinematicSimulator:
         nominal_port = ik.get_input_port_nominal_posture()
         poses_port = ik.get_input_port_desired_cartesian_poses()
         velocity_port = ik.get_output_port()
-        key, gain = hand_key(self._geometry.arm), self._params.tracking_gain
+        key, gain = hand_key(self._kinematics.arm), self._params.tracking_gain
         p, R = path.positions, path.rotations
         asked_p, asked_R = feedforward_poses(p[:-1], p[1:], R[:-1], R[1:], gain)
         q = np.zeros(self._num_positions)
@@ -156,7 +156,7 @@ class KinematicSimulator:
             )
             commands[n] = joints
             if n >= path.ends and n % 5 == 0 and np.abs(velocity).max() < _STILL:
-                off = self._geometry.hand_pose(joints).translation() - path.positions[-1]
+                off = self._kinematics.hand_pose(joints).translation() - path.positions[-1]
                 if np.sqrt(off @ off) < 0.5 * tolerance:
                     return commands[: n + 1]
         return commands

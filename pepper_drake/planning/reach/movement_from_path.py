@@ -7,6 +7,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from pepper_drake.learning import Demonstration, MovementPrimitive
+from pepper_drake.learning.dmp.primitive import DEFAULT_NUM_BASIS
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
 
@@ -50,6 +51,8 @@ def fit_primitive_to_joint_path(
             name=name,
         ),
         approximator=_APPROXIMATOR,
+        num_basis=DEFAULT_NUM_BASIS,
+        check=False,
     )
 
 

@@ -14,6 +14,9 @@ from pepper_drake.planning.reach.kinematic_simulation import ArmState
 
 Vector = npt.NDArray[np.float64]
 
+_FUTURE = -0.1
+"""An image that is younger than this was stamped by a clock that is wrong [s]."""
+
 
 def _no_points() -> Vector:
     return np.zeros((0, 3))
@@ -44,6 +47,8 @@ class Observation:
         base_arrived: Whether the base is where it was sent.
         tau: Duration of the present movement [s].
         stop_reason: Why the safety monitor stopped the robot.
+        stop_joint: Name of the joint that this is about, "" for none.
+        base_blocked: Whether the base waits because something stands in its way.
     """
 
     time: float
@@ -64,6 +69,8 @@ class Observation:
     base_arrived: bool = True
     tau: float = 1.0
     stop_reason: StopReason = StopReason.NONE
+    stop_joint: str = ""
+    base_blocked: bool = False
 
     @property
     def p_WO(self) -> Vector:
@@ -73,9 +80,9 @@ class Observation:
 
     @property
     def cloud_age(self) -> float:
-        """Time since the last depth image [s]; infinite before the first."""
+        """Time since the last depth image [s]; infinite before the first, and for one of later."""
         age = self.time - self.cloud_time
-        return age if np.isfinite(age) else np.inf
+        return age if np.isfinite(age) and age > _FUTURE else np.inf
 
     @property
     def goal_distance(self) -> float:

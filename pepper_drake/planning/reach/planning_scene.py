@@ -7,15 +7,17 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel, arm_joints, body_indices
-from pepper_drake.perception.mapping.solids import Solid
-from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker, sample_body
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
-from pepper_drake.planning.collision.self_clearance import SelfClearance
-from pepper_drake.planning.collision.solid_set import sample_surface
+from pepper_drake.perception.mapping.solids import Solid, sample_surface
+from pepper_drake.planning.collision.arm_collision_checker import (
+    ArmCollisionChecker,
+    BodyShapes,
+    sample_body,
+)
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
@@ -35,7 +37,6 @@ class PlanningScene:
         base_pose: (3,) x, y, yaw in W [m, rad].
         arm: Command from which a movement starts [rad, rad/s].
         X_TO: The goal object's pose.
-        body: A context of the model's plant with the body's joints.
         cloud_T: (P, 3) seen obstacles near the arm [m].
         checker: Distances of the arm to everything that it must not touch.
     """
@@ -43,7 +44,6 @@ class PlanningScene:
     base_pose: Vector
     arm: ArmState
     X_TO: RigidTransform
-    body: Context
     cloud_T: Vector
     checker: ArmCollisionChecker
 
@@ -58,8 +58,7 @@ class PlanningSceneBuilder:
 
     Args:
         model: Pepper.
-        geometry: Of the arm.
-        self_clearance: Of the arm to the body.
+        arm: "left" or "right".
         goal_solids: The goal object's shapes in its frame.
         params: Criteria of a good reach.
     """
@@ -67,15 +66,15 @@ class PlanningSceneBuilder:
     def __init__(
         self,
         model: ControlModel,
-        geometry: ArmGeometry,
-        self_clearance: SelfClearance,
+        arm: str,
         goal_solids: Sequence[Solid],
         params: ReachPlannerParams,
     ) -> None:
-        self._model, self._geometry, self._params = model, geometry, params
-        self._arm, self._self_clearance = geometry.arm, self_clearance
+        self._model, self._arm, self._params = model, arm, params
+        self._shapes = ExactDistance(model, arm_kinematics(model, arm))
+        self._body = BodyShapes(model, arm)
         self._object_points = sample_surface(goal_solids)
-        self._arm_in_body = body_indices(arm_joints(geometry.arm))
+        self._arm_in_body = body_indices(arm_joints(arm))
         self._body_layers: dict[tuple[float, ...], Vector] = {}
 
     def obstacle_field(self, observation: Observation) -> PointCloudDistance:
@@ -109,19 +108,18 @@ class PlanningSceneBuilder:
         cloud_T = observation.obstacles @ X_TW.rotation().matrix().T + X_TW.translation()
         object_T = self._object_points @ X_TO.rotation().matrix().T + X_TO.translation()
         checker = ArmCollisionChecker(
-            self._geometry.shapes,
-            self._geometry.kinematics,
+            self._shapes,
             field_W,
-            X_WT,
-            PointCloudDistance(object_T, extension=0.0),
-            lambda: self._body_layer(joint_position),
-            -self._params.self_clearance,
+            X_FT=X_WT,
+            goal_object=PointCloudDistance(object_T, extension=0.0),
+            body=lambda: self._body.at(joint_position),
+            body_layer=lambda: self._body_layer(joint_position),
+            body_allowance=-self._params.self_clearance,
         )
         return PlanningScene(
             base_pose,
             observation.arm,
             X_TO,
-            context,
             cloud_T[np.linalg.norm(cloud_T, axis=1) < _NEAR],
             checker,
         )
@@ -133,8 +131,5 @@ class PlanningSceneBuilder:
         rounded[self._arm_in_body] = 0.0
         key = tuple(rounded)
         if key not in self._body_layers:
-            context = self._model.create_context()
-            q = self._model.positions(rounded, np.zeros(3))
-            self._model.plant.SetPositions(context, q)
-            self._body_layers[key] = sample_body(self._arm, self._self_clearance.body(context))
+            self._body_layers[key] = sample_body(self._arm, self._body.at(rounded))
         return self._body_layers[key]

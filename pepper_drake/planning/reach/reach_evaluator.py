@@ -12,8 +12,7 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling
 from pepper_drake.models.control_model import ControlModel, arm_joints
 from pepper_drake.perception.mapping.solids import Solid
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
-from pepper_drake.planning.collision.self_clearance import SelfClearance
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.barrier_for_path import fit_barrier_to_path
 from pepper_drake.planning.reach.kinematic_simulation import KinematicSimulator
@@ -84,13 +83,9 @@ class ReachEvaluator:
         params.clearance.check()
         self.demonstrated = Movement(primitive, coupling, X_OG)
         self.params = params
-        geometry = ArmGeometry(model, arm)
-        self.kinematics = geometry.kinematics
-        self._self_clearance = SelfClearance(model, geometry)
-        self.scenes = PlanningSceneBuilder(
-            model, geometry, self._self_clearance, goal_solids, params
-        )
-        self._simulator = KinematicSimulator(model, geometry, ik, params.settle)
+        self.kinematics = arm_kinematics(model, arm)
+        self.scenes = PlanningSceneBuilder(model, arm, goal_solids, params)
+        self._simulator = KinematicSimulator(model, self.kinematics, ik, params.settle)
         self.time_step = ik.time_step
         self.limits = model.command_limits(arm_joints(arm), speed_fraction=ik.speed_fraction)
         self.adapter: TrajectoryAdapter | None = None
@@ -177,7 +172,7 @@ class ReachEvaluator:
         reached = self.kinematics.poses(joint_path).hand_position
         error = float(np.linalg.norm(reached[-1] - X_TG.translation()))
         behind = float(np.linalg.norm(reached - hand.positions[: len(reached)], axis=1).max())
-        clearance = float(scene.checker.clearances(joint_path[::3]).min())
+        clearance = float(scene.checker.distances(joint_path[::3]).min())
         status, message = PlanStatus.CLEAR, ""
         if error > params.tolerance.arrive:
             status = PlanStatus.OUT_OF_REACH
@@ -185,7 +180,7 @@ class ReachEvaluator:
         elif behind > params.following.plan:
             status = PlanStatus.CANNOT_FOLLOW
             message = f"the hand would fall {1000 * behind:.0f} mm behind its movement"
-        elif self._self_clearance(scene.body, joint_path[::5]).min() < params.self_clearance:
+        elif scene.checker.self_distances(joint_path[::5]).min() < params.self_clearance:
             status = PlanStatus.SELF_COLLISION
             message = "the arm would run into the robot's own body"
         elif collision_checked and clearance < params.clearance.start - allowance:
@@ -210,5 +205,5 @@ class ReachEvaluator:
         )
 
     def _touches_object(self, scene: PlanningScene, joint_path: Vector) -> bool:
-        distances = scene.checker.object_clearances(joint_path[::3])
+        distances = scene.checker.object_distances(joint_path[::3])
         return bool(distances.min() < self.params.object_clearance)

@@ -83,6 +83,9 @@ class ReachPlannerParams:
     """Displacement of the goal that should still be within reach, if possible [m]."""
     body_clearance: float = 0.02
     """Between the cloud and all of the robot but the reaching arm, where the base is placed [m]."""
+    drive_clearance: float = 0.015
+    """Between the cloud and all of the robot on the straight way to where the base is placed [m]:
+    more than the 0.01 m at which it stops on the way, as its spheres bulge out by as much."""
     object_clearance: float = 0.001
     """Between an adapted movement and the goal object, whose shape and pose are known [m]."""
     far_allowance: float = 0.008

@@ -8,7 +8,7 @@ import numpy as np
 from pepper_drake.models.control_model import body_indices
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
-from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason
+from pepper_drake.planning.ik.command_check import StopReason, stop_sentence
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
@@ -76,7 +76,8 @@ class _Supervision:
         observation, timing, time = self._observation, self._timing, self._time
         stop = observation.stop_reason
         if stop != StopReason.NONE:
-            return state.fail(time, stop.name.lower(), STOP_SENTENCES[stop])
+            sentence = stop_sentence(stop, observation.stop_joint)
+            return state.fail(time, stop.name.lower(), sentence)
         if state.mode == ReachMode.LOOKING:
             return None
         if observation.goal_age > timing.goal_lost:
@@ -174,6 +175,8 @@ class _Supervision:
             state = replace(state, braking=is_blind)
         if time - state.since > self._timing.driving_timeout:
             message = "the base did not get to where the arm can reach the goal"
+            if self._observation.base_blocked:
+                message += ": something stands in its way"
             return state.fail(time, "drive_failed", message)
         # The base has not read its new goal yet in the step in which it is sent.
         has_started = time - state.since > self._timing.time_step + _ROUNDING

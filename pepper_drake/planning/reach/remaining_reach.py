@@ -26,7 +26,7 @@ def remaining_clearance(
     scene = evaluator.scenes(observation)
     rest = _rest(plan, observation)[::_STRIDE]
     times = (_STRIDE * plan.time_step) * np.arange(len(rest), dtype=float)
-    return RemainingClearance(times, scene.checker.clearances(rest))
+    return RemainingClearance(times, scene.checker.distances(rest))
 
 
 def replan(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation) -> ReachPlan:
@@ -58,7 +58,7 @@ def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observ
         plan.joint_path[: plan.nearest(scene.arm) + 1],
         scene.arm.position,
         scene.arm.velocity,
-        scene.checker.clearances,
+        scene.checker.distances,
         evaluator.params.clearance.retreat,
         evaluator.limits,
     )

@@ -313,9 +313,9 @@ class TrajectoryAdapter:
 
     def _goal_clearance(self, q: Vector, checker: ArmCollisionChecker) -> Vector:
         """Clearances (M,) at goal postures (M, 5); none where the goal object is too near [m]."""
-        off_object = checker.object_clearances(q) >= self.params.object_clearance
+        off_object = checker.object_distances(q) >= self.params.object_clearance
         clearance = np.full(len(q), -np.inf)
-        clearance[off_object] = checker.clearances(q[off_object])
+        clearance[off_object] = checker.distances(q[off_object])
         return clearance
 
 

@@ -153,7 +153,9 @@ class FaultInjector(LeafSystem):
         def calc(context: Context, output: AbstractValue) -> None:
             output.SetFrom(self._value(context, index))
 
-        self.DeclareAbstractOutputPort(name, model.Clone, calc, prerequisites_of_calc=ready)
+        self.DeclareAbstractOutputPort(
+            name, lambda: model.Clone(), calc, prerequisites_of_calc=ready
+        )
 
     def _get(self, context: Context) -> _Memory:
         return context.get_abstract_state(int(self._memory)).get_value()

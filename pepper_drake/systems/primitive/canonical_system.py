@@ -71,6 +71,19 @@ def CanonicalSystem_(T: type) -> type:
         period `time_step`; with `time_step` 0 the phase is continuous, and tau and goal are updated
         after each step of the integrator. In continuous time, derivatives exist for Expression as
         well.
+
+        Examples:
+            >>> from pydrake.systems.analysis import Simulator
+            >>> from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
+            >>> primitive = MovementPrimitive.fit(example_demonstrations(1)[0])
+            >>> system = CanonicalSystem(primitive, duration=2.0)
+            >>> simulator = Simulator(system)
+            >>> context = simulator.get_mutable_context()
+            >>> movement = Value[object](Movement(primitive, id=1))
+            >>> _ = system.movement_port.FixValue(context, movement)
+            >>> _ = simulator.AdvanceTo(1.0)
+            >>> print(f"{system.phase_port.Eval(context)[0]:.3f}")
+            0.016
         """
 
         def _construct(

@@ -24,6 +24,13 @@ class CouplingSum(LeafSystem):
 
     Inputs and outputs: `slowdown` (1) >= 0 for a CanonicalSystem, `coupling` (3) [m] for a
     TransformationSystem. No state.
+
+    Examples:
+        >>> total = CouplingSum(2)
+        >>> context = total.CreateDefaultContext()
+        >>> _ = total.GetInputPort("coupling_1").FixValue(context, [0.0, 0.0, 0.5])
+        >>> print(total.GetOutputPort("coupling").Eval(context))
+        [0.  0.  0.5]
     """
 
     def __init__(self, count: int) -> None:

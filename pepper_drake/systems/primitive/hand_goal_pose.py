@@ -42,6 +42,21 @@ class HandGoalPose(LeafSystem):
 
     Args:
         time_step: [s].
+
+    Examples:
+        >>> from pydrake.systems.analysis import Simulator
+        >>> from pepper_drake.planning.reach.movement import Movement
+        >>> system = HandGoalPose()
+        >>> simulator = Simulator(system)
+        >>> context = simulator.get_mutable_context()
+        >>> movement = Movement(None, X_OG=RigidTransform([-0.1, 0.0, 0.05]))
+        >>> _ = system.movement_input.FixValue(context, Value[object](movement))
+        >>> X_WO, X_WT = RigidTransform([0.5, 0.0, 0.9]), RigidTransform([0.0, 0.0, 0.8])
+        >>> _ = system.object_pose_input.FixValue(context, X_WO)
+        >>> _ = system.torso_pose_input.FixValue(context, X_WT)
+        >>> _ = simulator.AdvanceTo(0.1)
+        >>> print(system.GetOutputPort("goal_position").Eval(context).round(3))
+        [0.4  0.   0.15]
     """
 
     def __init__(self, *, time_step: float = 0.01) -> None:

@@ -44,6 +44,25 @@ class ObstacleCoupling(LeafSystem):
 
     Outputs: `coupling` (3) [m]; `slowdown` (1) >= 0 for the `CanonicalSystem`; `distance` (1) [m]
     from the hand's centre to the nearest solid, infinite without obstacles and at rest.
+
+    Examples:
+        >>> from pepper_drake.learning import make_coupling
+        >>> from pepper_drake.perception.mapping.cloud_points import make_cloud
+        >>> system = ObstacleCoupling()
+        >>> context = system.CreateDefaultContext()
+        >>> movement = Movement(None, coupling=make_coupling("barrier"), id=1)
+        >>> _ = system.movement_port.FixValue(context, Value[object](movement))
+        >>> below = make_cloud(np.array([[0.0, 0.0, -0.06]]))
+        >>> _ = system.cloud_port.FixValue(context, Value(below))
+        >>> _ = system.position_port.FixValue(context, [0.0, 0.0, 0.0])
+        >>> _ = system.velocity_port.FixValue(context, [0.1, 0.0, -0.2])
+        >>> _ = system.nominal_acceleration_port.FixValue(context, [0.0, 0.0, -1.0])
+        >>> _ = system.goal_position_port.FixValue(context, [0.3, 0.0, 0.0])
+        >>> _ = system.tau_port.FixValue(context, [2.0])
+        >>> print(f"{system.distance_port.Eval(context)[0]:.2f}")
+        0.06
+        >>> bool(system.coupling_port.Eval(context)[2] > 0.0)  # It pushes up.
+        True
     """
 
     def __init__(self) -> None:
@@ -114,10 +133,7 @@ class ObstacleCoupling(LeafSystem):
         if law is None:
             return
         goal, field = self.goal_position_port.Eval(context), self._field.eval(context)
-        known = value.get_mutable_value()
-        if known.get("field") is not field:
-            known["field"], known["follower"] = field, field.follow()
-        known["clearance"] = law.clearance(known["follower"], goal)
+        value.get_mutable_value()["clearance"] = law.clearance(field, goal)
 
     def _law(self, context: Any) -> Coupling | None:
         """The coupling of the movement that runs."""
@@ -132,7 +148,7 @@ class ObstacleCoupling(LeafSystem):
             )
             return
         value.get_mutable_value()["push"] = law.push(
-            self._field.follower(context),
+            self._field.eval(context),
             np.array((self.position_port.Eval(context), self.velocity_port.Eval(context))),
             self.nominal_acceleration_port.Eval(context),
             self.goal_position_port.Eval(context),

@@ -8,7 +8,6 @@ from pydrake.systems.framework import Context, InputPort
 
 from pepper_drake.learning.dmp.point_cloud_distance import (
     EXTENSION,
-    FieldFollower,
     PointCloudDistance,
 )
 from pepper_drake.perception.mapping.cloud_points import cloud_points
@@ -42,11 +41,6 @@ class ObstacleFieldCache:
         field: PointCloudDistance = self.entry.Eval(context)["field"]
         return field
 
-    def follower(self, context: Context) -> FieldFollower:
-        """The same, faster for a hand that moves in small steps."""
-        follower: FieldFollower = self.entry.Eval(context)["follower"]
-        return follower
-
     def _calc(self, context: Context, value: Any) -> None:
         clouds = [
             cloud_points(port.Eval(context)) for port in self._cloud_ports if port.HasValue(context)
@@ -57,4 +51,3 @@ class ObstacleFieldCache:
         if known.get("content") != content:
             known["content"] = content
             known["field"] = PointCloudDistance(points, extension=self._extension)
-            known["follower"] = known["field"].follow()

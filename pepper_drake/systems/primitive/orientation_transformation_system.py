@@ -48,6 +48,36 @@ class OrientationTransformationSystem(LeafSystem):
 
     State: coordinates (3) [rad], their rates (3) [rad/s], coordinates at the start (3) [rad], the
     goal that the spring sees (4), and the number of the motion; discrete with period `time_step`.
+
+    Examples:
+        >>> from pydrake.systems.analysis import Simulator
+        >>> from pydrake.systems.framework import DiagramBuilder
+        >>> from pepper_drake.learning import Demonstration
+        >>> from pepper_drake.systems import CanonicalSystem
+        >>> times = np.linspace(0.0, 2.0, 201)
+        >>> way = 0.5 - 0.5 * np.cos(0.5 * np.pi * times)
+        >>> half = 0.25 * np.pi * way  # Half the angle of a quarter turn about z.
+        >>> zero = np.zeros_like(way)
+        >>> turns = np.column_stack((np.cos(half), zero, zero, np.sin(half)))
+        >>> positions = np.outer(way, [0.2, 0.0, 0.1])
+        >>> demonstration = Demonstration.from_positions(times, positions, rotations=turns)
+        >>> primitive = MovementPrimitive.fit(demonstration)
+        >>> builder = DiagramBuilder()
+        >>> clock = builder.AddSystem(CanonicalSystem(primitive))
+        >>> turn = builder.AddSystem(OrientationTransformationSystem(primitive))
+        >>> for name in ("phase", "phase_velocity", "tau"):
+        ...     builder.Connect(clock.GetOutputPort(name), turn.GetInputPort(name))
+        >>> simulator = Simulator(builder.Build())
+        >>> root = simulator.get_mutable_context()
+        >>> movement = Value[object](Movement(primitive, id=1))
+        >>> for system in (clock, turn):
+        ...     own = system.GetMyMutableContextFromRoot(root)
+        ...     _ = system.movement_port.FixValue(own, movement)
+        >>> _ = turn.start_orientation_port.FixValue(own, [1.0, 0.0, 0.0, 0.0])
+        >>> _ = turn.goal_orientation_port.FixValue(own, [0.8, 0.6, 0.0, 0.0])
+        >>> _ = simulator.AdvanceTo(4.0)
+        >>> print(turn.orientation_port.Eval(own).round(2) + 0.0)
+        [0.8 0.6 0.  0. ]
     """
 
     def __init__(

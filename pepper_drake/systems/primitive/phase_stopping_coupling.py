@@ -27,6 +27,20 @@ class PhaseStoppingCoupling(LeafSystem):
     (3) [m] for a TransformationSystem; both are zero at rest.
 
     State: the filtered error (3) [m], discrete with period `time_step`.
+
+    Examples:
+        >>> from pydrake.systems.analysis import Simulator
+        >>> from pepper_drake.planning.reach.movement import Movement
+        >>> system = PhaseStoppingCoupling()
+        >>> simulator = Simulator(system)
+        >>> context = simulator.get_mutable_context()
+        >>> movement = Value[object](Movement(None, id=1))
+        >>> _ = system.movement_input.FixValue(context, movement)
+        >>> _ = system.desired_position_input.FixValue(context, [0.1, 0.0, 0.0])
+        >>> _ = system.measured_position_input.FixValue(context, [0.0, 0.0, 0.0])
+        >>> _ = simulator.AdvanceTo(1.0)
+        >>> bool(system.slowdown_output.Eval(context)[0] > 1.0)  # Held back: it waits.
+        True
     """
 
     def __init__(self, law: PhaseStopping | None = None, time_step: float = 0.01) -> None:

@@ -102,6 +102,29 @@ def TransformationSystem_(T: type) -> type:
         Parameters: numeric parameter 0 has the weights of the forcing term, row by row, if the
         approximator has any; with AutoDiffXd, gradients by them follow. They are used while the
         movement's primitive is the one that the system was made with.
+
+        Examples:
+            >>> from pydrake.systems.analysis import Simulator
+            >>> from pydrake.systems.framework import DiagramBuilder
+            >>> from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
+            >>> from pepper_drake.systems import CanonicalSystem
+            >>> primitive = MovementPrimitive.fit(example_demonstrations(1)[0])
+            >>> builder = DiagramBuilder()
+            >>> clock = builder.AddSystem(CanonicalSystem(primitive))
+            >>> motion = builder.AddSystem(TransformationSystem(primitive))
+            >>> for name in ("phase", "phase_velocity", "tau"):
+            ...     builder.Connect(clock.GetOutputPort(name), motion.GetInputPort(name))
+            >>> simulator = Simulator(builder.Build())
+            >>> root = simulator.get_mutable_context()
+            >>> movement = Value[object](Movement(primitive, id=1))
+            >>> for system in (clock, motion):
+            ...     own = system.GetMyMutableContextFromRoot(root)
+            ...     _ = system.movement_port.FixValue(own, movement)
+            >>> _ = motion.start_position_port.FixValue(own, [0.0, -0.2, 0.0])
+            >>> _ = motion.goal_position_port.FixValue(own, [0.2, -0.2, 0.1])
+            >>> _ = simulator.AdvanceTo(2.0 * primitive.duration)
+            >>> print(motion.position_port.Eval(own).round(3) + 0.0)
+            [ 0.2 -0.2  0.1]
         """
 
         def _construct(

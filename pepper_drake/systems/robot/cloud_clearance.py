@@ -5,7 +5,7 @@ from pydrake.common.value import Value
 from pydrake.perception import PointCloud
 from pydrake.systems.framework import Context, DiscreteValues, InputPort
 
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
 
@@ -31,8 +31,11 @@ class CloudClearance(LeafSystem):
     and while `active` (1) is 0: an arm at rest has nothing to watch. State: the same, every
     `time_step`.
 
+    Where moving obstacles are predicted counts when the arm itself is about to go there. An arm
+    that is there already, or moves away, is none the safer for being stopped.
+
     Args:
-        geometry: Of the arm.
+        shapes: Of the arm.
         extension: How far each point reaches down, m (see `PointCloudDistance`); zero takes the
             cloud as it was seen.
         lookahead: How far ahead the arm's motion is thought on [s]: at least a period and the time
@@ -42,14 +45,14 @@ class CloudClearance(LeafSystem):
 
     def __init__(
         self,
-        geometry: ArmGeometry,
+        shapes: ExactDistance,
         *,
         extension: float = 0.0,
         lookahead: float = 0.1,
         time_step: float = 0.04,
     ) -> None:
         super().__init__()
-        self._geometry, self._lookahead = geometry, lookahead
+        self._shapes, self._lookahead = shapes, lookahead
         self.cloud_input: InputPort = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
         self.predicted_cloud_input: InputPort = self.DeclareAbstractInputPort(
             "predicted_cloud", Value(PointCloud())
@@ -57,8 +60,9 @@ class CloudClearance(LeafSystem):
         self.joint_position_input: InputPort = self.DeclareVectorInputPort("joint_position", 5)
         self.joint_velocity_input: InputPort = self.DeclareVectorInputPort("joint_velocity", 5)
         self.active_input: InputPort = self.DeclareVectorInputPort("active", 1)
-        self._field = ObstacleFieldCache(
-            self, self.cloud_input, self.predicted_cloud_input, extension=extension
+        self._field = ObstacleFieldCache(self, self.cloud_input, extension=extension)
+        self._predicted_field = ObstacleFieldCache(
+            self, self.predicted_cloud_input, extension=extension
         )
         self._clearance = self.DeclareDiscreteState([np.inf])
         self.DeclareStateOutputPort("clearance", self._clearance)
@@ -70,5 +74,9 @@ class CloudClearance(LeafSystem):
             return
         now = self.joint_position_input.Eval(context)
         later = now + self._lookahead * self.joint_velocity_input.Eval(context)
-        clearances = self._geometry.clearances(np.stack((now, later)), self._field.eval(context))
-        discrete_state.set_value(self._clearance, [clearances.min()])
+        postures = np.stack((now, later))
+        clearance = self._shapes.distances(postures, self._field.eval(context)).min()
+        before, after = self._shapes.distances(postures, self._predicted_field.eval(context))
+        if after < before and before > 0.0:
+            clearance = min(clearance, after)
+        discrete_state.set_value(self._clearance, [clearance])

@@ -1,6 +1,9 @@
 """The joints' own servos: between two commands they go on evenly."""
 
+from collections.abc import Sequence
+
 import numpy as np
+import numpy.typing as npt
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
 
 from pepper_drake.systems.framework import LeafSystem
@@ -48,6 +51,21 @@ class JointCommandInterpolator(LeafSystem):
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(command_period, 0.0, self._begin)
         self.DeclarePeriodicDiscreteUpdateEvent(command_period, command_period / 2, self._finish)
+
+    def restart(self, context: Context, joints: Sequence[int], positions: npt.ArrayLike) -> None:
+        """Lets joints go on from elsewhere, as if they had been commanded to be there.
+
+        For joints that were moved while they were limp: their next command is near where they
+        are, and far from the last one.
+
+        Args:
+            context: This system's own.
+            joints: Their places among the n.
+            positions: Where they are, rad.
+        """
+        state = context.get_mutable_discrete_state(self._state).get_mutable_value()
+        rows = np.asarray(joints, dtype=int)
+        state[rows] = state[self._size + rows] = positions
 
     def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
         command = self.command_input.Eval(context)

@@ -1,4 +1,4 @@
-"""Measurements that are not numbers are caught where they enter."""
+"""Measurements that cannot be are caught where they enter."""
 
 import numpy as np
 import numpy.typing as npt
@@ -8,7 +8,9 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class MeasurementGuard(LeafSystem):
-    """Passes a measured vector on; what is not a finite number is replaced by what came last.
+    """Passes a measured vector on; what cannot be is replaced by what came last.
+
+    What is not a finite number cannot be, nor what is outside a range.
 
     .. pydrake_system::
 
@@ -20,18 +22,28 @@ class MeasurementGuard(LeafSystem):
         - age
         - missing
 
-    Input: `measured` (n). Outputs: `measured` (n), each element the present one if it is finite,
-    else the last that was; `age` (1), time since all were finite at a tick [s], 0 while they are;
-    `missing` (1), the index of the first that is not, or -1.
-    State: the last finite values (n), their age and the index (n + 2), at `time_step`.
+    Input: `measured` (n). Outputs: `measured` (n), each element the present one if it can be,
+    else the last that could; `age` (1), time since all could be at a tick [s], 0 while they can;
+    `missing` (1), the index of the first that cannot, or -1.
+    State: the last values that could be (n), their age and the index (n + 2), at `time_step`.
 
     Args:
         start: The values before any was measured (n,).
+        lower: Least values that can be (n,).
+        upper: Largest values that can be (n,).
         time_step: Period at which values are remembered [s].
     """
 
-    def __init__(self, start: npt.ArrayLike, *, time_step: float = 0.02) -> None:
+    def __init__(
+        self,
+        start: npt.ArrayLike,
+        *,
+        lower: npt.ArrayLike = -np.inf,
+        upper: npt.ArrayLike = np.inf,
+        time_step: float = 0.02,
+    ) -> None:
         super().__init__()
+        self._lower, self._upper = np.asarray(lower), np.asarray(upper)
         first = np.atleast_1d(np.asarray(start, dtype=float))
         n = len(first)
         self._size, self._time_step = n, time_step
@@ -57,10 +69,14 @@ class MeasurementGuard(LeafSystem):
             name, 1, calc, prerequisites_of_calc={self.discrete_state_ticket(self._state)}
         )
 
+    def _can_be(self, measured: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        inside = (measured >= self._lower) & (measured <= self._upper)
+        return np.asarray(np.isfinite(measured) & inside)
+
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         state = context.get_discrete_state(self._state).value().copy()
         measured = self.measured_input.Eval(context)
-        finite = np.isfinite(measured)
+        finite = self._can_be(measured)
         state[: self._size][finite] = measured[finite]
         state[self._size] = 0.0 if finite.all() else state[self._size] + self._time_step
         state[self._size + 1] = -1.0 if finite.all() else float(np.argmin(finite))
@@ -69,4 +85,4 @@ class MeasurementGuard(LeafSystem):
     def _calc_measured(self, context: Context, output: BasicVector) -> None:
         measured = self.measured_input.Eval(context)
         last = context.get_discrete_state(self._state).value()[: self._size]
-        output.SetFromVector(np.where(np.isfinite(measured), measured, last))
+        output.SetFromVector(np.where(self._can_be(measured), measured, last))

@@ -5,15 +5,26 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, EventStatus, InputPort, State
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    EventStatus,
+    InputPort,
+    State,
+)
 
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.ik.command_check import StopReason, check_command
 from pepper_drake.planning.ik.contact_detection import ContactParams
-from pepper_drake.planning.ik.safe_command import SafeCommand, slowed
+from pepper_drake.planning.ik.safe_command import SafeCommand, SafeCommandLayout, slowed
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
-_NOT_MEASURED = (StopReason.JOINTS_NOT_MEASURED, StopReason.BASE_NOT_MEASURED)
+_NOT_MEASURED = (
+    StopReason.JOINTS_NOT_MEASURED,
+    StopReason.BASE_NOT_MEASURED,
+    StopReason.GOAL_NOT_FINITE,
+)
 
 
 class SafetyMonitor(LeafSystem):
@@ -34,6 +45,8 @@ class SafetyMonitor(LeafSystem):
         - clearance (optional)
         - body_clearance (optional)
         - measurement_age (optional)
+        - goal_gap (optional)
+        - missing_joint (optional)
         - base_held (optional)
         - stop_request (optional)
         output_ports:
@@ -43,11 +56,14 @@ class SafetyMonitor(LeafSystem):
 
     Inputs: `joint_position_command` and `joint_position`, measured (n) [rad]; `clearance` (1), the
     arm's, and `body_clearance` (1), the rest of the robot's [m]; `measurement_age` (2), time since
-    joints and base were last measured [s]; `base_held` (1), 0 or 1; `stop_request` (1), 0 or 1.
+    joints and base were last measured, and `goal_gap` (1), since the goal's estimate was a number
+    [s]; `missing_joint` (1), the index of the joint that is not measured; `base_held` (1), 0 or 1;
+    `stop_request` (1), 0 or 1.
     Outputs: `safe_joint_position_command` (n) [rad]; `stop_reason` (1), a `StopReason`;
     `stop_joint` (1), the index of the joint that it is about, or -1.
-    State: a `SafeCommand` (abstract), at `time_step`; from the measured position when the diagram
-    is initialized, in a context that never was from the first command that is within the limits.
+    State: a `SafeCommand` as numbers (`SafeCommandLayout`), at `time_step`; from the measured
+    position when the diagram is initialized, in a context that never was from the first command
+    that is within the limits.
 
     Args:
         limits: Of the joints.
@@ -55,7 +71,7 @@ class SafetyMonitor(LeafSystem):
         minimum_clearance: Distance of a link to an obstacle at which the robot stops [m].
         contact: What counts as a joint that does not follow; None for joints that may be moved by
             hand.
-        longest_gap: How long measurements may fail to come [s].
+        longest_gap: How long measurements and estimates may fail to come [s].
         time_step: Control period [s].
     """
 
@@ -66,7 +82,7 @@ class SafetyMonitor(LeafSystem):
         start_position: npt.ArrayLike,
         minimum_clearance: float = 0.0,
         contact: ContactParams | None = None,
-        longest_gap: float = 0.1,
+        longest_gap: float = 0.12,
         time_step: float = 0.01,
     ) -> None:
         super().__init__()
@@ -80,11 +96,14 @@ class SafetyMonitor(LeafSystem):
         self.clearance_input: InputPort = self.DeclareVectorInputPort("clearance", 1)
         self.body_clearance_input: InputPort = self.DeclareVectorInputPort("body_clearance", 1)
         self.measurement_age_input: InputPort = self.DeclareVectorInputPort("measurement_age", 2)
+        self.goal_gap_input: InputPort = self.DeclareVectorInputPort("goal_gap", 1)
+        self.missing_joint_input: InputPort = self.DeclareVectorInputPort("missing_joint", 1)
         self.base_held_input: InputPort = self.DeclareVectorInputPort("base_held", 1)
         self.stop_request_input: InputPort = self.DeclareVectorInputPort("stop_request", 1)
         start = replace(SafeCommand.at_rest(np.asarray(start_position, dtype=float)), known=False)
-        self._state = self.DeclareAbstractState(Value[object](start))
-        state = self.abstract_state_ticket(self._state)
+        self._layout = SafeCommandLayout.of(n, contact, time_step)
+        self._state = self.DeclareDiscreteState(self._layout.to_vector(start))
+        state = self.discrete_state_ticket(self._state)
         # The measured position is read at the ticks alone: it changes with every step of a plant.
         self._next = self.DeclareCacheEntry(
             "command of the present tick",
@@ -95,6 +114,8 @@ class SafetyMonitor(LeafSystem):
                 self.clearance_input.ticket(),
                 self.body_clearance_input.ticket(),
                 self.measurement_age_input.ticket(),
+                self.goal_gap_input.ticket(),
+                self.missing_joint_input.ticket(),
                 self.base_held_input.ticket(),
                 self.stop_request_input.ticket(),
             },
@@ -111,18 +132,20 @@ class SafetyMonitor(LeafSystem):
         self.DeclareVectorOutputPort(
             "stop_joint", 1, self._calc_joint, prerequisites_of_calc={self._next.ticket()}
         )
+        # Unrestricted updates come first: who holds the command finds the measured position.
         self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _command(self, context: Context) -> SafeCommand:
-        return context.get_abstract_state(int(self._state)).get_value()
+        return self._layout.from_vector(context.get_discrete_state(self._state).value())
 
     def _initialize(self, context: Context, state: State) -> EventStatus:
         measured = self.measured_input.Eval(context)
         if not np.isfinite(measured).all():
             return EventStatus.DidNothing()
         at_rest = SafeCommand.at_rest(measured.copy())
-        state.get_mutable_abstract_state(int(self._state)).set_value(at_rest)
+        mine = state.get_mutable_discrete_state(int(self._state))
+        mine.SetFromVector(self._layout.to_vector(at_rest))
         return EventStatus.Succeeded()
 
     def _scalar(self, context: Context, port: InputPort, otherwise: float) -> float:
@@ -133,11 +156,13 @@ class SafetyMonitor(LeafSystem):
         """The reason why the robot has to stop now, if there is one."""
         if self._scalar(context, self.stop_request_input, 0.0) > 0.5:
             return StopReason.REQUESTED
+        ages = [0.0, 0.0]
         if self.measurement_age_input.HasValue(context):
-            ages = self.measurement_age_input.Eval(context)
-            for age, reason in zip(ages.tolist(), _NOT_MEASURED, strict=True):
-                if not age <= self._longest_gap:
-                    return reason
+            ages = self.measurement_age_input.Eval(context).tolist()
+        ages.append(self._scalar(context, self.goal_gap_input, 0.0))
+        for age, reason in zip(ages, _NOT_MEASURED, strict=True):
+            if not age <= self._longest_gap:
+                return reason
         if not self._scalar(context, self.clearance_input, np.inf) >= self._minimum_clearance:
             return StopReason.LINK_TOO_CLOSE
         if not self._scalar(context, self.body_clearance_input, np.inf) >= self._minimum_clearance:
@@ -156,16 +181,20 @@ class SafetyMonitor(LeafSystem):
                 command.position if first != StopReason.NONE else wish.copy()
             )
         if command.reason == StopReason.NONE:
-            command = command.stopped(self._judge(context, command))
+            reason = self._judge(context, command)
+            joint = -1.0
+            if reason == StopReason.JOINTS_NOT_MEASURED:
+                joint = self._scalar(context, self.missing_joint_input, -1.0)
+            command = command.stopped(reason, int(joint))
         limits = self._limits_back if command.reason == StopReason.JOINT_HELD else self._limits
         following.set_value(command.advanced(wish.copy(), limits, self._time_step))
 
-    def _update(self, context: Context, state: State) -> None:
+    def _update(self, context: Context, state: DiscreteValues) -> None:
         command = self._next.Eval(context)
         if self._contact is not None:
             measured = self.measured_input.Eval(context).copy()
             command = command.compared(measured, self._contact, self._time_step)
-        state.get_mutable_abstract_state(int(self._state)).set_value(command)
+        state.set_value(self._state, self._layout.to_vector(command))
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._next.Eval(context).position)

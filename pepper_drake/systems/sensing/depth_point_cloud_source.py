@@ -1,6 +1,6 @@
 """The obstacles that the depth camera has seen, as a cloud in the world and the torso frame."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,6 @@ from pepper_drake.perception.mapping.depth_validity import (
     image_fault,
 )
 from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
-    DynamicObstacleTracker,
     reset_while_driving,
     update_tracker,
 )
@@ -34,6 +33,7 @@ from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.systems.framework import LeafSystem
+from pepper_drake.systems.sensing.obstacle_memory import ObstacleMemory
 
 _LAG = 0.3
 """Age [s] that the pose of a moving object may have: half between images, half in filters."""
@@ -43,46 +43,6 @@ _LARGEST_LAG_MARGIN = 0.06
 
 _MOVED, _TURNED = 0.002, 0.004
 """A frame has moved when it moved or turned by this, m and rad."""
-
-_SETTLED_SCORE = 3
-"""Voxels of this score were seen often enough for an image to be held against them."""
-
-
-@dataclass(frozen=True)
-class _Memory:
-    """The system's state. Never changed once made.
-
-    Attributes:
-        voxels: What was seen.
-        time: Of the last image used [s].
-        stamp: Of the last image that came [s].
-        image: That image.
-        X_WC: The camera's pose for it.
-        fault: Why it was not used.
-        X_WO: The goal object's last known pose.
-        surface: The map's points.
-        cloud: The same in W.
-        X_WT: The torso's pose for which the cloud in T is made, when someone asks for it.
-        watch: What moves.
-        space: What is free, occupied and unknown.
-    """
-
-    voxels: VoxelMap
-    time: float
-    stamp: float
-    image: npt.NDArray[np.uint16]
-    X_WC: RigidTransform
-    fault: DepthFault
-    X_WO: RigidTransform | None
-    surface: SurfacePoints
-    cloud: PointCloud
-    X_WT: RigidTransform
-    watch: DynamicObstacleTracker
-    space: SeenSpace
-
-    def __deepcopy__(self, memo: dict) -> "_Memory":
-        """Returns itself: Drake copies the state at each event, and this never changes."""
-        return self
 
 
 class DepthPointCloudSource(LeafSystem):
@@ -103,7 +63,8 @@ class DepthPointCloudSource(LeafSystem):
         output_ports:
         - cloud
         - cloud_torso
-        - approaching
+        - predicted_cloud
+        - predicted_cloud_torso
         - space
         - time_stamp
         - age
@@ -121,9 +82,10 @@ class DepthPointCloudSource(LeafSystem):
     `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on
     the state alone, so whatever a consumer computes from them stays cached until the next image, or
     until the torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
-    `approaching` (PointCloud in W, whose z = 0 is the floor) is where things that move will be
-    soon, and where something may be that is too near to be measured, see `perception.watch`; none
-    while the torso moves.
+    `predicted_cloud` (PointCloud in W, whose z = 0 is the floor) is where things that move will be
+    soon, and where something may be that is too near to be measured, see
+    `perception.mapping.dynamic_obstacle_tracker`; none while the torso moves.
+    `predicted_cloud_torso` is what of it is near, in T.
     `space` (`SeenSpace`) tells of all places whether they are free, occupied or unknown, and when
     that was seen; without images all is unknown.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
@@ -142,6 +104,26 @@ class DepthPointCloudSource(LeafSystem):
             arm's reach.
         period: Time between looks for a new image [s].
         offset: Time of the first look [s]; after the camera's.
+
+    Examples:
+        >>> from pydrake.math import RollPitchYaw
+        >>> from pydrake.systems.analysis import Simulator
+        >>> source = DepthPointCloudSource()
+        >>> simulator = Simulator(source)
+        >>> context = simulator.get_mutable_context()
+        >>> camera = CAMERA_DEPTH.intrinsics
+        >>> wall = ImageDepth16U(camera.width, camera.height)
+        >>> wall.mutable_data[:] = 1000  # mm
+        >>> wall.mutable_data[0, 0] = 0  # An image all of one value is a broken camera's.
+        >>> forward = RollPitchYaw(-np.pi / 2, 0.0, -np.pi / 2)
+        >>> _ = source.GetInputPort("depth_image").FixValue(context, wall)
+        >>> _ = source.GetInputPort("time_stamp").FixValue(context, [0.0])
+        >>> X_WC = RigidTransform(forward, [0.0, 0.0, 1.0])
+        >>> _ = source.GetInputPort("X_WC").FixValue(context, X_WC)
+        >>> _ = simulator.AdvanceTo(0.05)
+        >>> points = source.GetOutputPort("cloud").Eval(context).xyzs()
+        >>> print(points[0].min(), points[0].max())
+        1.0 1.0
     """
 
     def __init__(
@@ -173,30 +155,15 @@ class DepthPointCloudSource(LeafSystem):
         self._object_valid = self.DeclareVectorInputPort("object_valid", 1)
         self._object_velocity = self.DeclareVectorInputPort("object_velocity", 3)
 
-        voxels = VoxelMap.empty()
         self._memory = self.DeclareAbstractState(
-            Value(
-                _Memory(
-                    voxels=voxels,
-                    time=-np.inf,
-                    stamp=-np.inf,
-                    image=np.zeros((0, 0), np.uint16),
-                    X_WC=RigidTransform(),
-                    fault=DepthFault.MISSING,
-                    X_WO=None,
-                    surface=voxels.surface(),
-                    cloud=to_point_cloud(voxels.surface()),
-                    X_WT=RigidTransform(),
-                    watch=DynamicObstacleTracker(),
-                    space=SeenSpace(voxels, parameters=self._parameters.memory),
-                )
-            )
+            Value(ObstacleMemory.empty(self._parameters.memory))
         )
         state = {self.abstract_state_ticket(self._memory)}
         for name, calc in (
             ("cloud", self._calc_cloud),
             ("cloud_torso", self._calc_cloud_torso),
-            ("approaching", self._calc_approaching),
+            ("predicted_cloud", self._calc_predicted_cloud),
+            ("predicted_cloud_torso", self._calc_predicted_cloud_torso),
         ):
             self.DeclareAbstractOutputPort(
                 name, lambda: Value(PointCloud()), calc, prerequisites_of_calc=state
@@ -220,7 +187,7 @@ class DepthPointCloudSource(LeafSystem):
         """Returns what is remembered in this context."""
         return self._get_memory(context).voxels
 
-    def _get_memory(self, context: Context) -> _Memory:
+    def _get_memory(self, context: Context) -> ObstacleMemory:
         return context.get_abstract_state(int(self._memory)).get_value()
 
     def _look(self, context: Context, state: State) -> EventStatus:
@@ -241,7 +208,7 @@ class DepthPointCloudSource(LeafSystem):
         near = np.einsum("ij,ij->i", offset, offset) <= self._torso_range**2
         return SurfacePoints(surface.positions[near], surface.normals[near])
 
-    def _use_image(self, context: Context, memory: _Memory, drives: bool) -> _Memory:
+    def _use_image(self, context: Context, memory: ObstacleMemory, drives: bool) -> ObstacleMemory:
         if not (self._image.HasValue(context) and self._time_stamp.HasValue(context)):
             return memory
         stamp = float(self._time_stamp.Eval(context)[0])
@@ -266,7 +233,7 @@ class DepthPointCloudSource(LeafSystem):
         fault = depth_fault(
             view.depth,
             X_WC,
-            _settled(memory.voxels, memory.watch),
+            memory.settled_points(),
             self._intrinsics,
             self._parameters.validity,
         )
@@ -277,11 +244,11 @@ class DepthPointCloudSource(LeafSystem):
     def _use_view(
         self,
         context: Context,
-        memory: _Memory,
+        memory: ObstacleMemory,
         image: npt.NDArray[np.uint16],
         view: DepthFrame,
         drives: bool,
-    ) -> _Memory:
+    ) -> ObstacleMemory:
         """Takes a good image into the memory."""
         X_WO = memory.X_WO
         is_known = self._object_pose.HasValue(context) and (
@@ -348,8 +315,15 @@ class DepthPointCloudSource(LeafSystem):
         near = self._near(memory.surface, memory.X_WT)
         output.set_value(to_point_cloud(near, memory.X_WT.inverse()))
 
-    def _calc_approaching(self, context: Context, output: Value) -> None:
+    def _calc_predicted_cloud(self, context: Context, output: Value) -> None:
         output.set_value(make_cloud(self._get_memory(context).watch.expected))
+
+    def _calc_predicted_cloud_torso(self, context: Context, output: Value) -> None:
+        memory = self._get_memory(context)
+        points, X_TW = memory.watch.expected, memory.X_WT.inverse()
+        offset = points - memory.X_WT.translation()
+        near = points[np.einsum("ij,ij->i", offset, offset) <= self._torso_range**2]
+        output.set_value(make_cloud(near @ X_TW.rotation().matrix().T + X_TW.translation()))
 
     def _calc_space(self, context: Context, output: Value) -> None:
         output.set_value(self._get_memory(context).space)
@@ -362,14 +336,6 @@ class DepthPointCloudSource(LeafSystem):
 
     def _calc_fault(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, float(self._get_memory(context).fault))
-
-
-def _settled(voxels: VoxelMap, watch: DynamicObstacleTracker) -> npt.NDArray[np.float32]:
-    """Places (P, 3) of what has stood there since it was seen first, in W [m]."""
-    settled = voxels.scores >= _SETTLED_SCORE
-    if len(watch.transient_keys):
-        settled &= ~np.isin(voxels.keys, watch.transient_keys)
-    return voxels.positions[settled]
 
 
 def _has_moved(X_WF: RigidTransform, X_WG: RigidTransform) -> bool:

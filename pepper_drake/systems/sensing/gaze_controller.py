@@ -100,7 +100,6 @@ class GazeController(LeafSystem):
         - X_WT
         - valid (optional)
         - head_position (optional)
-        - resting_head (optional)
         - age (optional)
         - velocity (optional)
         - scan_enabled (optional)
@@ -115,9 +114,8 @@ class GazeController(LeafSystem):
         - bottom_enabled
 
     `object_pose` (RigidTransform X_WO) and `valid` come from a GoalEstimator, `X_WT` is the torso's
-    measured pose. While `valid` is zero the head goes to `resting_head` (2; rad), or stays where it
-    is when that is unconnected. The head starts from `head_position` (2; measured HeadYaw,
-    HeadPitch, rad), or from zero.
+    measured pose. While `valid` is zero the head searches, or stays where it is without a search.
+    The head starts from `head_position` (2; measured HeadYaw, HeadPitch, rad), or from zero.
 
     `head_position_command` (2; HeadYaw, HeadPitch, rad) and `head_velocity_command` (2; rad/s) are
     held, within the limits of velocity and acceleration and within Pepper's joint limits, those of
@@ -147,6 +145,7 @@ class GazeController(LeafSystem):
         companion: A camera that should see what is around the object, too: the depth camera.
         radius: Of what has to stay in view of the object then [m]: half its marker's diagonal.
         side: Of the reaching arm, 1 left or -1 right.
+        search: Head angles (2,) [rad] of the search for the object, by the time [s] and `side`.
         time_step: Period of the update [s].
         max_velocity: rad/s. Low, because images taken by a fast head are blurred.
         max_acceleration: rad/s^2.
@@ -160,6 +159,7 @@ class GazeController(LeafSystem):
         secondary_camera: HeadCamera | None = None,
         radius: float = 0.0,
         side: float = 1.0,
+        search: Callable[[float, float], Vector] | None = None,
         time_step: float = 0.02,
         max_velocity: float = 1.0,
         max_acceleration: float = 4.0,
@@ -168,7 +168,7 @@ class GazeController(LeafSystem):
         self._p_OP = np.asarray(p_OP, dtype=float)
         self._cameras = tuple(cameras)
         self._companion, self._radius, self._side = secondary_camera, radius, side
-        self._time_step = time_step
+        self._search, self._time_step = search, time_step
         self._max_velocity = max_velocity
         self._max_acceleration = max_acceleration
 
@@ -176,7 +176,6 @@ class GazeController(LeafSystem):
         self._X_WT = self.DeclareAbstractInputPort("X_WT", Value(RigidTransform()))
         self._valid = self.DeclareVectorInputPort("valid", 1)
         self._head_position = self.DeclareVectorInputPort("head_position", 2)
-        self._resting_head = self.DeclareVectorInputPort("resting_head", 2)
         self._age = self.DeclareVectorInputPort("age", 1)
         self._velocity = self.DeclareVectorInputPort("velocity", 3)
         self._cloud = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
@@ -305,8 +304,9 @@ class GazeController(LeafSystem):
             if self._companion is not None and self._scalar(context, self._age, 0.0) > _MISSED:
                 state[_CAMERA] = -1
         else:
-            resting = self._resting_head
-            target = clamp_head(resting.Eval(context)) if resting.HasValue(context) else head
+            target = head
+            if self._search is not None:
+                target = clamp_head(self._search(context.get_time(), self._side))
             state[_CAMERA] = -1
             state[_TARGET] = np.nan
         state[_HEAD], state[_VELOCITY] = step_head_trajectory(

@@ -53,7 +53,7 @@ def test_an_arm_is_not_given_what_it_cannot_reach():
 
 def test_demonstrations_of_one_movement_are_alike():
     others = [
-        MOTION.translated([0.03, 0.02, -0.05]),
+        Demonstration.from_positions(T, P + [0.03, 0.02, -0.05]),
         Demonstration.from_positions(3.0 * T, P),
         Demonstration.from_positions(T, P[0] + 0.7 * (P - P[0])),
     ]

@@ -17,6 +17,7 @@ from pepper_drake.perception.gaze.head_aiming import (
     camera_pose,
     choose_camera,
     clamp_head,
+    head_search_pattern,
     image_offset,
     look_at,
     step_head_trajectory,
@@ -156,3 +157,15 @@ def test_head_arrives_within_its_limits_and_stays(seed):
         assert abs(velocity[0] - last_velocity[0]) <= max_acceleration * dt + 1e-9
     np.testing.assert_allclose(head, target, atol=1e-6)
     np.testing.assert_allclose(velocity, 0, atol=1e-6)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_search_begins_at_the_arms_side_and_sweeps_to_both_without_a_jump(side):
+    times = np.arange(0, 12, 0.05)
+    gaze = np.array([head_search_pattern(time, side) for time in times])
+    np.testing.assert_allclose(gaze[times <= 1.5], [[0.4 * side, 0.3]] * 31)
+    assert gaze[:, 0].max() > 0.9
+    assert gaze[:, 0].min() < -0.9
+    assert side * gaze[np.searchsorted(times, 3.3), 0] < -0.9  # The other side comes first.
+    # The head turns with at most 1.2 rad/s, of its rated 7.3.
+    assert np.abs(np.diff(gaze[:, 0])).max() < 1.2 * 0.05

@@ -86,6 +86,20 @@ def test_covariance_foretells_the_scatter(facing):
     np.testing.assert_allclose(scatter, foretold, rtol=0.3)
 
 
+@pytest.mark.parametrize("offset", [0.0, 1e-9])
+@pytest.mark.parametrize("across", [0.0, 60.0])
+def test_a_marker_that_faces_the_camera_squarely_has_its_pose(across, offset):
+    camera = CAMERA_TOP.intrinsics.ideal()
+    centre = np.array([camera.center_x + across, camera.center_y])
+    corners = centre + 48.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    corners[0, 0] += offset
+    pose = marker_poses(corners, 0.06, camera)[0]
+    distance = camera.focal_x * 0.06 / 96
+    expected = [across * distance / camera.focal_x, 0.0, distance]
+    np.testing.assert_allclose(pose.X_CM.translation(), expected, atol=1e-6)
+    np.testing.assert_allclose(pose.X_CM.rotation().matrix(), np.diag([1.0, -1.0, -1.0]), atol=1e-3)
+
+
 def test_what_is_no_square_has_no_pose():
     kite = np.array([[100.0, 100], [200, 90], [160, 220], [150, 120]])
     assert marker_poses(kite, 0.06, CAMERA) == []

@@ -10,11 +10,13 @@ from pepper_drake.perception.cameras.noise import ColorNoise, degrade_color
 from pepper_drake.perception.cameras.texture import paint_texture
 from pepper_drake.perception.stereo.matching import (
     StereoParameters,
+    are_exchanged,
     disparity_to_depth,
     make_stereo_cameras,
     match,
     rectify,
     rectify_images,
+    rectify_pair,
 )
 
 LEFT, RIGHT = make_stereo_cameras()
@@ -137,3 +139,36 @@ def test_bare_walls_match_nothing():
 def test_bad_parameters_are_named(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+def test_a_calibrated_pair_is_rectified_with_its_full_rotation():
+    X_RL = RigidTransform(RollPitchYaw(0.005, -0.007, 0.006), [-0.083, 0.001, -0.0005])
+    rectification = rectify_pair(LEFT.intrinsics, RIGHT.intrinsics, X_RL)
+    assert rectification.baseline == pytest.approx(np.linalg.norm(X_RL.translation()))
+    for p_L in ([0.1, 0.05, 0.8], [-0.3, -0.1, 1.2], [0.0, 0.1, 0.5]):
+        dots = []
+        for intrinsics, p in ((LEFT.intrinsics, np.array(p_L)), (RIGHT.intrinsics, X_RL @ p_L)):
+            image = np.zeros((intrinsics.height, intrinsics.width), np.uint8)
+            u, v = np.rint(intrinsics.project(p)).astype(int)
+            image[v - 2 : v + 3, u - 2 : u + 3] = 255
+            dots.append(image)
+        rows = []
+        for image in rectify_images(*dots, rectification):
+            rows.append(np.average(np.indices(image.shape)[0], weights=image))
+        # Dots are drawn at whole pixels.
+        assert rows[0] == pytest.approx(rows[1], abs=1.0)
+
+
+def test_left_and_right_exchanged_are_noticed(wall_pair):
+    (left, right), _, _ = wall_pair
+    with pytest.raises(InputError, match="exchange"):
+        rectify_pair(LEFT.intrinsics, RIGHT.intrinsics, RigidTransform([0.078, 0, 0]))
+    left, right = rectify_images(left, right, RECTIFICATION)
+    assert not are_exchanged(left, right, RECTIFICATION, StereoParameters())
+    assert are_exchanged(right, left, RECTIFICATION, StereoParameters())
+
+
+def test_images_of_another_size_than_the_calibration_are_refused():
+    good = np.zeros((720, 1280), np.uint8)
+    with pytest.raises(InputError, match="right image is 640x360"):
+        rectify_images(good, good[::2, ::2], RECTIFICATION)

@@ -5,15 +5,16 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import shared_control_model
-from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.perception.mapping.solids import Solid, SolidSet, sample_surface
 from pepper_drake.planning.collision.arm_collision_checker import (
     GRID_CAP,
     ArmCollisionChecker,
+    BodyShapes,
     arm_region,
     sample_body,
 )
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
-from pepper_drake.planning.collision.solid_set import SolidSet, sample_surface
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.exact_distance import ExactDistance
 
 MODEL = shared_control_model()
 JOINTS = np.array(
@@ -22,21 +23,24 @@ JOINTS = np.array(
 NOTHING = PointCloudDistance(np.zeros((0, 3)))
 
 
+SHAPES = ExactDistance(MODEL, arm_kinematics(MODEL, "right"))
+
+
 @pytest.fixture(scope="module")
-def geometry():
-    return ArmGeometry(MODEL, "right")
+def kinematics():
+    return SHAPES.kinematics
 
 
-def around(geometry, field, *, X_FT=None, object_field=NOTHING, body=None):
+def around(kinematics, field, *, X_FT=None, object_field=NOTHING, body=None):
     layer = np.full(np.prod(arm_region("right").counts), GRID_CAP) if body is None else body
     return ArmCollisionChecker(
-        geometry.shapes,
-        geometry.kinematics,
+        SHAPES,
         field,
-        RigidTransform() if X_FT is None else X_FT,
-        object_field,
-        lambda: layer,
-        0.01,
+        X_FT=RigidTransform() if X_FT is None else X_FT,
+        goal_object=object_field,
+        body=lambda: SolidSet([]),
+        body_layer=lambda: layer,
+        body_allowance=0.01,
     )
 
 
@@ -45,9 +49,9 @@ def cloud(count=300, seed=0):
     return np.random.default_rng(seed).uniform(lower, upper, (count, 3))
 
 
-def test_near_an_obstacle_clearances_are_those_of_the_shapes(geometry, true_clearance):
+def test_near_an_obstacle_clearances_are_those_of_the_shapes(kinematics, true_clearance):
     points = cloud(60)
-    clearances = around(geometry, PointCloudDistance(points, extension=0.0)).clearances(JOINTS)
+    clearances = around(kinematics, PointCloudDistance(points, extension=0.0)).distances(JOINTS)
     checked = 0
     for joints, clearance in zip(JOINTS, clearances, strict=True):
         true = true_clearance("right", joints, points)
@@ -59,66 +63,66 @@ def test_near_an_obstacle_clearances_are_those_of_the_shapes(geometry, true_clea
     assert checked >= 1
 
 
-def test_the_cloud_may_be_in_any_frame(geometry):
+def test_the_cloud_may_be_in_any_frame(kinematics):
     X_FT = RigidTransform(RollPitchYaw(0.1, -0.2, 0.8), [0.4, -0.3, 0.8])
-    in_T = around(geometry, PointCloudDistance(cloud(), extension=0.0))
-    in_F = around(geometry, PointCloudDistance((X_FT @ cloud().T).T, extension=0.0), X_FT=X_FT)
-    np.testing.assert_allclose(in_F.clearances(JOINTS), in_T.clearances(JOINTS), atol=1e-9)
+    in_T = around(kinematics, PointCloudDistance(cloud(), extension=0.0))
+    in_F = around(kinematics, PointCloudDistance((X_FT @ cloud().T).T, extension=0.0), X_FT=X_FT)
+    np.testing.assert_allclose(in_F.distances(JOINTS), in_T.distances(JOINTS), atol=1e-9)
     np.testing.assert_allclose(
         in_F.approximate_distances(JOINTS), in_T.approximate_distances(JOINTS), atol=1e-4
     )
 
 
-def test_what_is_far_is_infinitely_far(geometry):
-    far = around(geometry, PointCloudDistance(np.array([[2.0, 0.0, 0.0]])))
-    assert np.all(np.isinf(far.clearances(JOINTS)))
-    assert np.all(np.isinf(far.object_clearances(JOINTS)))
+def test_what_is_far_is_infinitely_far(kinematics):
+    far = around(kinematics, PointCloudDistance(np.array([[2.0, 0.0, 0.0]])))
+    assert np.all(np.isinf(far.distances(JOINTS)))
+    assert np.all(np.isinf(far.object_distances(JOINTS)))
 
 
-def test_quick_gaps_are_those_of_the_spheres_within_a_centimetre(geometry):
+def test_quick_gaps_are_those_of_the_spheres_within_a_centimetre(kinematics):
     field = PointCloudDistance(cloud(), extension=0.0)
-    gaps = around(geometry, field).approximate_distances(JOINTS)
-    links = geometry.spheres.link
-    below = [k for k in range(len(links)) if geometry.spheres.link_names[links[k]] != "RBicep"]
-    centers = geometry.sphere_centers(JOINTS)[:, below]
-    exact = np.minimum(field.distance(centers), GRID_CAP) - geometry.spheres.radii[below]
+    gaps = around(kinematics, field).approximate_distances(JOINTS)
+    links = kinematics.spheres.link
+    below = [k for k in range(len(links)) if kinematics.spheres.link_names[links[k]] != "RBicep"]
+    centers = kinematics.sphere_centers_at(JOINTS)[:, below]
+    exact = np.minimum(field.distance(centers), GRID_CAP) - kinematics.spheres.radii[below]
     np.testing.assert_allclose(gaps, exact.T, atol=0.012)
     assert np.abs(gaps - exact.T).mean() < 0.003
 
 
-def test_the_goal_object_is_apart_from_what_was_seen_and_in_the_grid(geometry):
-    hand = geometry.hand_pose(JOINTS[0]).translation()
-    alone = around(geometry, NOTHING, object_field=PointCloudDistance(hand[None], extension=0.0))
-    assert np.isinf(alone.clearances(JOINTS[:1])[0])
-    assert alone.object_clearances(JOINTS[:1])[0] < 0.0
+def test_the_goal_object_is_apart_from_what_was_seen_and_in_the_grid(kinematics):
+    hand = kinematics.hand_pose(JOINTS[0]).translation()
+    alone = around(kinematics, NOTHING, object_field=PointCloudDistance(hand[None], extension=0.0))
+    assert np.isinf(alone.distances(JOINTS[:1])[0])
+    assert alone.object_distances(JOINTS[:1])[0] < 0.0
     assert alone.approximate_distances(JOINTS[:1]).min() < 0.0
 
 
-def test_only_forearm_and_hand_see_the_body(geometry):
-    hand = geometry.hand_pose(JOINTS[0]).translation()
-    body = SolidSet([(Sphere(0.05), RigidTransform(hand))])
-    gaps = around(geometry, NOTHING, body=sample_body("right", body)).approximate_distances(
+def test_only_forearm_and_hand_see_the_body(kinematics):
+    hand = kinematics.hand_pose(JOINTS[0]).translation()
+    body = SolidSet([Solid(Sphere(0.05), RigidTransform(hand))])
+    gaps = around(kinematics, NOTHING, body=sample_body("right", body)).approximate_distances(
         JOINTS[:1]
     )
     assert gaps.min() < 0.0
-    elbow = SolidSet([(Sphere(0.02), RigidTransform(elbow_of(geometry)))])
-    sphere = around(geometry, NOTHING, body=sample_body("right", elbow)).approximate_distances(
+    elbow = SolidSet([Solid(Sphere(0.02), RigidTransform(elbow_of(kinematics)))])
+    sphere = around(kinematics, NOTHING, body=sample_body("right", elbow)).approximate_distances(
         JOINTS[:1]
     )
-    first = geometry.spheres.radii[np.flatnonzero(geometry.spheres.link == 1)[0]]
+    first = kinematics.spheres.radii[np.flatnonzero(kinematics.spheres.link == 1)[0]]
     assert sphere[0, 0] == pytest.approx(GRID_CAP - first, abs=1e-6)
 
 
-def elbow_of(geometry):
-    elbow = np.flatnonzero(geometry.spheres.link == 1)[0]
-    return geometry.sphere_centers(JOINTS[:1])[0, elbow]
+def elbow_of(kinematics):
+    elbow = np.flatnonzero(kinematics.spheres.link == 1)[0]
+    return kinematics.sphere_centers_at(JOINTS[:1])[0, elbow]
 
 
 def test_with_a_cap_distances_to_solids_are_the_same_below_it():
     solids = SolidSet(
         [
-            (Box(0.2, 0.1, 0.3), RigidTransform(RollPitchYaw(0.3, 0.2, 0.1), [0.1, 0, 0])),
-            (Cylinder(0.05, 0.4), RigidTransform([-0.3, 0.1, 0.2])),
+            Solid(Box(0.2, 0.1, 0.3), RigidTransform(RollPitchYaw(0.3, 0.2, 0.1), [0.1, 0, 0])),
+            Solid(Cylinder(0.05, 0.4), RigidTransform([-0.3, 0.1, 0.2])),
         ]
     )
     points = np.random.default_rng(0).uniform(-0.6, 0.6, (4, 300, 3))
@@ -143,3 +147,33 @@ def test_surface_points_lie_on_the_surface_and_leave_no_hole():
         np.testing.assert_allclose(seen[far], true[far], atol=0.0035)
     with pytest.raises(TypeError, match="Sphere"):
         sample_surface([Solid(Sphere(0.1), RigidTransform())])
+
+
+def test_self_distances_are_those_of_forearm_and_hand_to_the_body():
+    hand = SHAPES.kinematics.hand_pose(JOINTS[0]).translation()
+    solids = [Solid(Sphere(0.05), RigidTransform(hand + [0.0, 0.0, 0.3]))]
+    checker = ArmCollisionChecker(
+        SHAPES,
+        NOTHING,
+        X_FT=RigidTransform(),
+        goal_object=NOTHING,
+        body=lambda: SolidSet(solids),
+        body_layer=lambda: np.zeros(0),
+        body_allowance=0.0,
+    )
+    spheres = SHAPES.kinematics.spheres
+    moving = [k for k, link in enumerate(spheres.link) if spheres.link_names[link] != "RBicep"]
+    moving = [k for k in moving if spheres.link_names[spheres.link[k]] != "RElbow"]
+    for joints, distance in zip(JOINTS, checker.self_distances(JOINTS), strict=True):
+        centers = SHAPES.kinematics.sphere_centers_at(joints[None])[0, moving]
+        away = np.linalg.norm(centers - (hand + [0.0, 0.0, 0.3]), axis=1)
+        assert distance == pytest.approx((away - 0.05 - spheres.radii[moving]).min())
+
+
+def test_the_body_is_the_robot_without_the_arm_and_its_shoulder():
+    body = BodyShapes(MODEL, "right").at(np.zeros(15))
+    torso = body.distance(np.zeros((1, 3)))[0]
+    assert torso < 0.0
+    shoulder_to_elbow = SHAPES.kinematics.poses(np.array([[0.0, -0.5, 0.0, 0.5, 0.0]]))
+    elbow = shoulder_to_elbow.links[1][1][:, 0]
+    assert body.distance(elbow[None])[0] > 0.05

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from pepper_drake.models.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
-from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+from pepper_drake.planning.collision.arm_kinematics import ArmKinematics, arm_kinematics
 from pepper_drake.planning.ik.goal_configurations import GoalConfigurations
 
 MODEL = shared_control_model()
@@ -20,9 +19,9 @@ def postures():
 def test_most_postures_nearby_are_brought_to_the_goal(postures):
     q, there = postures.solve(GOAL, postures.near(GOAL, 200))
     assert there.mean() > 0.7
-    geometry = ArmGeometry(MODEL, "right")
+    kinematics = arm_kinematics(MODEL, "right")
     for joints in q[there]:
-        np.testing.assert_allclose(geometry.hand_pose(joints).translation(), GOAL, atol=3e-4)
+        np.testing.assert_allclose(kinematics.hand_pose(joints).translation(), GOAL, atol=3e-4)
     assert np.all((q >= LOWER) & (q <= UPPER))
 
 
@@ -35,7 +34,7 @@ def test_they_spread_over_the_two_spare_degrees_of_freedom(postures):
 
 def test_what_is_there_already_stays(postures):
     start = np.array([0.8, -0.5, 1.1, 1.0, 0.5])
-    target = ArmGeometry(MODEL, "right").hand_pose(start).translation()
+    target = arm_kinematics(MODEL, "right").hand_pose(start).translation()
     q, there = postures.solve(target, start[None])
     assert there[0]
     np.testing.assert_allclose(q[0], start, atol=1e-9)

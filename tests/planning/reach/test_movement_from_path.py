@@ -7,7 +7,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.reach.barrier_for_path import fit_barrier_to_path
 from pepper_drake.planning.reach.movement_from_path import (
     fit_primitive_to_joint_path,
@@ -24,21 +24,21 @@ DURATION = 3.0
 
 
 @pytest.fixture(scope="module")
-def geometry():
-    return ArmGeometry(MODEL, "right")
+def kinematics():
+    return arm_kinematics(MODEL, "right")
 
 
 @pytest.fixture(scope="module")
-def primitive(geometry):
-    return fit_primitive_to_joint_path(geometry.kinematics, PATH, DURATION, "a way")
+def primitive(kinematics):
+    return fit_primitive_to_joint_path(kinematics, PATH, DURATION, "a way")
 
 
-def test_a_joint_path_becomes_a_primitive_that_performs_it(geometry, primitive):
+def test_a_joint_path_becomes_a_primitive_that_performs_it(kinematics, primitive):
     assert DURATION < primitive.duration < 1.1 * DURATION
     assert primitive.posture.names == arm_joints("right")
     path = primitive.rollout(time_step=DURATION / (len(PATH) - 1))
     for k, joints in enumerate(PATH):
-        X_TH = geometry.hand_pose(joints)
+        X_TH = kinematics.hand_pose(joints)
         np.testing.assert_allclose(path.positions[k], X_TH.translation(), atol=1e-3)
         np.testing.assert_allclose(path.joints[k], joints, atol=5e-3)
         q = X_TH.rotation().ToQuaternion().wxyz()
@@ -58,12 +58,12 @@ def test_it_follows_a_goal_that_has_moved(primitive):
     np.testing.assert_allclose(path.positions[-1], goal, atol=2e-3)
 
 
-def test_the_pre_grasp_keeps_its_place_and_takes_the_hands_direction(geometry):
+def test_the_pre_grasp_keeps_its_place_and_takes_the_hands_direction(kinematics):
     X_OG = RigidTransform(RollPitchYaw(1.5, -0.2, 0.1), [-0.015, -0.085, 0.11])
     X_TO = RigidTransform(RollPitchYaw(0.0, 0.0, 0.3), [0.3, -0.1, -0.1])
-    X = reachable_pre_grasp(X_OG, X_TO, geometry.kinematics, PATH[-1])
+    X = reachable_pre_grasp(X_OG, X_TO, kinematics, PATH[-1])
     np.testing.assert_array_equal(X.translation(), X_OG.translation())
-    R_TH = geometry.hand_pose(PATH[-1]).rotation().matrix()
+    R_TH = kinematics.hand_pose(PATH[-1]).rotation().matrix()
     np.testing.assert_allclose((X_TO @ X).rotation().matrix(), R_TH, atol=1e-12)
 
 

@@ -4,15 +4,16 @@ from pydrake.perception import PointCloud
 from pydrake.systems.analysis import Simulator
 
 from pepper_drake.models.control_model import shared_control_model
-from pepper_drake.planning.collision.arm_geometry import ArmGeometry
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
 
 JOINTS = np.array([1.0, -0.4, 1.2, 0.9, 0.1])
 
 
 @pytest.fixture(scope="module")
-def geometry():
-    return ArmGeometry(shared_control_model(), "right")
+def kinematics():
+    return arm_kinematics(shared_control_model(), "right")
 
 
 def cloud_of(points):
@@ -21,8 +22,8 @@ def cloud_of(points):
     return cloud
 
 
-def make_rig(geometry, points, **options):
-    system = CloudClearance(geometry, **options)
+def make_rig(kinematics, points, **options):
+    system = CloudClearance(ExactDistance(shared_control_model(), kinematics), **options)
     simulator = Simulator(system)
     context = simulator.get_mutable_context()
     system.cloud_input.FixValue(context, cloud_of(points))
@@ -36,21 +37,21 @@ def clearance(system, context):
 
 
 @pytest.fixture(scope="module")
-def brute_force(geometry, true_clearance):
+def brute_force(kinematics, true_clearance):
     """The spheres' clearance, or where it is below 3 cm that of the shapes, by Drake."""
 
     def clearance_at(joints, points):
-        centers = geometry.sphere_centers(joints[None])[0]
+        centers = kinematics.sphere_centers_at(joints[None])[0]
         gaps = np.linalg.norm(centers[:, None] - np.asarray(points), axis=-1)
-        least = (gaps - geometry.spheres.radii[:, None]).min()
+        least = (gaps - kinematics.spheres.radii[:, None]).min()
         return least if least >= 0.03 else true_clearance("right", joints, points, cap=0.03)
 
     return clearance_at
 
 
-def test_the_clearance_is_the_least_of_all_spheres_and_points(geometry, brute_force):
+def test_the_clearance_is_the_least_of_all_spheres_and_points(kinematics, brute_force):
     points = np.random.default_rng(1).uniform([0.2, -0.6, -0.3], [0.6, 0.1, 0.3], (40, 3))
-    system, simulator, context = make_rig(geometry, points)
+    system, simulator, context = make_rig(kinematics, points)
     assert clearance(system, context) == np.inf, "nothing is known before the first tick"
     simulator.AdvanceTo(0.01)
     # Points come as 32-bit floats.
@@ -60,9 +61,9 @@ def test_the_clearance_is_the_least_of_all_spheres_and_points(geometry, brute_fo
     assert clearance(system, context) == pytest.approx(brute_force(JOINTS + 0.2, points), abs=1e-6)
 
 
-def test_a_new_cloud_takes_the_place_of_the_old(geometry, brute_force):
-    near = geometry.sphere_centers(JOINTS[None])[0, 0]
-    system, simulator, context = make_rig(geometry, [near])
+def test_a_new_cloud_takes_the_place_of_the_old(kinematics, brute_force):
+    near = kinematics.sphere_centers_at(JOINTS[None])[0, 0]
+    system, simulator, context = make_rig(kinematics, [near])
     simulator.AdvanceTo(0.01)
     assert clearance(system, context) == pytest.approx(brute_force(JOINTS, [near]), abs=1e-6)
     assert clearance(system, context) < -0.01
@@ -71,9 +72,9 @@ def test_a_new_cloud_takes_the_place_of_the_old(geometry, brute_force):
     assert clearance(system, context) > 1.0
 
 
-def test_where_the_arm_will_be_counts_as_much_as_where_it_is(geometry, brute_force):
-    points = [geometry.sphere_centers(JOINTS[None] + 0.1)[0, -1] + np.array([0.1, 0, 0])]
-    system, simulator, context = make_rig(geometry, points, lookahead=0.2)
+def test_where_the_arm_will_be_counts_as_much_as_where_it_is(kinematics, brute_force):
+    points = [kinematics.sphere_centers_at(JOINTS[None] + 0.1)[0, -1] + np.array([0.1, 0, 0])]
+    system, simulator, context = make_rig(kinematics, points, lookahead=0.2)
     for velocity in (np.full(5, 0.5), np.full(5, -0.5)):
         system.joint_velocity_input.FixValue(context, velocity)
         simulator.AdvanceTo(context.get_time() + 0.05)
@@ -84,9 +85,9 @@ def test_where_the_arm_will_be_counts_as_much_as_where_it_is(geometry, brute_for
         assert clearance(system, context) == pytest.approx(expected, abs=1e-6)
 
 
-def test_an_arm_at_rest_has_nothing_to_watch(geometry):
-    near = geometry.sphere_centers(JOINTS[None])[0, 0]
-    system, simulator, context = make_rig(geometry, [near])
+def test_an_arm_at_rest_has_nothing_to_watch(kinematics):
+    near = kinematics.sphere_centers_at(JOINTS[None])[0, 0]
+    system, simulator, context = make_rig(kinematics, [near])
     system.active_input.FixValue(context, [0.0])
     simulator.AdvanceTo(0.01)
     assert clearance(system, context) == np.inf
@@ -95,22 +96,47 @@ def test_an_arm_at_rest_has_nothing_to_watch(geometry):
     assert clearance(system, context) < 0
 
 
-def test_an_empty_cloud_is_infinitely_far(geometry):
-    system, simulator, context = make_rig(geometry, np.zeros((0, 3)))
+def test_an_empty_cloud_is_infinitely_far(kinematics):
+    system, simulator, context = make_rig(kinematics, np.zeros((0, 3)))
     simulator.AdvanceTo(0.1)
     assert clearance(system, context) == np.inf
 
 
-def test_what_is_seen_reaches_down_when_asked_to(geometry):
-    centers = geometry.sphere_centers(JOINTS[None])[0]
+def test_what_is_seen_reaches_down_when_asked_to(kinematics):
+    centers = kinematics.sphere_centers_at(JOINTS[None])[0]
     lowest = centers[np.argmin(centers[:, 2])]
     point = [lowest + np.array([0, 0, 0.5])]  # Half a metre above the lowest part of the arm.
-    seen = make_rig(geometry, point)
-    solid = make_rig(geometry, point, extension=0.5)
+    seen = make_rig(kinematics, point)
+    solid = make_rig(kinematics, point, extension=0.5)
     for _, simulator, _ in (seen, solid):
         simulator.AdvanceTo(0.01)
     assert clearance(solid[0], solid[2]) < 0 < clearance(seen[0], seen[2])
 
 
-def test_nothing_is_fed_through(geometry):
-    assert not CloudClearance(geometry).HasAnyDirectFeedthrough()
+def test_nothing_is_fed_through(kinematics):
+    assert not CloudClearance(
+        ExactDistance(shared_control_model(), kinematics)
+    ).HasAnyDirectFeedthrough()
+
+
+def test_predicted_points_count_when_the_arm_is_about_to_go_there(kinematics):
+    velocity = np.array([-0.6, 0.0, 0.0, 0.0, 0.0])
+    hand, ahead = (
+        kinematics.hand_pose(JOINTS + time * velocity).translation() for time in (0.0, 0.6)
+    )
+    points = [ahead + 0.05 * (ahead - hand) / np.linalg.norm(ahead - hand)]
+    found = []
+    for port, factor in (("cloud", 1), ("predicted_cloud", 1), ("predicted_cloud", -1)):
+        system, simulator, context = make_rig(kinematics, [])
+        system.GetInputPort(port).FixValue(context, cloud_of(points))
+        system.joint_velocity_input.FixValue(context, factor * velocity)
+        simulator.AdvanceTo(0.01)
+        found.append(clearance(system, context))
+    assert np.isfinite(found[0])
+    assert found[1] == found[0]
+    assert found[2] == np.inf
+    system, simulator, context = make_rig(kinematics, [])
+    system.predicted_cloud_input.FixValue(context, cloud_of([hand]))
+    system.joint_velocity_input.FixValue(context, velocity)
+    simulator.AdvanceTo(0.01)
+    assert clearance(system, context) == np.inf

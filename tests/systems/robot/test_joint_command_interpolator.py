@@ -71,3 +71,17 @@ def test_a_context_that_was_never_initialized_holds_what_is_commanded():
     servo.command_input.FixValue(context, [0.3, 0.2, 0.1])
     state = servo.get_output_port().Eval(context)
     np.testing.assert_array_equal(state, [0.3, 0.2, 0.1, 0, 0, 0])
+
+
+def test_a_joint_that_was_moved_goes_on_from_there_and_the_other_as_before(simulator):
+    simulator.AdvanceTo(5 * PERIOD)
+    servo = next(
+        s for s in simulator.get_system().GetSystems() if isinstance(s, JointCommandInterpolator)
+    )
+    command = 1.0 + 5 * 0.04
+    context = servo.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    servo.restart(context, [0], [command - 0.01])
+    after = desired_state(simulator, 5 * PERIOD + 0.001)
+    assert after[0] == pytest.approx(command - 0.005, abs=1e-9)
+    assert after[2] == pytest.approx(0.01 / PERIOD)
+    assert after[3] == pytest.approx(-0.02 / PERIOD)

@@ -51,6 +51,19 @@ def test_no_number_passes_even_between_the_ticks_or_before_the_first():
     assert rig.read()[0] == [1.0, 2.0]
 
 
+def test_a_number_that_cannot_be_counts_as_none():
+    guard = MeasurementGuard([0.0, 0.0], lower=[-1.0, -2.0], upper=[1.0, 2.0])
+    simulator = Simulator(guard)
+    context = simulator.get_mutable_context()
+    guard.measured_input.FixValue(context, [0.5, 1.9])
+    simulator.AdvanceTo(0.01)
+    guard.measured_input.FixValue(context, [0.6, 2.1])
+    simulator.AdvanceTo(0.05)
+    assert guard.GetOutputPort("measured").Eval(context).tolist() == [0.6, 1.9]
+    assert guard.GetOutputPort("missing").Eval(context)[0] == 1
+    assert guard.GetOutputPort("age").Eval(context)[0] > 0
+
+
 def test_outputs_depend_on_what_is_declared(ports):
     guard = MeasurementGuard([0.0, 0.0])
     assert ports(guard).changes({"measured": [1.0, 2.0]}, {"measured": [3.0, 2.0]}) == {

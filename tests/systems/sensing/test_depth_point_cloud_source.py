@@ -278,7 +278,7 @@ def test_what_moves_is_expected_ahead_of_where_it_is_seen():
         bench.show(ball_before_the_wall(80 + 24 * number, 700), 0.2 * number)
     # 24 pixels in 0.2 s at 0.7 m are 0.29 m/s, towards -y.
     edge_before, edge = 0.7 * (CAMERA.center_x - np.array([172.0, 196.0])) / CAMERA.focal_x
-    ahead = bench.points("approaching")
+    ahead = bench.points("predicted_cloud")
     assert ahead[:, 1].min() == pytest.approx(edge - 0.29 * 0.7, abs=0.04)
     assert ahead[:, 1].max() < edge_before + 0.02
     np.testing.assert_allclose(ahead[:, 0], 0.7, atol=0.03)
@@ -286,9 +286,9 @@ def test_what_moves_is_expected_ahead_of_where_it_is_seen():
 
 def test_what_is_too_near_to_be_measured_is_expected_all_the_same():
     bench = Bench().show(wall(), 0.0)
-    assert bench.output("approaching").size() == 0
+    assert bench.output("predicted_cloud").size() == 0
     bench.show(ball_before_the_wall(160, 0), 0.2)
-    near = bench.points("approaching")
+    near = bench.points("predicted_cloud")
     assert len(near) > 5
     assert near[:, 0].max() < CAMERA.near + 0.04
 
@@ -296,7 +296,7 @@ def test_what_is_too_near_to_be_measured_is_expected_all_the_same():
 def test_holes_mean_nothing_where_they_need_not_be_near():
     bench = Bench(parameters=ObstacleParameters(treat_holes_as_near=False)).show(wall(), 0.0)
     bench.show(ball_before_the_wall(160, 0), 0.2)
-    assert bench.output("approaching").size() == 0
+    assert bench.output("predicted_cloud").size() == 0
 
 
 def test_space_is_known_where_an_image_looked_through_it():

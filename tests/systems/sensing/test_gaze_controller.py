@@ -96,8 +96,9 @@ def test_head_starts_where_it_is_and_stays_without_a_goal():
     assert bench.output("reachable") == [0]
 
 
-def test_head_rests_where_it_is_told_to():
-    bench = Bench(FAR, valid=[0.0], resting_head=[0.3, 2.0]).run(3.0)
+def test_without_a_goal_the_head_searches_within_its_limits():
+    system = GazeController(search=lambda time, side: np.array([0.3, 2.0]))
+    bench = Bench(FAR, system, valid=[0.0]).run(3.0)
     np.testing.assert_allclose(
         bench.output("head_position_command"), [0.3, head_pitch_limits(0.3)[1]], atol=1e-6
     )

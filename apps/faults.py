@@ -1,0 +1,128 @@
+"""Every fault in whole reaches, and what came of each.
+
+It injects each sensible pair of signal and kind (see reach.py --fault), from the start on and from
+the moment when the arm starts, and writes a table.
+
+  faults.py                               the table of docs/faults.md: takes about an hour
+  faults.py --scenes table,shelf,clutter  in three scenes
+  faults.py --signals depth,cloud --starts reach
+
+What is done already in the folder is not done again. Results: faults.json, faults.md.
+Exit code 0: every outcome is safe; 1: a touch was too fast, a command outside its limits, or a run
+ended by an exception; 2: bad input.
+"""
+
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+from dataclasses import asdict
+from pathlib import Path
+
+from tqdm import tqdm
+
+from pepper_drake import cli
+from pepper_drake.errors import InputError
+from pepper_drake.evaluation.fault_table import (
+    STARTS,
+    FaultCase,
+    FaultResult,
+    fault_cases,
+    markdown_table,
+    run_fault,
+)
+from pepper_drake.models.scene import load_scene
+from pepper_drake.systems.faults.fault import SIGNALS, parse_fault
+
+
+def make_parser() -> ArgumentParser:
+    """Makes the parser of this app's options."""
+    parser = cli.make_parser("faults", __doc__)
+    parser.add_argument(
+        "--scenes",
+        default="table",
+        metavar="NAMES|FILES",
+        help="scenes, with commas between (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--signals",
+        default=",".join(SIGNALS),
+        metavar="NAMES",
+        help="signals that fail, with commas between (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--starts",
+        default=",".join(STARTS),
+        metavar="TIMES",
+        help='starts of the faults, with commas between: s, or "reach" (default: %(default)s)',
+    )
+    return parser
+
+
+def make_cases(options: Namespace) -> list[FaultCase]:
+    """The runs that the options ask for.
+
+    Raises:
+        InputError: A signal, a start or a scene is unknown.
+    """
+    signals, scenes = options.signals.split(","), options.scenes.split(",")
+    for signal in signals:
+        if signal not in SIGNALS:
+            raise InputError(f'--signals has "{signal}"; a signal is one of {", ".join(SIGNALS)}')
+    for scene in scenes:
+        load_scene(scene)
+    cases = [
+        case
+        for case in fault_cases(scenes, options.seed, options.starts.split(","))
+        if case.fault.partition(":")[0] in signals
+    ]
+    for case in cases:
+        parse_fault(case.fault)
+    return cases
+
+
+def load_results(path: Path) -> dict[FaultCase, FaultResult]:
+    """The results that a folder has already.
+
+    Raises:
+        InputError: The file is not one of this app's.
+    """
+    if not path.exists():
+        return {}
+    try:
+        results = [FaultResult(**row) for row in json.loads(path.read_text())]
+    except (ValueError, TypeError) as error:
+        raise InputError(
+            f"{path} is no table of this app ({error}); remove it or give another --output"
+        ) from error
+    return {FaultCase(row.fault, row.scene, row.seed): row for row in results}
+
+
+def main() -> int:
+    """Runs the app."""
+    options = cli.parse(make_parser())
+    cli.quiet_libraries()
+    cases = make_cases(options)
+    options.output.mkdir(parents=True, exist_ok=True)
+    path = options.output / "faults.json"
+    done = load_results(path)
+    with cli.stop_on_interrupt() as should_stop:
+        for case in tqdm(cases, disable=options.quiet or not sys.stderr.isatty(), unit=" run"):
+            if should_stop():
+                return cli.EXIT_INTERRUPTED
+            if case in done:
+                continue
+            done[case] = run_fault(case)
+            path.write_text(json.dumps([asdict(row) for row in done.values()], indent=1) + "\n")
+    results = [done[case] for case in cases]
+    (options.output / "faults.md").write_text(markdown_table(results))
+    unsafe = [result for result in results if not result.is_safe]
+    if not options.quiet:
+        print(f"{len(results)} runs, {len(unsafe)} of them not safe")
+        for result in unsafe:
+            print(f"  {result.fault} in {result.scene}: {result.reason} {result.message}")
+        print(f"Results are in {options.output}")
+    return cli.EXIT_FAILED if unsafe else cli.EXIT_DONE
+
+
+if __name__ == "__main__":
+    cli.run(main)

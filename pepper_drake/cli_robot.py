@@ -1,0 +1,67 @@
+"""Command-line options that choose the robot, and what fails of it."""
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Collection
+
+from pepper_drake.errors import InputError
+from pepper_drake.models.robot_wear import ROBOTS, RobotWear
+from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_faults
+from pepper_drake.systems.faults.fault_injector import FaultSet
+
+
+def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> None:
+    """Adds `--robot` and `--fault`.
+
+    Args:
+        parser: An app's.
+        addresses: Whether a robot at an address may be named, too.
+    """
+    parser.add_argument(
+        "--robot",
+        type=str,
+        choices=None if addresses else ROBOTS,
+        metavar="ideal|worn|ADDRESS" if addresses else None,
+        default="ideal",
+        help=(
+            "with --station naoqi the address of a Pepper, as tcp://192.168.1.10:9559, or of "
+            "apps/serve_naoqi.py; simulated, ideal or "
+            if addresses
+            else ""
+        )
+        + "worn: joints with slack, encoders with offsets, cameras mounted a little wrongly, "
+        "wheels that slip, commands that come late, as the seed draws them (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="SIGNAL:KIND@START[+DURATION]",
+        help="let a signal fail, as in depth:stuck@4+2 or encoders:garbage@reach; may be given "
+        f"more than once. Signals: {', '.join(SIGNALS)}. Kinds: {', '.join(KINDS)}. Start and "
+        'duration in s; "reach": when the arm starts',
+    )
+
+
+def chosen_wear(options: Namespace) -> RobotWear | None:
+    """The errors of the robot that `--robot` and `--seed` name; None for none."""
+    return RobotWear.draw(options.seed) if options.robot == "worn" else None
+
+
+def chosen_faults(options: Namespace, signals: Collection[str] | None = None) -> FaultSet:
+    """The faults that `--fault` names.
+
+    Args:
+        options: Of `add_robot_options`, with a seed.
+        signals: The signals that there are; all of them if left out.
+
+    Raises:
+        InputError: One of them is no fault, or makes no sense here.
+    """
+    faults = parse_faults(options.fault)
+    for fault in faults:
+        if signals is not None and fault.signal not in signals:
+            raise InputError(
+                f"the fault {fault} makes no sense in this app; what can fail here is "
+                f"{', '.join(signals)}"
+            )
+    return FaultSet(faults, options.seed)

@@ -1,0 +1,111 @@
+"""THE way to run a diagram: until something ends it, with progress bar and one fault sentence."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, EventStatus
+from tqdm import tqdm
+
+from pepper_drake.errors import PepperDrakeError
+
+_KEEP_PERIOD = 0.8
+"""Wall time from when a run was kept until it is kept again [s]; a look's period comes on top."""
+_ROUNDING = 1e-9
+"""Of times [s]."""
+_GOES_ON = (EventStatus.Severity.kDidNothing, EventStatus.Severity.kSucceeded)
+
+
+@dataclass(frozen=True)
+class SimulationEnd:
+    """How a simulation ended.
+
+    Attributes:
+        stopped: Whether it was asked to stop.
+        fault: Why Drake could not go on, in one sentence; empty if it could.
+        wall_seconds: What simulating took, without watching [s].
+    """
+
+    stopped: bool
+    fault: str
+    wall_seconds: float
+
+    def check(self) -> None:
+        """Raises PepperDrakeError if Drake could not go on."""
+        if self.fault:
+            raise PepperDrakeError(self.fault)
+
+
+def simulate(
+    simulator: Simulator,
+    until: float,
+    *,
+    watch: Callable[[], bool] = lambda: False,
+    should_stop: Callable[[], bool] = lambda: False,
+    keep: Callable[[], None] | None = None,
+    period: float = 0.1,
+    progress: bool = False,
+    title: str | Callable[[], str] = "simulating",
+) -> SimulationEnd:
+    """Simulates up to a time, or until it is over, or until it is asked to stop.
+
+    A monitor that the simulator has goes on monitoring.
+
+    Args:
+        simulator: Of the diagram; initialized if it has not been yet.
+        until: Simulated time at which it ends at the latest [s].
+        watch: Called once each `period`; the simulation is over when it returns True.
+        should_stop: Asked before the first step and once each `period`.
+        keep: Called about once a second of wall time, should the program be killed.
+        period: Between two looks, simulated [s].
+        progress: Whether a progress bar is shown.
+        title: Of the progress bar; may change.
+    """
+    context, monitor = simulator.get_context(), simulator.get_monitor()
+    began, watched = time.perf_counter(), 0.0
+    kept = began
+    stopped, fault = should_stop(), ""
+    next_look = context.get_time() + period
+    bar = tqdm(
+        unit=" s",
+        bar_format="{desc:10s} {n:5.1f} s simulated, {elapsed} elapsed",
+        disable=not progress,
+        leave=False,
+    )
+
+    def look(root: Context) -> EventStatus:
+        nonlocal next_look, kept, stopped, watched
+        if monitor is not None:
+            status = monitor(root)
+            if status is not None and status.severity() not in _GOES_ON:
+                return status
+        if root.get_time() < next_look - _ROUNDING:
+            return EventStatus.DidNothing()
+        started = time.perf_counter()
+        next_look += period
+        is_over = watch()
+        if keep is not None and started - kept > _KEEP_PERIOD:
+            keep()
+            kept = time.perf_counter()
+        bar.set_description(title if isinstance(title, str) else title(), refresh=False)
+        bar.update(period)
+        watched += time.perf_counter() - started
+        stopped = should_stop()
+        if is_over or stopped:
+            return EventStatus.ReachedTermination(simulator.get_system(), "over")
+        return EventStatus.DidNothing()
+
+    simulator.set_monitor(look)
+    try:
+        if not stopped:
+            simulator.AdvanceTo(until)
+    except RuntimeError as error:
+        words = " ".join(str(error).split())
+        fault = f"the simulation cannot go on at {context.get_time():.2f} s: {words}"
+    finally:
+        bar.close()
+        simulator.clear_monitor()
+        if monitor is not None:
+            simulator.set_monitor(monitor)
+    return SimulationEnd(stopped, fault, time.perf_counter() - began - watched)

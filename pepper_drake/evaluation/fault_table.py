@@ -1,0 +1,160 @@
+"""Every fault in whole reaches: the outcome, and whether anything was touched, as a table."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+
+from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
+from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.models.scene import load_scene
+from pepper_drake.results.reach_report import ReachReport
+from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_fault, sensible_faults
+from pepper_drake.systems.faults.fault_injector import FaultSet
+
+STARTS = ("0", "reach")
+"""From the start on, and from the moment when the arm starts."""
+
+LARGEST_TOUCH_SPEED = 0.05
+"""No link may touch anything faster [m/s]."""
+LARGEST_ACCELERATION = 10.0
+"""Of joint commands [rad/s^2]."""
+
+
+@dataclass(frozen=True)
+class FaultCase:
+    """One fault in one reach.
+
+    Attributes:
+        fault: As SIGNAL:KIND@START[+DURATION].
+        scene: A shipped scene's name or a file.
+        seed: Of all that is random.
+    """
+
+    fault: str
+    scene: str
+    seed: int
+
+
+@dataclass(frozen=True)
+class FaultResult:
+    """What came of it; lengths in m, times in s, angles in rad."""
+
+    fault: str
+    scene: str
+    seed: int
+    outcome: str
+    reason: str
+    message: str
+    contacts: int
+    minimum_clearance: float | None
+    touch_speed: float | None
+    own_touch_speed: float | None
+    contact_force: float
+    command_acceleration: float
+    stopping_seconds: float | None
+    final_position_error: float | None
+
+    @property
+    def is_safe(self) -> bool:
+        """Whether nothing was touched too fast and no command was outside its limits."""
+        touch = self.own_touch_speed or 0.0
+        return (
+            touch <= LARGEST_TOUCH_SPEED
+            and self.command_acceleration <= LARGEST_ACCELERATION + 1e-6
+            and self.reason != "simulation_failed"
+        )
+
+
+def fault_cases(
+    scenes: Sequence[str], seed: int, starts: Sequence[str] = STARTS
+) -> list[FaultCase]:
+    """All sensible faults from each start on, in each scene; the seed grows by one a scene."""
+    return [
+        FaultCase(f"{signal}:{kind}@{start}", scene, seed + number)
+        for signal, kind in sensible_faults()
+        for start in starts
+        for number, scene in enumerate(scenes)
+    ]
+
+
+def run_fault(case: FaultCase) -> FaultResult:
+    """Simulates the reach of a case, unseen."""
+    scene = prepare_scene(load_scene(case.scene))
+    faults = FaultSet((parse_fault(case.fault),), case.seed)
+    config = ReachingConfig(station=StationConfig(seed=case.seed, faults=faults))
+    reaching = Reaching(
+        scene, make_primitive(None, scene.arm), make_coupling(scene.coupling), config
+    )
+    report = ReachSimulation(reaching, RunOptions(progress=False)).run().report
+    return fault_result(case, report)
+
+
+def fault_result(case: FaultCase, report: ReachReport) -> FaultResult:
+    """Takes from a report what the table tells."""
+    names = FaultResult.__dataclass_fields__.keys() - asdict(case).keys()
+    return FaultResult(**asdict(case), **{name: getattr(report, name) for name in names})
+
+
+def markdown_table(results: Iterable[FaultResult]) -> str:
+    """The results as a Markdown document, what is not safe first said, signal by signal."""
+    results = list(results)
+    unsafe = [result for result in results if not result.is_safe]
+    touched = [result for result in results if result.contacts]
+    lines = [
+        "# Faults and what came of each",
+        "",
+        "`make faults` injects every fault into whole reaches and writes this page.",
+        "A fault is SIGNAL:KIND@START; `reach` is the moment when the arm starts. Lengths are in "
+        "mm, the speed at a touch (the link's own part) in mm/s, the time from the failure to a "
+        "stand in s.",
+        "",
+        f"{len(results)} runs; touched something: {len(touched)}; a touch faster than "
+        f"{1000 * LARGEST_TOUCH_SPEED:.0f} mm/s, a command beyond {LARGEST_ACCELERATION:.0f} "
+        f"rad/s², or an end by an exception: {len(unsafe)}.",
+        "",
+        "## Signals",
+        "",
+        *(f"- `{name}`: {signal.meaning}" for name, signal in SIGNALS.items()),
+        "",
+        "## Kinds",
+        "",
+        *(f"- `{name}`: {meaning}" for name, meaning in KINDS.items()),
+        "",
+        "Refused, as they make no sense:",
+        "",
+        *(
+            f"- `{name}:{kind}`: {why}"
+            for name, signal in SIGNALS.items()
+            for kind, why in signal.refused.items()
+        ),
+        "",
+        "## Outcomes",
+        "",
+        "| fault | scene | outcome | reason and sentence | contacts | clearance | touch speed "
+        "| stop | error |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        *(_row(result) for result in results),
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _row(result: FaultResult) -> str:
+    why = f"{result.reason}: {result.message}" if result.reason else ""
+    cells = (
+        f"`{result.fault}`",
+        result.scene,
+        result.outcome,
+        why,
+        str(result.contacts),
+        _millimetres(result.minimum_clearance),
+        _millimetres(result.own_touch_speed),
+        "" if result.stopping_seconds is None else f"{result.stopping_seconds:.2f}",
+        _millimetres(result.final_position_error),
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def _millimetres(length: float | None) -> str:
+    return "" if length is None else f"{1000 * length:.1f}"

@@ -1,0 +1,478 @@
+"""The link to a robot: it keeps ALMotion's beat, measures, streams commands and guards both sides.
+
+It runs in a process of its own (`link_process`), since a thread beside a simulation is late by
+tens of milliseconds. All its calls are made from one asyncio loop.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.hardware.camera_reader import CameraReader
+from pepper_drake.hardware.hand_over import hand_over
+from pepper_drake.hardware.link_clock import LinkClock
+from pepper_drake.hardware.link_fault import LinkFault
+from pepper_drake.hardware.mailbox import (
+    CAMERA_NAMES,
+    END,
+    HAND_OVER,
+    HOLD,
+    STREAM,
+    Mailbox,
+)
+from pepper_drake.hardware.measurements import Measurement, Measurements
+from pepper_drake.hardware.transport import Transport
+from pepper_drake.models.control_model import (
+    BODY_JOINTS,
+    CommandLimits,
+    arm_joints,
+    body_indices,
+    shared_control_model,
+)
+from pepper_drake.models.pepper import JOINT_GROUPS, clamp_coupled_limits
+from pepper_drake.naoqi.clock import join_time
+from pepper_drake.naoqi.constants import BODY, CYCLE
+from pepper_drake.naoqi.streaming import LARGEST_FRACTION, lookahead, streamed_command
+
+Vector = npt.NDArray[np.float64]
+
+FRESH = 0.1
+"""Age above which neither a state nor a command counts any more [s]."""
+FROZEN = 1.0
+"""Time without an answer after which the robot is taken for frozen [s]."""
+HOLD_FRACTION = 0.1
+"""Fraction of the largest speed with which the arm goes back to where it is, to hold."""
+_BEHIND = 0.05
+"""Distance from the path at which a joint may catch up, with the same fraction [rad]."""
+HEADROOM = 1.5
+"""Fraction sent over that which the fastest joint needs. With it all joints run one lookahead less
+one cycle ahead of the plan, whatever their speeds, to 0.3 mrad; without, each is somewhere in
+between, up to 9 mrad apart (five joints along a minimum-jerk path against the served law)."""
+STALLED = 0.2
+"""Distance of a joint from its command that it does not close [rad]."""
+STALLED_SECONDS = 1.0
+FROZEN_STATE_SECONDS = 0.2
+_REACTION = 0.1
+"""Time from a command until a robot at rest is measured to move [s]."""
+MOVING = 0.05
+"""Rate of a command above which a measurement must change [rad/s]."""
+_CLOCK_KEY = "Device/SubDeviceList/HeadYaw/Position/Sensor/Value"
+_STIFFNESS_PERIOD = 0.5
+_SLOWED_SECONDS = 0.5
+_SEGMENT_LENGTH = 0.2
+"""Longest way that one moveTo drives [m]: the base of a dead client stops there."""
+_BASE_ACCELERATION = (0.3, 0.75)
+"""The base's own accelerations [m/s^2, rad/s^2]."""
+
+
+@dataclass(frozen=True)
+class LinkConfig:
+    """How a robot is led.
+
+    Attributes:
+        arm: "left" or "right": this one moves, the other is held by the robot.
+        cameras: Those of `CAMERA_NAMES` that may be asked for images.
+        camera_rate: Images of each camera [1/s].
+        name: Under which the robot lists our subscriptions.
+        clock_rate: Rate of the robot's clock; 1 but for a served robot that was told otherwise.
+    """
+
+    arm: str
+    cameras: tuple[str, ...] = CAMERA_NAMES
+    camera_rate: float = 5.0
+    name: str = "pepper_drake"
+    clock_rate: float = 1.0
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that are commanded."""
+        return (*JOINT_GROUPS["head"], *arm_joints(self.arm))
+
+
+class RobotLink:
+    """One robot, led by what the mailbox says until it says END or something is wrong.
+
+    A fault ends the streaming for good: the arm holds, and the fault stands in the state.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        mailbox: Mailbox,
+        config: LinkConfig,
+        clock: LinkClock | None = None,
+    ) -> None:
+        """Makes a link that does nothing yet.
+
+        Args:
+            transport: A connected one.
+            mailbox: Shared with the station.
+            config: How the robot is led.
+            clock: The clock by which the robot is led; the machine's if left out.
+        """
+        self._transport, self._mailbox, self._config = transport, mailbox, config
+        self._time = clock or LinkClock()
+        self._clock = self._time.now
+        self._rows = body_indices(config.joints)
+        self._limits: CommandLimits = shared_control_model().command_limits(config.joints)
+        self._columns = [BODY.index(name) for name in BODY_JOINTS]
+        self._measured = Measurements()
+        self._shortest_trip = np.inf
+        self._round_trip = 0.0
+        self._reading: asyncio.Task[None] | None = None
+        self._asked = 0.0
+        self._sending: asyncio.Task[None] | None = None
+        self._states = self._late = 0
+        self._followed = self._clock()
+        self._fault: LinkFault | None = None
+        self._slowed_until = -np.inf
+        self._holding = False
+        self._ended = False
+
+    def end(self) -> None:
+        """Ends `run` from within its process, as END in the mailbox does."""
+        self._ended = True
+
+    @property
+    def fault(self) -> LinkFault | None:
+        """What went wrong, if anything did."""
+        return self._fault
+
+    async def run(self) -> None:
+        """Runs until the mailbox says END; then nothing of ours is left in the robot."""
+        tasks: list[asyncio.Task[None]] = []
+        try:
+            await self._transport.on_event("ALMotion/Safety/ChainVelocityClipped", self._slow)
+            for number, name in enumerate(CAMERA_NAMES):
+                if name in self._config.cameras:
+                    reader = CameraReader(
+                        self._transport,
+                        number,
+                        self._config.name,
+                        self._config.camera_rate,
+                        self._take_image,
+                        self._time,
+                    )
+                    tasks.append(self._start(reader.run(partial(self._wants, number))))
+            tasks += [
+                self._start(self._watch_stiffness()),
+                self._start(self._drive()),
+            ]
+            await self._beat()
+        except LinkFault as fault:
+            self._fail(fault)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            await self._let_go()
+
+    def _start(self, work: Any) -> asyncio.Task[None]:
+        async def guarded() -> None:
+            try:
+                await work
+            except LinkFault as fault:
+                self._fail(fault)
+            except Exception as error:
+                # Whatever a robot answers must end in a held arm, not in a silent task.
+                self._fail(LinkFault("call_failed", f"{type(error).__name__}: {error}"))
+
+        return asyncio.ensure_future(guarded())
+
+    async def _beat(self) -> None:
+        """Does one cycle each 20 ms; one that is late is left out, and never made up for."""
+        due = self._clock()
+        while True:
+            command = self._mailbox.command.read()
+            mode = int(command["mode"])
+            if mode == END or self._ended:
+                return
+            self._check_link()
+            self._ask_state()
+            if mode != STREAM:
+                self._measured.excuse(_REACTION)
+            if mode == HAND_OVER and self._fault is None:
+                await self._let_down()
+            elif mode == STREAM:
+                self._follow(command)
+            elif mode == HOLD or self._fault is not None:
+                self._hold()
+            self._publish()
+            due += CYCLE
+            now = self._clock()
+            if now > due + CYCLE:
+                skipped = int((now - due) / CYCLE)
+                self._late += skipped
+                due += skipped * CYCLE
+            await self._time.pause(max(due - now, 0.0))
+
+    # Measuring.
+
+    def _check_link(self) -> None:
+        if self._transport.is_lost:
+            self._fail(LinkFault("link_lost"))
+        elif self._reading is not None and self._clock() - self._asked > FROZEN:
+            self._fail(LinkFault("link_frozen", f"no answer for {FROZEN:g} s"))
+        elif self._measured.newest and self._clock() - self._measured.newest.time > FROZEN:
+            self._fail(LinkFault("link_frozen", f"its clock stood still for {FROZEN:g} s"))
+        elif self._states and lookahead(self._round_trip) is None:
+            self._fail(LinkFault("link_slow", f"{self._round_trip * 1000:.0f} ms to an answer"))
+
+    def _ask_state(self) -> None:
+        """Asks for joints and odometry, unless the last answer is still to come."""
+        if self._reading is None or self._reading.done():
+            self._asked = self._clock()
+            self._reading = self._start(self._read_state())
+
+    async def _read_state(self) -> None:
+        call = self._transport.call
+        stamp, angles, base = await asyncio.gather(
+            call("ALMemory", "getTimestamp", _CLOCK_KEY),
+            call("ALMotion", "getAngles", "Body", True),
+            call("ALMotion", "getRobotPosition", True),
+        )
+        answered = self._clock()
+        trip = answered - self._asked
+        self._round_trip += 0.1 * (trip - self._round_trip) if self._states else trip
+        self._shortest_trip = min(self._shortest_trip, trip)
+        if len(angles) != len(BODY):
+            raise LinkFault("wrong_robot", f"its body has {len(angles)} joints, not {len(BODY)}")
+        positions, base_pose = np.array(angles)[self._columns], np.array(base)
+        if not (np.isfinite(positions).all() and np.isfinite(base_pose).all()):
+            raise LinkFault("wrong_robot", "it measures what is no number")
+        # It answers in the middle, with what it measured half a cycle before, on average.
+        time = (self._asked + answered) / 2 - CYCLE / 2
+        self._states += 1
+        self._measured.add(Measurement(join_time(stamp[1], stamp[2]), time, positions, base_pose))
+
+    async def _watch_stiffness(self) -> None:
+        """Sees that the arm's motors stay stiff while they are commanded."""
+        names = list(arm_joints(self._config.arm))
+        while True:
+            await self._time.pause(_STIFFNESS_PERIOD)
+            if int(self._mailbox.command.read()["mode"]) != STREAM:
+                continue
+            stiffnesses = await self._transport.call("ALMotion", "getStiffnesses", names)
+            limp = [n for n, s in zip(names, stiffnesses, strict=True) if s < 0.05]
+            if limp and int(self._mailbox.command.read()["mode"]) == STREAM:
+                raise LinkFault("stiffness_lost", ", ".join(limp))
+
+    def _slow(self, value: Any) -> None:
+        self._slowed_until = self._clock() + _SLOWED_SECONDS
+
+    # Commanding.
+
+    def _follow(self, command: Any) -> None:
+        """Streams the newest command, or holds where something is not as it must be."""
+        newest = self._measured.newest
+        now = self._clock()
+        ahead = lookahead(self._round_trip)
+        if self._fault is not None or newest is None or ahead is None:
+            self._hold()
+            return
+        if now - newest.time > FRESH or now - command["time"] > FRESH:
+            # The station or the robot may come back; until then the arm stands.
+            self._measured.excuse(_REACTION)
+            self._followed = now
+            self._hold()
+            return
+        position = np.array(command["positions"])[self._rows]
+        velocity = np.array(command["velocities"])[self._rows]
+        if not (np.isfinite(position).all() and np.isfinite(velocity).all()):
+            self._fail(LinkFault("planner_silent", "a command that is no number"))
+            return
+        self._judge(newest.positions[self._rows], position, velocity, now)
+        if self._fault is not None or (self._sending is not None and not self._sending.done()):
+            return
+        self._holding = False
+        targets, fraction = streamed_targets(
+            self._config.joints, position, velocity, ahead, self._limits
+        )
+        if np.max(np.abs(position - newest.positions[self._rows])) > _BEHIND:
+            # After a pause; the path's own speed, which may be zero, would never close the gap.
+            fraction = max(fraction, HOLD_FRACTION)
+        self._send(targets, fraction)
+
+    def _judge(self, measured: Vector, position: Vector, velocity: Vector, now: float) -> None:
+        """Finds a frozen state and an arm that does not follow."""
+        if np.max(np.abs(velocity)) <= MOVING:
+            # A robot at rest may measure the same again and again; once moved it takes a moment.
+            self._measured.excuse(_REACTION)
+        elif self._measured.still_for > FROZEN_STATE_SECONDS:
+            self._fail(LinkFault("state_frozen", f"for {FROZEN_STATE_SECONDS:g} s"))
+        far = np.abs(position - measured) > STALLED
+        if not far.any():
+            self._followed = now
+        elif now - self._followed > STALLED_SECONDS:
+            names = [n for n, is_far in zip(self._config.joints, far, strict=True) if is_far]
+            self._fail(LinkFault("arm_stalled", ", ".join(names)))
+
+    def _hold(self) -> None:
+        """Sends the arm, once, to where it is."""
+        newest = self._measured.newest
+        is_free = self._sending is None or self._sending.done()
+        if self._holding or newest is None or not is_free or self._transport.is_lost:
+            return
+        self._holding = True
+        here = newest.positions[self._rows]
+        self._send(within_limits(self._config.joints, here, self._limits), HOLD_FRACTION)
+
+    def _send(self, targets: Vector, fraction: float) -> None:
+        self._sending = self._start(
+            self._transport.call(
+                "ALMotion",
+                "setAngles",
+                list(self._config.joints),
+                targets.tolist(),
+                float(fraction),
+            )
+        )
+
+    async def _drive(self) -> None:
+        """Drives the base in short moves, so that it stops by itself when we die."""
+        while True:
+            command = self._mailbox.command.read()
+            is_fresh = self._clock() - command["time"] < FRESH
+            may = int(command["mode"]) == STREAM and is_fresh and self._fault is None
+            segment = base_segment(np.array(command["base_velocity"])) if may else None
+            if segment is None:
+                await self._time.pause(CYCLE)
+                continue
+            await self._transport.call("ALMotion", "moveTo", *map(float, segment))
+
+    # Images.
+
+    def _wants(self, camera: int) -> bool:
+        command = self._mailbox.command.read()
+        return bool(command["enabled"][camera]) and int(command["mode"]) not in (END, HAND_OVER)
+
+    async def _take_image(self, camera: int, stamp: float, pixels: npt.NDArray[Any]) -> bool:
+        """Publishes an image with the joints of its capture; returns whether they are known."""
+        taken = self._measured.at(stamp)
+        if taken is None:
+            # The state of that moment may still be under way.
+            await self._time.pause(2 * CYCLE + self._round_trip)
+            taken = self._measured.at(stamp)
+        if taken is None:
+            return False
+        self._mailbox.write_image(camera, taken.time, pixels, taken.positions, taken.base_pose)
+        return True
+
+    # The end.
+
+    async def _let_down(self) -> None:
+        self._publish("handing over")
+        hand_over_task = self._start(
+            hand_over(self._transport, self._config.arm, self._measured_arm, self._time.pause)
+        )
+        while not hand_over_task.done():
+            self._check_link()
+            self._ask_state()
+            self._publish("handing over")
+            await self._time.pause(CYCLE)
+        self._holding = True
+        self._publish("handed over")
+        while int(self._mailbox.command.read()["mode"]) == HAND_OVER and not self._ended:
+            await self._time.pause(CYCLE)
+
+    def _measured_arm(self) -> Vector:
+        newest = self._measured.newest
+        assert newest is not None
+        return newest.positions[body_indices(arm_joints(self._config.arm))]
+
+    async def _let_go(self) -> None:
+        """Holds if it can and stops the base; a lost robot's base stops by itself."""
+        self._publish("ended")
+        if self._transport.is_lost:
+            return
+        with contextlib.suppress(LinkFault, TimeoutError):
+            async with asyncio.timeout(FROZEN):
+                await self._transport.call("ALMotion", "stopMove")
+
+    def _fail(self, fault: LinkFault) -> None:
+        """Keeps the first fault, and holds."""
+        if self._fault is None:
+            self._fault = fault
+            self._publish()
+            self._hold()
+
+    def _publish(self, phase: str = "running") -> None:
+        newest = self._measured.newest
+        fields: dict[str, Any] = {
+            "round_trip": self._round_trip,
+            "clock_bound": self._shortest_trip / 2,
+            "states": self._states,
+            "late": self._late,
+            "phase": phase,
+            "slowed": self._clock() < self._slowed_until,
+        }
+        if newest is not None:
+            fields |= {
+                "time": newest.time,
+                "positions": newest.positions,
+                "base_pose": newest.base_pose,
+            }
+        if self._fault is not None:
+            fields |= {"fault": self._fault.word, "detail": str(self._fault)[:240]}
+        self._mailbox.state.write(**fields)
+
+
+def streamed_targets(
+    names: Sequence[str], position: Vector, velocity: Vector, ahead: float, limits: CommandLimits
+) -> tuple[Vector, float]:
+    """Returns what `setAngles` is given so that joints follow a path.
+
+    Args:
+        names: Joints (n).
+        position: Where the path is now (n,) [rad].
+        velocity: Its velocity now (n,) [rad/s].
+        ahead: The lookahead [s].
+        limits: Of the joints.
+
+    Returns:
+        Targets within all limits (n,) [rad], and the one fraction of the largest speed.
+    """
+    step = np.clip(velocity, -limits.velocity, limits.velocity) * ahead
+    targets = within_limits(names, position + step, limits)
+    streamed = streamed_command(names, targets - step, targets, ahead, limits.velocity)
+    return targets, min(HEADROOM * streamed.fraction, LARGEST_FRACTION)
+
+
+def within_limits(names: Sequence[str], positions: Vector, limits: CommandLimits) -> Vector:
+    """Returns positions (n,) [rad] moved into their limits, the yaw-coupled ones included."""
+    inside = np.clip(positions, limits.position_lower, limits.position_upper)
+    clamped = clamp_coupled_limits(dict(zip(names, inside, strict=True)))
+    return np.array([clamped[name] for name in names])
+
+
+def base_segment(velocity: Vector) -> Vector | None:
+    """Returns the move that a velocity of the base stands for.
+
+    A base that brakes at a constant rate has v^2 / (2 a) still to go, and one that settles by a
+    rate of 5/s has v / 5: a move of the larger of both never leads beyond the goal that the
+    velocity aims at.
+
+    Args:
+        velocity: vx, vy [m/s] and yaw rate [rad/s] in the base's frame.
+
+    Returns:
+        x, y [m] and theta [rad] in the base's frame; None to stand still.
+    """
+    if not np.isfinite(velocity).all():
+        return None
+    speed, turning = float(np.hypot(velocity[0], velocity[1])), abs(float(velocity[2]))
+    if speed < 1e-3 and turning < 1e-3:
+        return None
+    length = min(max(speed**2 / (2 * _BASE_ACCELERATION[0]), speed / 5), _SEGMENT_LENGTH)
+    turn = min(max(turning**2 / (2 * _BASE_ACCELERATION[1]), turning / 5), 1.0)
+    move = np.zeros(3)
+    if speed > 0:
+        move[:2] = np.array(velocity[:2]) / speed * length
+    move[2] = np.sign(velocity[2]) * turn
+    return move

@@ -1,0 +1,166 @@
+"""The link's process, and the station's side of it."""
+
+import asyncio
+import multiprocessing
+import signal
+import time
+from multiprocessing.process import parent_process
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.hardware.link import LinkConfig, RobotLink
+from pepper_drake.hardware.link_clock import LinkClock
+from pepper_drake.hardware.link_fault import LINK_FAULTS, LinkFault
+from pepper_drake.hardware.mailbox import END, HAND_OVER, HOLD, Mailbox, MailboxNames
+from pepper_drake.hardware.preflight import PreflightOptions, check_robot
+from pepper_drake.hardware.transport import RobotAccess, make_transport
+
+_START_SECONDS = 30.0
+_END_SECONDS = 5.0
+_HAND_OVER_SECONDS = 20.0
+_PARENT_PERIOD = 0.5
+
+
+def run_link(
+    access: RobotAccess, config: LinkConfig, options: PreflightOptions, names: MailboxNames
+) -> None:
+    """Checks the robot and runs the link; the process's target."""
+    # Ctrl-C goes to all processes of the terminal; the station tells us when to end.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    mailbox = Mailbox(names)
+    try:
+        asyncio.run(_linked(access, config, options, mailbox))
+    except (LinkFault, InputError) as error:
+        word = error.word if isinstance(error, LinkFault) else "robot_unreachable"
+        mailbox.state.write(fault=word, detail=str(error)[:240], phase="ended")
+    finally:
+        mailbox.close()
+
+
+async def _linked(
+    access: RobotAccess, config: LinkConfig, options: PreflightOptions, mailbox: Mailbox
+) -> None:
+    transport = make_transport(access)
+    await transport.connect()
+    try:
+        await check_robot(transport, config.arm, options)
+        link = RobotLink(transport, mailbox, config, LinkClock(config.clock_rate))
+        watch = asyncio.ensure_future(_watch_parent(link))
+        try:
+            await link.run()
+        finally:
+            watch.cancel()
+    finally:
+        await transport.close()
+
+
+async def _watch_parent(link: RobotLink) -> None:
+    """Ends the link when the station's process has died."""
+    parent = parent_process()
+    while parent is None or parent.is_alive():
+        await asyncio.sleep(_PARENT_PERIOD)
+    link.end()
+
+
+class LinkProcess:
+    """A robot behind a process; a context manager that ends it.
+
+    Attributes:
+        mailbox: Shared with the process.
+        clock: The clock by which the robot is led.
+    """
+
+    def __init__(
+        self, access: RobotAccess, config: LinkConfig, options: PreflightOptions | None = None
+    ) -> None:
+        """Starts the process.
+
+        Args:
+            access: Way to the robot.
+            config: How it is led.
+            options: What is checked before.
+        """
+        self.mailbox = Mailbox()
+        self.clock = LinkClock(config.clock_rate)
+        self._process = multiprocessing.get_context("spawn").Process(
+            target=run_link,
+            args=(access, config, options or PreflightOptions(), self.mailbox.names),
+            name="robot link",
+            daemon=True,
+        )
+        self._process.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def wait_until_ready(self) -> None:
+        """Waits for the first state.
+
+        Raises:
+            LinkFault: The robot cannot be reached, or is not ready.
+        """
+        end = time.monotonic() + _START_SECONDS
+        while int(self.state()["states"]) == 0:
+            self.check()
+            if time.monotonic() > end:
+                raise LinkFault("link_frozen", f"no state within {_START_SECONDS:g} s")
+            time.sleep(0.02)
+
+    def state(self) -> npt.NDArray[np.void]:
+        """Returns the newest state, a record of `mailbox.STATE`."""
+        return self.mailbox.state.read()
+
+    def check(self) -> None:
+        """Raises the fault that there is.
+
+        Raises:
+            LinkFault: Something is wrong; the arm holds.
+        """
+        state = self.state()
+        if str(state["fault"]):
+            raise given_fault(state)
+        if not self._process.is_alive():
+            raise LinkFault("link_lost", f"its process ended ({self._process.exitcode})")
+
+    def command(self, **fields: Any) -> None:
+        """Writes a command; see `mailbox.COMMAND`."""
+        self.mailbox.command.write(time=self.clock.now(), **fields)
+
+    def hand_over(self) -> None:
+        """Holds the arm, lowers and relaxes it, and waits until that is done."""
+        self.command(mode=HAND_OVER)
+        end = time.monotonic() + _HAND_OVER_SECONDS / self.clock.rate
+        while time.monotonic() < end and self._process.is_alive():
+            state = self.state()
+            if str(state["phase"]) in ("handed over", "ended") or str(state["fault"]):
+                return
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        """Holds, ends the process and lets the memory go."""
+        self.command(mode=HOLD)
+        self.clock.sleep(0.1)
+        self.command(mode=END)
+        self._process.join(_END_SECONDS)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+        self.mailbox.close()
+
+
+def given_fault(state: npt.NDArray[np.void]) -> LinkFault:
+    """Returns the fault in a state."""
+    word, sentence = str(state["fault"]), str(state["detail"])
+    return LinkFault(word, sentence.removeprefix(LINK_FAULTS[word]).removeprefix(": "))

@@ -1,0 +1,111 @@
+"""Options of apps that lead a robot."""
+
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from pathlib import Path
+
+from pepper_drake.errors import InputError
+from pepper_drake.files import read_text
+from pepper_drake.hardware.qi_client import RobotAddress
+from pepper_drake.hardware.transport import LINKS, RobotAccess
+from pepper_drake.models.robot_wear import ROBOTS
+
+
+def add_link_options(parser: ArgumentParser, *, required: bool = False) -> None:
+    """Adds the way to a robot.
+
+    Args:
+        parser: An app's.
+        required: Whether there is no simulation that the app could take instead; else the app has
+            `--robot` of `pepper_drake.cli_robot`.
+    """
+    if required:
+        parser.add_argument(
+            "--robot",
+            metavar="ADDRESS",
+            required=True,
+            help="address of a Pepper, as tcp://192.168.1.10:9559, or of apps/serve_naoqi.py",
+        )
+    else:
+        parser.add_argument(
+            "--station",
+            choices=("simulated", "naoqi"),
+            default="simulated",
+            help="what is moved: the simulation, or the robot at --robot (default: %(default)s)",
+        )
+        parser.add_argument(
+            "--clock-rate",
+            type=clock_rate,
+            default=1.0,
+            metavar="RATE",
+            help="for a served robot on a slow machine: as serve_naoqi.py --rate (default: 1)",
+        )
+    parser.add_argument(
+        "--password-file",
+        type=Path,
+        metavar="FILE",
+        help="file with USER:PASSWORD in its first line, for a robot that demands them",
+    )
+    parser.add_argument(
+        "--link",
+        choices=LINKS,
+        default=LINKS[0],
+        help="how the robot is spoken to: our own wire, or libqi (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--disable-life",
+        action="store_true",
+        help="switch the robot's autonomous life off where it is on, which would move the arms",
+    )
+
+
+def clock_rate(text: str) -> float:
+    """Reads the rate of a clock from the command line."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.01 <= value <= 1.0:
+        raise ArgumentTypeError(f'"{text}" is no rate; give a number from 0.01 to 1')
+    return value
+
+
+def robot_access(options: Namespace) -> RobotAccess:
+    """Returns the way to the robot that the options name.
+
+    Raises:
+        InputError: There is no address, it is none, or the password's file cannot be read.
+    """
+    if options.robot in ROBOTS:
+        raise InputError("--station naoqi needs --robot ADDRESS, as tcp://192.168.1.10:9559")
+    address = str(RobotAddress.parse(options.robot))
+    user = password = ""
+    if options.password_file is not None:
+        line = read_text(options.password_file).partition("\n")[0].strip()
+        user, colon, password = line.partition(":")
+        if not colon or not password:
+            raise InputError(f"{options.password_file}, line 1: must be USER:PASSWORD")
+    return RobotAccess(address, user, password, options.link)
+
+
+def check_station(options: Namespace, simulated_only: dict[str, object]) -> bool:
+    """Returns whether a robot is to be moved.
+
+    Args:
+        options: The app's.
+        simulated_only: What the options must be that only a simulation can do, by their names.
+
+    Raises:
+        InputError: A robot is named without --station naoqi, or is asked for what it cannot do.
+    """
+    if options.station == "simulated":
+        if options.robot not in ROBOTS:
+            raise InputError(
+                f"--robot {options.robot} is none to simulate; it is {' or '.join(ROBOTS)}, or an "
+                "address with --station naoqi"
+            )
+        return False
+    for name, default in simulated_only.items():
+        if getattr(options, name) != default:
+            flag = "--" + name.replace("_", "-")
+            raise InputError(f"{flag} is for the simulation; leave it out with --station naoqi")
+    return True

@@ -1,0 +1,433 @@
+"""HardwareStation: a real robot with the ports of `PepperStation`, less the ground truth."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    EventStatus,
+    State,
+)
+from pydrake.systems.sensors import ImageDepth16U, ImageRgba8U
+
+from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.hardware.link_process import LinkProcess
+from pepper_drake.hardware.mailbox import CAMERA_NAMES, STREAM
+from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
+from pepper_drake.models.objects import NO_SCENE, SceneModels
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CameraIntrinsics
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
+from pepper_drake.systems.framework import Diagram, LeafSystem, build_into
+from pepper_drake.systems.robot.robot_kinematics import CAMERA_FRAMES, RobotKinematics
+
+Vector = npt.NDArray[np.float64]
+
+_VELOCITY_SAMPLES = 3
+_HAND_PORTS = tuple(
+    f"{arm}_hand_{what}"
+    for arm in ("left", "right")
+    for what in ("pose", "position", "orientation")
+)
+
+
+@dataclass(frozen=True)
+class LinkStatus:
+    """The link as the station sees it.
+
+    Attributes:
+        is_fresh: Whether the state is young enough to be acted upon.
+        age: Age of the state [s].
+        round_trip: Time from a call to its answer [s].
+        is_slowed: Whether the robot slows its arm near what it sees.
+        fault: Word of what went wrong, "" if nothing did.
+        message: The sentence to it.
+    """
+
+    is_fresh: bool = True
+    age: float = 0.0
+    round_trip: float = 0.0
+    is_slowed: bool = False
+    fault: str = ""
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """The newest states (time, joints and base; newest last) and the link's status."""
+
+    rows: tuple[tuple[float, Vector], ...]
+    status: LinkStatus
+
+    def __deepcopy__(self, memo: dict) -> "_Measured":
+        return self
+
+
+@dataclass(frozen=True)
+class _Received:
+    """The newest image of a camera with what was measured when it was taken."""
+
+    time: float
+    pixels: npt.NDArray[Any]
+    X_WC: RigidTransform
+    position: Vector
+    number: int
+
+    def __deepcopy__(self, memo: dict) -> "_Received":
+        return self
+
+
+class RobotInterface(LeafSystem):
+    """The robot's measurements and commands, exchanged with the link every 20 ms.
+
+    .. pydrake_system::
+
+        name: RobotInterface
+        input_ports:
+        - joint_position_command
+        - base_velocity_command
+        - camera_top.enabled (optional)
+        - camera_bottom.enabled (optional)
+        - camera_depth.enabled (optional)
+        output_ports:
+        - joint_position
+        - joint_velocity
+        - base_pose
+        - measurement_age
+        - missing_joint
+        - link_status
+
+    Inputs: `joint_position_command` (15), rad, in the order of `BODY_JOINTS`, of which head and
+    working arm are passed on; `base_velocity_command` (3), m/s, m/s, rad/s in the base's frame;
+    `NAME.enabled` (1), 0 for no images of that camera; all cameras are on that nothing switches.
+    Outputs: `joint_position` (15), rad; `joint_velocity` (15), rad/s, over three measurements;
+    `base_pose` (3), x, y in m and yaw in rad, by the robot's odometry; `measurement_age` (2), time
+    since joints and base were measured [s]; `missing_joint` (1), always -1: the robot measures all
+    joints at once; `link_status`, a LinkStatus.
+    State: the newest measurements (abstract) and the last command (15). Events: a periodic
+    unrestricted update to read, a periodic publish to command.
+    """
+
+    def __init__(self, link: LinkProcess) -> None:
+        """Declares the ports.
+
+        Args:
+            link: A link that is ready.
+        """
+        super().__init__()
+        self._link, self._wall = link, link.clock.now
+        n = len(BODY_JOINTS)
+        self._command = self.DeclareVectorInputPort("joint_position_command", n)
+        self._base = self.DeclareVectorInputPort("base_velocity_command", 3)
+        self._enabled = [self.DeclareVectorInputPort(f"{c}.enabled", 1) for c in CAMERA_NAMES]
+        self._measured = self.DeclareAbstractState(Value(self._read(())))
+        self._last_command = self.DeclareDiscreteState(np.full(n, np.nan))
+        ticket = {self.abstract_state_ticket(self._measured)}
+        for name, size, calc in (
+            ("joint_position", n, lambda rows: rows[-1][1][:n]),
+            ("joint_velocity", n, _velocity),
+            ("base_pose", 3, lambda rows: rows[-1][1][n:]),
+        ):
+            self.DeclareVectorOutputPort(
+                name, size, self._calc_of(calc), prerequisites_of_calc=ticket
+            )
+        self.DeclareVectorOutputPort(
+            "measurement_age", 2, self._calc_age, prerequisites_of_calc=ticket
+        )
+        self.DeclareVectorOutputPort(
+            "missing_joint",
+            1,
+            lambda context, output: output.SetAtIndex(0, -1.0),
+            prerequisites_of_calc={self.nothing_ticket()},
+        )
+        self.DeclareAbstractOutputPort(
+            "link_status",
+            lambda: Value(LinkStatus()),
+            self._calc_status,
+            prerequisites_of_calc=ticket,
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(CONTROL_PERIOD, 0.0, self._update)
+        self.DeclarePeriodicPublishEvent(CONTROL_PERIOD, 0.0, self._send)
+
+    def _read(self, before: tuple[tuple[float, Vector], ...]) -> _Measured:
+        state = self._link.state()
+        stamp = float(state["time"])
+        row = np.concatenate((state["positions"], state["base_pose"]))
+        rows = before
+        if not rows or stamp > rows[-1][0]:
+            rows = (*before, (stamp, row))[-_VELOCITY_SAMPLES:]
+        age = self._wall() - stamp
+        fault = str(state["fault"])
+        return _Measured(
+            rows,
+            LinkStatus(
+                age < 0.1 and not fault,
+                age,
+                float(state["round_trip"]),
+                bool(state["slowed"]),
+                fault,
+                str(state["detail"]),
+            ),
+        )
+
+    def _get(self, context: Context) -> _Measured:
+        return context.get_abstract_state(int(self._measured)).get_value()
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        measured = self._read(self._get(context).rows)
+        state.get_mutable_abstract_state(int(self._measured)).set_value(measured)
+        state.get_mutable_discrete_state(self._last_command).SetFromVector(
+            self._command.Eval(context)
+        )
+        return EventStatus.Succeeded()
+
+    def _send(self, context: Context) -> EventStatus:
+        command = self._command.Eval(context)
+        last = context.get_discrete_state(self._last_command).value()
+        rate = (command - last) / CONTROL_PERIOD if np.isfinite(last).all() else 0.0 * command
+        self._link.command(
+            mode=STREAM,
+            positions=command,
+            velocities=rate,
+            base_velocity=self._base.Eval(context),
+            enabled=[
+                not p.HasValue(context) or bool(p.Eval(context)[0] > 0) for p in self._enabled
+            ],
+        )
+        return EventStatus.Succeeded()
+
+    def _calc_of(
+        self, calc: Callable[[tuple[tuple[float, Vector], ...]], Vector]
+    ) -> Callable[[Context, BasicVector], None]:
+        def calc_port(context: Context, output: BasicVector) -> None:
+            output.SetFromVector(calc(self._get(context).rows))
+
+        return calc_port
+
+    def _calc_age(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector([self._get(context).status.age] * 2)
+
+    def _calc_status(self, context: Context, output: Value) -> None:
+        output.set_value(self._get(context).status)
+
+
+def _velocity(rows: tuple[tuple[float, Vector], ...]) -> Vector:
+    """Returns the joints' mean velocity over the newest measurements."""
+    n = len(BODY_JOINTS)
+    if len(rows) < 2:
+        return np.zeros(n)
+    (t0, first), (t1, last) = rows[0], rows[-1]
+    return (last[:n] - first[:n]) / (t1 - t0)
+
+
+class ReceivedCamera(LeafSystem):
+    """A camera of the robot: its newest image, and the robot as it was when that was taken.
+
+    .. pydrake_system::
+
+        name: ReceivedCamera
+        output_ports:
+        - image
+        - time_stamp
+        - X_WC
+        - position
+
+    Outputs: `image`, an ImageRgba8U, or an ImageDepth16U in millimetres; `time_stamp` (1), s, in
+    the diagram's time, minus infinity before the first image; `X_WC`, a RigidTransform, and
+    `position` (18), the control model's positions, both of the capture. State: the newest image
+    (abstract). Events: a periodic unrestricted update that looks for it.
+    """
+
+    def __init__(
+        self,
+        link: LinkProcess,
+        camera: int,
+        model: ControlModel,
+        start: float,
+        period: float = CONTROL_PERIOD,
+    ) -> None:
+        """Declares the ports.
+
+        Args:
+            link: A link that is ready.
+            camera: NAOqi's id of the camera.
+            model: Pepper's kinematics.
+            start: Time of the link's clock at the diagram's time 0 [s].
+            period: Time between two looks [s].
+        """
+        super().__init__()
+        self._record = link.mailbox.images[camera]
+        self._model, self._start = model, start
+        self._frame = CAMERA_FRAMES[CAMERA_NAMES[camera]]
+        self._is_depth = CAMERA_NAMES[camera] == "camera_depth"
+        none = _Received(
+            -np.inf,
+            np.zeros((0, 0, 1 if self._is_depth else 4)),
+            RigidTransform(),
+            np.zeros(model.plant.num_positions()),
+            self._record.writes,
+        )
+        self._state = self.DeclareAbstractState(Value(none))
+        ticket = {self.abstract_state_ticket(self._state)}
+        image_type = ImageDepth16U if self._is_depth else ImageRgba8U
+        self.DeclareAbstractOutputPort(
+            "image", lambda: Value(image_type()), self._calc_image, prerequisites_of_calc=ticket
+        )
+        self.DeclareVectorOutputPort(
+            "time_stamp", 1, self._calc_time_stamp, prerequisites_of_calc=ticket
+        )
+        self.DeclareAbstractOutputPort(
+            "X_WC", lambda: Value(RigidTransform()), self._calc_pose, prerequisites_of_calc=ticket
+        )
+        self.DeclareVectorOutputPort(
+            "position",
+            model.plant.num_positions(),
+            self._calc_position,
+            prerequisites_of_calc=ticket,
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _get(self, context: Context) -> _Received:
+        return context.get_abstract_state(int(self._state)).get_value()
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        writes = self._record.writes
+        if writes == self._get(context).number:
+            return EventStatus.DidNothing()
+        record = self._record.read()
+        height, width = int(record["height"]), int(record["width"])
+        data = np.array(record["pixels"])
+        pixels: npt.NDArray[Any]
+        if self._is_depth:
+            pixels = data[: 2 * height * width].view(np.uint16).reshape(height, width, 1)
+        else:
+            pixels = np.full((height, width, 4), 255, np.uint8)
+            pixels[..., :3] = data[: 3 * height * width].reshape(height, width, 3)
+        position = self._model.positions(record["positions"], record["base_pose"])
+        plant_context = self._model.create_context()
+        self._model.plant.SetPositions(plant_context, position)
+        state.get_mutable_abstract_state(int(self._state)).set_value(
+            _Received(
+                float(record["time"]) - self._start,
+                pixels,
+                self._model.pose(plant_context, self._frame),
+                position,
+                writes,
+            )
+        )
+        return EventStatus.Succeeded()
+
+    def _calc_image(self, context: Context, output: Value) -> None:
+        pixels = self._get(context).pixels
+        image = output.get_mutable_value()
+        height, width = pixels.shape[:2]
+        if (image.width(), image.height()) != (width, height):
+            image.resize(width, height)
+        if pixels.size:
+            image.mutable_data[:] = pixels
+
+    def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, self._get(context).time)
+
+    def _calc_pose(self, context: Context, output: Value) -> None:
+        output.set_value(self._get(context).X_WC)
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._get(context).position)
+
+
+class HardwareStation(Diagram):
+    """A robot behind a link, in the place of `PepperStation`.
+
+    .. pydrake_system::
+
+        name: HardwareStation
+        input_ports:
+        - joint_position_command
+        - base_velocity_command
+        - camera_top.enabled
+        - camera_bottom.enabled
+        - camera_depth.enabled
+        output_ports:
+        - joint_position
+        - joint_velocity
+        - base_pose
+        - measurement_age
+        - missing_joint
+        - link_status
+        - robot_position
+        - torso_pose
+        - left_hand_pose
+        - left_hand_position
+        - left_hand_orientation
+        - right_hand_pose
+        - right_hand_position
+        - right_hand_orientation
+        - camera_top.image
+        - camera_top.pose
+        - camera_top.time_stamp
+        - camera_top.position
+        - camera_bottom.image
+        - camera_bottom.pose
+        - camera_bottom.time_stamp
+        - camera_bottom.position
+        - camera_depth.image
+        - camera_depth.pose
+        - camera_depth.time_stamp
+        - camera_depth.position
+
+    The ports mean what they mean at `PepperStation`; there are none of `ground_truth.*`. It must
+    be advanced with the wall's clock (`paced_run.run_paced`).
+
+    Attributes:
+        link: The link.
+        control_model: Pepper's kinematics.
+        depth_intrinsics: Of the depth camera's images.
+        obstacle_parameters: How obstacles are best seen in them.
+        config: As if it were simulated: it has cameras, and they have noise.
+        scene_models: No bodies: nothing but what is seen is known of the world.
+        start: Time of the link's clock at the diagram's time 0 [s].
+    """
+
+    def __init__(self, link: LinkProcess, model: ControlModel, start: float | None = None) -> None:
+        """Makes the diagram.
+
+        Args:
+            link: A link that is ready.
+            model: Pepper's kinematics.
+            start: Time of the link's clock at the diagram's time 0 [s]; now if left out.
+        """
+        super().__init__()
+        self.link, self.control_model = link, model
+        self.start = link.clock.now() if start is None else start
+        self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
+        self.obstacle_parameters = ObstacleParameters()
+        self.scene_models: SceneModels = NO_SCENE
+        self.config = StationConfig()
+        builder = DiagramBuilder()
+        robot = builder.AddNamedSystem("robot", RobotInterface(link))
+        for name in ("joint_position_command", "base_velocity_command"):
+            builder.ExportInput(robot.GetInputPort(name), name)
+        for name in (
+            *("joint_position", "joint_velocity", "base_pose"),
+            *("measurement_age", "missing_joint", "link_status"),
+        ):
+            builder.ExportOutput(robot.GetOutputPort(name), name)
+        kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model))
+        builder.Connect(robot.GetOutputPort("joint_position"), kinematics.joint_position_input)
+        builder.Connect(robot.GetOutputPort("base_pose"), kinematics.base_pose_input)
+        for name in ("robot_position", "torso_pose", *_HAND_PORTS):
+            builder.ExportOutput(kinematics.GetOutputPort(name), name)
+        for number, name in enumerate(CAMERA_NAMES):
+            builder.ExportInput(robot.GetInputPort(f"{name}.enabled"), f"{name}.enabled")
+            camera = builder.AddNamedSystem(name, ReceivedCamera(link, number, model, self.start))
+            exports = (("image", "image"), ("X_WC", "pose"), ("time_stamp", "time_stamp"))
+            for port, export in (*exports, ("position", "position")):
+                builder.ExportOutput(camera.GetOutputPort(port), f"{name}.{export}")
+        build_into(builder, self)

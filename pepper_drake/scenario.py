@@ -1,0 +1,206 @@
+"""One file for a whole run: the scene, the robot, and every tuned number of the loop.
+
+    pepper-drake reach --scenario mine.yaml --set planner.clearance.want=0.02
+
+A file holds only what differs from the defaults. The scenario of a run is saved beside its report
+as `scenario.yaml`, whole, and the run can be repeated from it.
+"""
+
+import dataclasses
+import typing
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from pepper_drake.diagrams.compliance import ComplianceConfig
+from pepper_drake.diagrams.factory import make_coupling, make_gentle, make_primitive
+from pepper_drake.diagrams.head_perception import PerceptionConfig
+from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.errors import InputError
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.robot_wear import ROBOTS, RobotWear
+from pepper_drake.models.scene import Scene, load_scene
+from pepper_drake.models.typed_yaml import load_yaml, save_yaml, with_settings
+from pepper_drake.planning.ik.contact_detection import ContactParams
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.systems.faults.fault import parse_faults
+from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.guiding.external_force import ForcePulse
+
+_PUSH_DURATION = 0.5
+"""Time that the hand is pushed [s]."""
+_NOT_IN_FILES = ("seed", "wear", "faults")
+"""Fields of `StationConfig` that follow from other fields of a scenario."""
+
+
+def _without(schema: type, names: Sequence[str]) -> Any:
+    """Returns a dataclass with the fields of another one, but for some."""
+    hints = typing.get_type_hints(schema)
+    kept = [f for f in fields(schema) if f.name not in names]
+    columns = [
+        (
+            f.name,
+            hints[f.name],
+            field(default=f.default)
+            if f.default is not dataclasses.MISSING
+            else field(default_factory=typing.cast(Any, f.default_factory)),
+        )
+        for f in kept
+    ]
+    return dataclasses.make_dataclass(f"{schema.__name__}InFiles", columns)
+
+
+StationSettings: Any = _without(StationConfig, _NOT_IN_FILES)
+"""The fields of `StationConfig` that a scenario sets."""
+
+
+@dataclass
+class Scenario:
+    """All that a reach depends on, as Drake's YAML loader reads it."""
+
+    seed: int = 0
+    """Seed of all randomness: the sensors' noise, and the errors of a worn robot."""
+    scene: Scene = field(default_factory=lambda: load_scene("table"))
+    demonstration: str = ""
+    """Folder or file of the demonstration to perform; the one that ships if empty."""
+    avoid_obstacles: bool = True
+    """Whether the scene's coupling bends the movement around obstacles."""
+    robot: str = "ideal"
+    """The robot as in its model, or "worn", with errors that the seed draws."""
+    faults: list[str] = field(default_factory=list)
+    """Signals that fail, as SIGNAL:KIND@START[+DURATION]."""
+    gentle: bool = False
+    """Whether every point of the arm stays below 250 mm/s."""
+    push: list[float] = field(default_factory=list)
+    """Force at the hand on its way, x, y, z in W [N]; none if empty."""
+    push_at: float = 1.5
+    """Start of the push after the arm's start [s]."""
+    station: StationSettings = field(default_factory=StationSettings)
+    """The simulated robot and its cameras."""
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
+    planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
+    controller: DifferentialIkParams = field(default_factory=DifferentialIkParams)
+    """The arm's inverse kinematics."""
+    supervisor: ReachTiming = field(default_factory=ReachTiming)
+    """Durations, timeouts, and the time that planning takes."""
+    contact: ContactParams = field(default_factory=ContactParams)
+    """When a joint counts as held by something."""
+
+    def check(self) -> None:
+        """Checks what the types do not say.
+
+        Raises:
+            InputError: A field makes no sense, or clearances or tolerances are out of order.
+        """
+        self.scene.check()
+        for checked in (self.planner.clearance, self.planner.tolerance, self.planner.following):
+            checked.check()
+        if self.push and len(self.push) != 3:
+            raise InputError(f"push has {len(self.push)} numbers; give three, or none")
+        if self.robot not in ROBOTS:
+            raise InputError(f'robot is "{self.robot}"; it must be {" or ".join(ROBOTS)}')
+        parse_faults(self.faults)
+
+    def reaching_config(self) -> ReachingConfig:
+        """Returns what `Reaching` is built from."""
+        pushes: tuple[ForcePulse, ...] = ()
+        if self.push:
+            x, y, z = self.push
+            pushes = (ForcePulse((x, y, z), self.push_at, _PUSH_DURATION),)
+        return ReachingConfig(
+            station=StationConfig(
+                **dataclasses.asdict(self.station),
+                seed=self.seed,
+                wear=RobotWear.draw(self.seed) if self.robot == "worn" else None,
+                faults=FaultSet(parse_faults(self.faults), self.seed),
+            ),
+            ik=self.controller,
+            planner=self.planner,
+            timing=self.supervisor,
+            perception=self.perception,
+            contact=self.contact,
+            compliance=ComplianceConfig(pushes=pushes) if pushes else None,
+        )
+
+
+def movement_and_config(scenario: Scenario) -> tuple[MovementPrimitive, ReachingConfig]:
+    """Returns the movement of a scenario, and what its diagram is built from.
+
+    Raises:
+        InputError: The demonstration cannot be read.
+    """
+    demonstration = Path(scenario.demonstration) if scenario.demonstration else None
+    primitive, config = (
+        make_primitive(demonstration, scenario.scene.arm),
+        scenario.reaching_config(),
+    )
+    if scenario.gentle:
+        primitive, config.ik = make_gentle(primitive, config.ik)
+    return primitive, config
+
+
+def build_reaching(scenario: Scenario) -> Reaching:
+    """Builds the diagram of a scenario.
+
+    Raises:
+        InputError: The demonstration cannot be read.
+    """
+    primitive, config = movement_and_config(scenario)
+    coupling = make_coupling(scenario.scene.coupling if scenario.avoid_obstacles else "none")
+    return Reaching(scenario.scene, primitive, coupling, config)
+
+
+def load_scenario(path: Path | None = None, settings: Sequence[str] = ()) -> Scenario:
+    """Loads a scenario.
+
+    Args:
+        path: The YAML file; what it leaves out keeps its default. All defaults if None.
+        settings: Such as `planner.clearance.want=0.02`, on top of the file.
+
+    Raises:
+        InputError: The file or a setting does not fit; the sentence names file, line and field.
+    """
+    scenario = Scenario() if path is None else load_yaml(Scenario, path, Scenario())
+    scenario = with_settings(scenario, settings)
+    try:
+        scenario.check()
+    except InputError as error:
+        raise InputError(f"{path or '--set'}: {error}") from None
+    return scenario
+
+
+def save_scenario(scenario: Scenario, path: Path) -> None:
+    """Writes a whole scenario, from which `load_scenario` makes the same."""
+    save_yaml(scenario, path)
+
+
+def add_scenario_options(parser: ArgumentParser) -> None:
+    """Adds `--scenario` and `--set`."""
+    parser.add_argument(
+        "--scenario",
+        type=Path,
+        metavar="FILE",
+        help="scene, robot and every tuned number, as a YAML file such as a run's scenario.yaml; "
+        "what it leaves out keeps its default, and other options come on top",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="FIELD=VALUE",
+        help="set one field of the scenario, as in planner.clearance.want=0.02; may be given more "
+        "than once",
+    )
+
+
+def scenario_of(options: Namespace) -> Scenario:
+    """Loads the scenario that the options of `add_scenario_options` name.
+
+    Raises:
+        InputError: As `load_scenario`.
+    """
+    return load_scenario(options.scenario, options.set)

@@ -1,0 +1,182 @@
+"""Estimates that are no numbers, or senseless ones, are caught before anybody acts on them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.common.value import AbstractValue, Value
+from pydrake.math import RigidTransform
+from pydrake.perception import PointCloud
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    EventStatus,
+    InputPort,
+    State,
+)
+
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
+
+_FARTHEST = 12.0
+"""No depth camera of the robot's sees farther [m]."""
+_FARTHEST_GOAL = 100.0
+"""No goal is so far from where the robot began [m]."""
+_LARGEST_SHARE = 0.02
+"""A cloud with a larger share of senseless points is none."""
+
+
+class PoseGuard(LeafSystem):
+    """Passes a pose on; while its position is not finite, or far away, the last other is given.
+
+    .. pydrake_system::
+
+        name: PoseGuard
+        input_ports:
+        - pose
+        output_ports:
+        - pose
+        - age
+
+    Input and output: `pose`, a RigidTransform; `age` (1), time since the pose was finite at a tick
+    [s], 0 while it is. State: the last finite pose (abstract) and its age, at `time_step`.
+    """
+
+    def __init__(self, *, time_step: float = 0.05) -> None:
+        super().__init__()
+        self._time_step = time_step
+        self.pose_input: InputPort = self.DeclareAbstractInputPort("pose", Value(RigidTransform()))
+        self._pose = self.DeclareAbstractState(Value(RigidTransform()))
+        self._age = self.DeclareDiscreteState(1)
+        self.DeclareAbstractOutputPort(
+            "pose",
+            lambda: Value(RigidTransform()),
+            self._calc_pose,
+            prerequisites_of_calc={
+                self.abstract_state_ticket(self._pose),
+                self.pose_input.ticket(),
+            },
+        )
+        self.DeclareStateOutputPort("age", self._age)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
+
+    def _is_finite(self, context: Context) -> bool:
+        pose = self.pose_input.Eval(context).GetAsMatrix34()
+        return bool(np.isfinite(pose).all() and np.abs(pose[:, 3]).max() < _FARTHEST_GOAL)
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        age = state.get_mutable_discrete_state(self._age).get_mutable_value()
+        if not self._is_finite(context):
+            age[0] += self._time_step
+            return EventStatus.Succeeded()
+        age[0] = 0.0
+        state.get_mutable_abstract_state(int(self._pose)).set_value(self.pose_input.Eval(context))
+        return EventStatus.Succeeded()
+
+    def _calc_pose(self, context: Context, output: Value) -> None:
+        finite = self._is_finite(context)
+        kept = context.get_abstract_state(int(self._pose)).get_value()
+        output.set_value(self.pose_input.Eval(context) if finite else kept)
+
+
+@dataclass(frozen=True)
+class _Clouds:
+    """The last clouds that made sense, with their stamp; they never change."""
+
+    cloud: AbstractValue
+    cloud_torso: AbstractValue
+    stamp: float
+
+    def __deepcopy__(self, memo: dict) -> "_Clouds":
+        return self
+
+
+class CloudGuard(LeafSystem):
+    """Passes clouds on that make sense; else the last that did, with the stamp that they had.
+
+    A cloud makes no sense if more than a few of its points are not finite or farther away than
+    any depth camera sees. As its stamp stands, whoever watches the stamp notices.
+
+    .. pydrake_system::
+
+        name: CloudGuard
+        input_ports:
+        - cloud
+        - cloud_torso
+        - time_stamp
+        output_ports:
+        - cloud
+        - cloud_torso
+        - time_stamp
+
+    Inputs and outputs: `cloud` in W and `cloud_torso` in T (PointCloud); `time_stamp` (1) [s].
+    State: the last that made sense (abstract), at `time_step`.
+    """
+
+    def __init__(self, *, time_step: float = 0.05) -> None:
+        super().__init__()
+        model = Value(PointCloud())
+        self._cloud: InputPort = self.DeclareAbstractInputPort("cloud", model)
+        self._cloud_torso: InputPort = self.DeclareAbstractInputPort("cloud_torso", model)
+        self._time_stamp: InputPort = self.DeclareVectorInputPort("time_stamp", 1)
+        nothing = _Clouds(model.Clone(), model.Clone(), -np.inf)
+        self._last = self.DeclareAbstractState(Value[object](nothing))
+        state = self.abstract_state_ticket(self._last)
+        self._sense = self.DeclareCacheEntry(
+            "whether the clouds make sense",
+            ValueProducer(allocate=lambda: Value[object](True), calc=self._calc_sense),
+            prerequisites_of_calc={self._cloud.ticket(), self._cloud_torso.ticket()},
+        )
+        for port in (self._cloud, self._cloud_torso):
+            self._declare_cloud(port, {state, port.ticket(), self._sense.ticket()})
+        self.DeclareVectorOutputPort(
+            "time_stamp",
+            1,
+            self._calc_stamp,
+            prerequisites_of_calc={state, self._time_stamp.ticket(), self._sense.ticket()},
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
+
+    def _declare_cloud(self, port: InputPort, ready: set) -> None:
+        name = port.get_name()
+
+        def calc(context: Context, output: AbstractValue) -> None:
+            if self._sense.Eval(context):
+                output.SetFrom(self.EvalAbstractInput(context, port.get_index()))
+            else:
+                output.SetFrom(getattr(self._kept(context), name))
+
+        self.DeclareAbstractOutputPort(
+            name, lambda: Value(PointCloud()), calc, prerequisites_of_calc=ready
+        )
+
+    def _kept(self, context: Context) -> _Clouds:
+        return context.get_abstract_state(int(self._last)).get_value()
+
+    def _calc_sense(self, context: Context, sense: Value) -> None:
+        clouds = (self._cloud.Eval(context), self._cloud_torso.Eval(context))
+        sense.set_value(all(makes_sense(cloud) for cloud in clouds))
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        stamp = float(self._time_stamp.Eval(context)[0])
+        if stamp == self._kept(context).stamp or not self._sense.Eval(context):
+            return EventStatus.DidNothing()
+        cloud, cloud_torso = (
+            self.EvalAbstractInput(context, port.get_index()).Clone()
+            for port in (self._cloud, self._cloud_torso)
+        )
+        clouds = _Clouds(cloud, cloud_torso, stamp)
+        state.get_mutable_abstract_state(int(self._last)).set_value(clouds)
+        return EventStatus.Succeeded()
+
+    def _calc_stamp(self, context: Context, output: BasicVector) -> None:
+        present = bool(self._sense.Eval(context))
+        stamp = self._time_stamp.Eval(context)[0] if present else self._kept(context).stamp
+        output.SetAtIndex(0, float(stamp))
+
+
+def makes_sense(cloud: PointCloud) -> bool:
+    """Whether nearly all points of a cloud may have been seen by the robot's depth camera."""
+    points = cloud.xyzs()
+    if points.size == 0:
+        return True
+    senseless = ~(np.abs(points) < _FARTHEST).all(axis=0)
+    return bool(np.count_nonzero(senseless) <= _LARGEST_SHARE * points.shape[1])

@@ -1,0 +1,81 @@
+"""Depth images taken in so far, as the state of the system that turns them into a cloud."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+from pydrake.perception import PointCloud
+
+from pepper_drake.perception.mapping.cloud import SurfacePoints, to_point_cloud
+from pepper_drake.perception.mapping.depth_validity import DepthFault
+from pepper_drake.perception.mapping.dynamic_obstacle_tracker import DynamicObstacleTracker
+from pepper_drake.perception.mapping.seen_space import SeenSpace
+from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
+
+_SETTLED_SCORE = 3
+"""Voxels of this score were seen often enough for an image to be held against them."""
+
+
+@dataclass(frozen=True)
+class ObstacleMemory:
+    """State of the DepthPointCloudSource. Never changed once made.
+
+    Attributes:
+        voxels: What was seen.
+        time: Of the last image used [s].
+        stamp: Of the last image that came [s].
+        image: That image.
+        X_WC: The camera's pose for it.
+        fault: Why it was not used.
+        X_WO: The goal object's last known pose.
+        surface: The map's points.
+        cloud: The same in W.
+        X_WT: The torso's pose for which the cloud in T is made, when someone asks for it.
+        watch: What moves.
+        space: What is free, occupied and unknown.
+    """
+
+    voxels: VoxelMap
+    time: float
+    stamp: float
+    image: npt.NDArray[np.uint16]
+    X_WC: RigidTransform
+    fault: DepthFault
+    X_WO: RigidTransform | None
+    surface: SurfacePoints
+    cloud: PointCloud
+    X_WT: RigidTransform
+    watch: DynamicObstacleTracker
+    space: SeenSpace
+
+    @classmethod
+    def empty(cls, parameters: VoxelMapParameters) -> "ObstacleMemory":
+        """Returns the memory before the first image."""
+        voxels = VoxelMap.empty()
+        surface = voxels.surface()
+        return cls(
+            voxels=voxels,
+            time=-np.inf,
+            stamp=-np.inf,
+            image=np.zeros((0, 0), np.uint16),
+            X_WC=RigidTransform(),
+            fault=DepthFault.MISSING,
+            X_WO=None,
+            surface=surface,
+            cloud=to_point_cloud(surface),
+            X_WT=RigidTransform(),
+            watch=DynamicObstacleTracker(),
+            space=SeenSpace(voxels, parameters=parameters),
+        )
+
+    def settled_points(self) -> npt.NDArray[np.float32]:
+        """Returns places (P, 3) of what has stood there since it was seen first, in W [m]."""
+        settled = self.voxels.scores >= _SETTLED_SCORE
+        if len(self.watch.transient_keys):
+            settled &= ~np.isin(self.voxels.keys, self.watch.transient_keys)
+        return self.voxels.positions[settled]
+
+    def __deepcopy__(self, memo: dict) -> "ObstacleMemory":
+        """Returns itself: Drake copies the state at each event, and this never changes."""
+        return self

@@ -1,0 +1,74 @@
+"""A served Pepper of kinematics alone, in real time on a thread, with faults on demand."""
+
+import asyncio
+import threading
+import time
+from contextlib import contextmanager
+
+from pepper_drake.naoqi.constants import CYCLE
+from pepper_drake.robot_server.robot_port import KinematicRobot
+from pepper_drake.robot_server.served_pepper import ServedPepper
+from pepper_drake.robot_server.server import QiServer
+
+
+class ServedRobot:
+    """The server, its robot, and when time passes for it."""
+
+    def __init__(self, **options):
+        self.robot = KinematicRobot(now=time.time())
+        self.lines = []
+        self.pepper = ServedPepper(self.robot, log=self.lines.append)
+        self.server = QiServer(self.pepper.services, port=0, **options)
+        self.pepper.finder = self.server
+        self.frozen = False
+        self.loop = asyncio.new_event_loop()
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    @property
+    def address(self):
+        return self.server.address
+
+    def start(self):
+        self._thread.start()
+        assert self._ready.wait(10)
+
+    def stop(self):
+        self.do(self._task.cancel)
+        asyncio.run_coroutine_threadsafe(self.server.close(), self.loop).result(10)
+        self.loop.call_soon_threadsafe(self.loop.stop)
+        self._thread.join(10)
+
+    def do(self, action):
+        """Does something on the server's loop and waits for it."""
+
+        async def run():
+            return action()
+
+        return asyncio.run_coroutine_threadsafe(run(), self.loop).result(10)
+
+    def _run(self):
+        asyncio.set_event_loop(self.loop)
+        self.loop.run_until_complete(self.server.start())
+        self._task = self.loop.create_task(self._cycles())
+        self._ready.set()
+        self.loop.run_forever()
+
+    async def _cycles(self):
+        due = time.monotonic()
+        while True:
+            if not self.frozen:
+                self.robot.advance(CYCLE)
+                self.pepper.step()
+            due = max(due + CYCLE, time.monotonic() - CYCLE)
+            await asyncio.sleep(max(due - time.monotonic(), 0.0))
+
+
+@contextmanager
+def served(**options):
+    robot = ServedRobot(**options)
+    robot.start()
+    try:
+        yield robot
+    finally:
+        robot.stop()

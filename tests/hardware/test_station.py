@@ -1,0 +1,137 @@
+"""The station of a served robot, advanced with the clock."""
+
+import time
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+from served import served
+
+from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.hardware.link import LinkConfig
+from pepper_drake.hardware.link_fault import LinkFault
+from pepper_drake.hardware.link_process import LinkProcess
+from pepper_drake.hardware.paced_run import run_paced
+from pepper_drake.hardware.preflight import PreflightOptions
+from pepper_drake.hardware.station import HardwareStation
+from pepper_drake.hardware.transport import RobotAccess
+from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
+from pepper_drake.models.scene import load_scene
+from pepper_drake.naoqi.constants import JOINTS
+from pepper_drake.robot_server.robot_port import CameraImage
+
+PREPARED = PreflightOptions(disable_life=True)
+
+
+def linked(robot, **options):
+    return LinkProcess(RobotAccess(robot.address), LinkConfig("right", **options), PREPARED)
+
+
+def test_it_has_the_ports_of_the_simulated_station():
+    simulated = PepperStation(load_scene("table"), StationConfig(), shared_control_model())
+    with served() as robot, linked(robot) as link:
+        link.wait_until_ready()
+        station = HardwareStation(link, shared_control_model())
+        for direction in ("Input", "Output"):
+            names = [
+                {
+                    getattr(s, f"get_{direction.lower()}_port")(k).get_name()
+                    for k in range(getattr(s, f"num_{direction.lower()}_ports")())
+                }
+                for s in (simulated, station)
+            ]
+            missing = {
+                name
+                for name in names[0] - names[1]
+                if not name.startswith("ground_truth") and name != "applied_forces"
+            }
+            assert missing == set()
+        for name in names[0] & names[1]:
+            ours, its = station.GetOutputPort(name), simulated.GetOutputPort(name)
+            assert ours.get_data_type() == its.get_data_type()
+            assert ours.size() == its.size()
+
+
+def test_a_path_is_performed_and_seen():
+    row = shared_control_model().position_indices(["RElbowRoll"])[0]
+    column = BODY_JOINTS.index("RElbowRoll")
+    with served() as robot, linked(robot) as link:
+        link.wait_until_ready()
+        start = np.array(link.state()["positions"])
+        goal = start.copy()
+        goal[column] += 0.4
+        begin = time.monotonic()
+        builder = DiagramBuilder()
+        station = builder.AddSystem(HardwareStation(link, shared_control_model(), begin))
+        path = PiecewisePolynomial.CubicHermite(
+            np.array([0.0, 0.3, 1.8]), np.array([start, start, goal]).T, np.zeros((15, 3))
+        )
+        source = builder.AddSystem(TrajectorySource(path, zero_derivatives_beyond_limits=True))
+        still = builder.AddSystem(ConstantVectorSource(np.zeros(3)))
+        off = builder.AddSystem(ConstantVectorSource([0.0]))
+        builder.Connect(source.get_output_port(), station.GetInputPort("joint_position_command"))
+        builder.Connect(still.get_output_port(), station.GetInputPort("base_velocity_command"))
+        for name in ("top", "bottom"):
+            builder.Connect(off.get_output_port(), station.GetInputPort(f"camera_{name}.enabled"))
+        diagram = builder.Build()
+        simulator = Simulator(diagram)
+        context = station.GetMyContextFromRoot(simulator.get_context())
+        speeds, seen = [], []
+
+        def is_over():
+            link.check()
+            image = CameraImage(robot.robot.now, np.full((240, 320), 2.0, np.float32))
+            robot.do(lambda: robot.robot.images.update({2: image}))
+            now = simulator.get_context().get_time()
+            speeds.append((now, station.GetOutputPort("joint_velocity").Eval(context)[column]))
+            stamp = station.GetOutputPort("camera_depth.time_stamp").Eval(context)[0]
+            position = station.GetOutputPort("camera_depth.position").Eval(context)
+            if np.isfinite(stamp) and (not seen or stamp != seen[-1][0]):
+                seen.append((stamp, position[row]))
+            return simulator.get_context().get_time() > 2.5
+
+        pacing = run_paced(simulator, begin, is_over)
+        angle = robot.do(lambda: robot.robot.state().positions[JOINTS.index("RElbowRoll")])
+        assert angle == pytest.approx(goal[column], abs=1e-3)
+        measured = station.GetOutputPort("joint_position").Eval(context)
+        np.testing.assert_allclose(measured, goal, atol=2e-3)
+        # The whole way, integrated: single speeds jitter with when the robot is asked.
+        times, rates = np.array(speeds).T
+        assert np.trapezoid(rates, times) == pytest.approx(0.4, rel=0.15)
+        assert pacing.steps > 60
+        status = station.GetOutputPort("link_status").Eval(context)
+        assert status.is_fresh
+        assert not status.fault
+        image = station.GetOutputPort("camera_depth.image").Eval(context)
+        assert (image.width(), image.height()) == (320, 240)
+        assert set(np.unique(image.data)) == {2000}
+        stamp = station.GetOutputPort("camera_depth.time_stamp").Eval(context)[0]
+        assert 1.5 < stamp < 2.6
+        # The joints are those of the capture, not those of when the image came.
+        moving = [(stamp, angle) for stamp, angle in seen if 0.6 < stamp < 1.6]
+        assert len(moving) >= 3
+        for stamp, angle in moving:
+            # The arm runs one lookahead less one cycle ahead of its plan.
+            ahead = path.value(stamp + 0.03)[column, 0]
+            assert angle == pytest.approx(ahead, abs=0.02)
+        assert station.GetOutputPort("camera_top.time_stamp").Eval(context)[0] == -np.inf
+
+
+def test_a_robot_that_is_not_ready_is_told_by_the_process():
+    with served() as robot:
+        robot.do(lambda: robot.pepper.motion.set_stiffnesses("RArm", 0.0))
+        with linked(robot) as link, pytest.raises(LinkFault) as fault:
+            link.wait_until_ready()
+        assert fault.value.word == "robot_not_ready"
+        assert "stiffness" in str(fault.value)
+
+
+def test_nobody_at_the_address():
+    access = RobotAccess("tcp://127.0.0.1:9")
+    with LinkProcess(access, LinkConfig("right"), PREPARED) as link, pytest.raises(LinkFault) as e:
+        link.wait_until_ready()
+    assert e.value.word == "robot_unreachable"
+    assert str(e.value).count("no robot answers") == 1

@@ -1,0 +1,64 @@
+import time
+
+import numpy as np
+import pytest
+
+from pepper_drake.models.scene import load_scene
+from pepper_drake.naoqi.constants import CHAINS, JOINTS
+from pepper_drake.robot_server.robot_port import RobotCommand
+from pepper_drake.robot_server.simulated_robot import SimulatedRobot
+from pepper_drake.robot_server.simulator import SimulatorConfig
+
+_ARM = [JOINTS.index(name) for name in CHAINS["RArm"][:5]]
+_ELBOW, _WRIST = JOINTS.index("RElbowRoll"), JOINTS.index("RWristYaw")
+
+
+@pytest.fixture(scope="module")
+def robot():
+    with SimulatedRobot(SimulatorConfig(load_scene("free"))) as started:
+        started.wait_until_ready()
+        yield started
+
+
+def _command(robot: SimulatedRobot, seconds: float, positions, stiffness) -> list[np.ndarray]:
+    """Commands as ALMotion does, limp joints to where they are; returns what was measured."""
+    path, last = [], -1.0
+    state = robot.state()
+    end, give_up = state.time + seconds, time.monotonic() + 60 * seconds
+    while state.time < end:
+        assert time.monotonic() < give_up, "the robot's clock stands still"
+        if state.time > last:
+            last = state.time
+            path.append(state.positions)
+            wanted = np.where(stiffness > 0.0, positions, state.positions)
+            robot.command(RobotCommand(wanted, stiffness))
+        time.sleep(0.002)
+        state = robot.state()
+    return path
+
+
+def test_a_limp_arm_stays_where_it_was_left_and_a_stiff_one_goes_on_from_there(robot):
+    stiff = np.ones(len(JOINTS))
+    start = robot.state().positions
+    moved = start.copy()
+    moved[_ELBOW] += 0.3
+    # Still on its way when it goes limp: friction brakes it.
+    _command(robot, 0.3, moved, stiff)
+    limp = stiff.copy()
+    limp[_ARM] = 0.0
+    path = np.array(_command(robot, 4.0, moved, limp))
+    rest = path[len(path) // 4]
+    np.testing.assert_allclose(path[-1][_ARM], rest[_ARM], atol=0.01)
+    stiffened = np.array(_command(robot, 1.0, path[-1], stiff))
+    assert np.abs(stiffened[:, _ARM] - path[-1][_ARM]).max() < 0.01
+
+
+def test_one_joint_goes_limp_alone(robot):
+    one = np.ones(len(JOINTS))
+    one[_WRIST] = 0.0
+    start = robot.state().positions
+    target = start.copy()
+    target[[_WRIST, _ELBOW]] += 0.3
+    path = _command(robot, 2.0, target, one)
+    assert path[-1][_ELBOW] == pytest.approx(target[_ELBOW], abs=0.02)
+    assert abs(path[-1][_WRIST] - start[_WRIST]) < 0.1

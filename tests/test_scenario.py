@@ -1,0 +1,92 @@
+import dataclasses
+
+import pytest
+
+from pepper_drake.errors import InputError
+from pepper_drake.models.scene import load_scene
+from pepper_drake.planning.collision.clearance_table import ClearanceTable
+from pepper_drake.scenario import Scenario, load_scenario, save_scenario
+
+
+def leaves(value, prefix=""):
+    """Names and values of all fields of nested dataclasses."""
+    for f in dataclasses.fields(value):
+        inner, name = getattr(value, f.name), f"{prefix}{f.name}"
+        if dataclasses.is_dataclass(inner):
+            yield from leaves(inner, f"{name}.")
+        else:
+            yield name, inner
+
+
+def test_a_saved_scenario_is_loaded_whole(tmp_path):
+    scenario = load_scenario(
+        None,
+        [
+            "seed=7",
+            "planner.clearance.want=0.018",
+            "faults=['depth:stuck@4+2', 'encoders:garbage@reach']",
+        ],
+    )
+    scenario.scene = load_scene("shelf")
+    save_scenario(scenario, tmp_path / "scenario.yaml")
+    assert load_scenario(tmp_path / "scenario.yaml") == scenario
+
+
+ORDERED = ("planner.clearance.", "planner.tolerance.", "planner.following.")
+FREE = [
+    name
+    for name, value in leaves(Scenario())
+    if isinstance(value, float) and value != 0.0 and not name.startswith(("scene.", *ORDERED))
+]
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_every_number_can_be_set_by_its_name_and_nothing_else_changes(name):
+    before = dict(leaves(Scenario()))
+    wanted = 0.75 * before[name]
+    assert dict(leaves(load_scenario(None, [f"{name}={wanted!r}"]))) == before | {name: wanted}
+
+
+def test_clearances_stay_in_their_order():
+    names = [f.name for f in dataclasses.fields(ClearanceTable)]
+    values = [getattr(ClearanceTable(), name) for name in names]
+    assert values == sorted(values)
+    for name, above in zip(names[:-2], values[1:-1], strict=True):
+        with pytest.raises(InputError, match="must be greater than"):
+            load_scenario(None, [f"planner.clearance.{name}={above + 0.1}"])
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        (["planner.clearence.want=1"], 'planner has no field "clearence"'),
+        (["station.wear=1"], 'station has no field "wear"'),
+        (["scene.arm=both"], 'arm is "both"'),
+        (["push=[1, 2]"], "push has 2 numbers"),
+        (["seed=many"], 'seed is "many"; it must be a whole number'),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_one_line(settings, sentence):
+    with pytest.raises(InputError) as error:
+        load_scenario(None, settings)
+    assert sentence in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_holds_only_what_differs(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("seed: 4\nplanner:\n  clearance: {want: 0.018}\n")
+    changed = dict(leaves(load_scenario(path)))
+    same = {"seed": 4, "planner.clearance.want": 0.018}
+    assert changed == dict(leaves(Scenario())) | same
+
+
+def test_the_diagram_is_built_of_the_numbers_of_the_scenario():
+    scenario = load_scenario(
+        None, ["seed=4", "controller.posture_gain=3", "perception.goal_latency=0.1"]
+    )
+    config = scenario.reaching_config()
+    assert config.station.seed == 4
+    assert config.ik.posture_gain == 3.0
+    assert config.perception.goal_latency == 0.1
+    assert config.planner is scenario.planner
