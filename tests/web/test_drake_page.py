@@ -122,7 +122,7 @@ def test_the_page_goes_with_the_program(tmp_path):
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert result.returncode == -9
     server, url = result.stdout.split()
-    psutil.wait_procs([psutil.Process(int(server))] if psutil.pid_exists(int(server)) else [], 10)
+    psutil.wait_procs([psutil.Process(int(server))] if psutil.pid_exists(int(server)) else [], 60)
     with pytest.raises(urllib.error.URLError):
         ask(url)
 
