@@ -86,16 +86,21 @@ class SafeCommand:
             position = np.where(np.abs(position - wish) < _SAME, wish, position)
         return replace(self, position=position, velocity=velocity, wish=wish)
 
-    def compared(self, measured: Vector, params: ContactParams, time_step: float) -> "SafeCommand":
+    def compared(
+        self, measured: Vector | None, params: ContactParams, time_step: float
+    ) -> "SafeCommand":
         """The state after a measurement: a joint that is held stops the robot and sends it back.
 
         Args:
-            measured: Joint positions at the end of the last command's period (n,) [rad].
+            measured: Joint positions at the end of the last command's period (n,) [rad]; None if
+                not all were measured: then no joint is known to be off its command.
             params: What counts as held.
             time_step: The control period [s].
         """
         on_their_way, memory = _kept(params, time_step)
         sent = (*self.sent, self.position)[-on_their_way:]
+        if measured is None:
+            return replace(self, sent=sent, held=np.zeros_like(self.held))
         error = following_error(sent, measured)
         excess = excess_error(error, self.velocity, params)
         held = np.where(excess > 1.0, self.held + 1, 0)

@@ -192,7 +192,8 @@ class SafetyMonitor(LeafSystem):
     def _update(self, context: Context, state: DiscreteValues) -> None:
         command = self._next.Eval(context)
         if self._contact is not None:
-            measured = self.measured_input.Eval(context).copy()
+            is_measured = self._scalar(context, self.measurement_age_input, 0.0) == 0.0
+            measured = self.measured_input.Eval(context).copy() if is_measured else None
             command = command.compared(measured, self._contact, self._time_step)
         state.set_value(self._state, self._layout.to_vector(command))
 

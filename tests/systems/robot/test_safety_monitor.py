@@ -161,6 +161,20 @@ def test_a_joint_that_is_held_is_noticed_within_a_tenth_of_a_second_and_goes_bac
     assert rig.accelerations().max() <= 10.0 + 1e-9
 
 
+def test_a_joint_that_is_not_measured_is_not_called_held():
+    rig = Rig(contact=ContactParams())
+    velocity = np.array([1.0, 0, 0, 0, 0])
+    rig.drive(velocity, 0.3)
+    end = rig.passed_commands[-1][0]
+    rig.monitor.measurement_age_input.FixValue(rig.context, [0.02, 0.0])
+    rig.drive(velocity, 0.1, blocked=(0, end))
+    assert rig.reason() == StopReason.NONE
+    rig.monitor.measurement_age_input.FixValue(rig.context, [0.2, 0.0])
+    rig.monitor.missing_joint_input.FixValue(rig.context, [0.0])
+    assert rig.reason() == StopReason.JOINTS_NOT_MEASURED
+    assert rig.joint() == 0
+
+
 def test_joints_that_follow_are_never_held():
     rig = Rig(contact=ContactParams())
     rig.drive(np.array([-3.0, 0.3, 2.0, 1.0, -2.0]), 0.3)
