@@ -48,8 +48,20 @@ def reproduction():
     return Reproduction(primitive, arm="right", positions=positions)
 
 
+OTHERS = set()
+"""Threads of renderers that other tests of this process still use."""
+
+
+@pytest.fixture(autouse=True)
+def _others():
+    gc.collect()
+    OTHERS.clear()
+    OTHERS.update(renderers())
+
+
 def renderers():
-    return [thread for thread in threading.enumerate() if thread.name.startswith("renderer")]
+    alive = (thread for thread in threading.enumerate() if thread.name.startswith("renderer"))
+    return [thread for thread in alive if thread not in OTHERS]
 
 
 def systems():

@@ -206,6 +206,10 @@ def no_change(it):
 
 def test_a_command_that_is_no_number_ends_the_run():
     async def scenario(it):
+        for _ in range(200):  # Until the first state has come.
+            if it.arm().any():
+                break
+            await asyncio.sleep(0.02)
         with no_change(it):
             for _ in range(20):
                 it.command(START * np.nan)

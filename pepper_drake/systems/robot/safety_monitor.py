@@ -191,10 +191,16 @@ class SafetyMonitor(LeafSystem):
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         command = self._next.Eval(context)
-        if self._contact is not None:
+        # What stands in for a measurement that did not come is no witness of a contact.
+        if self._contact is not None and not self._is_stale(context):
             measured = self.measured_input.Eval(context).copy()
             command = command.compared(measured, self._contact, self._time_step)
         state.set_value(self._state, self._layout.to_vector(command))
+
+    def _is_stale(self, context: Context) -> bool:
+        """True if the joints were not measured at this tick."""
+        port = self.measurement_age_input
+        return port.HasValue(context) and not float(port.Eval(context)[0]) <= 0.5 * self._time_step
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._next.Eval(context).position)
