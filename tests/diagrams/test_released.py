@@ -105,6 +105,10 @@ def test_a_simulated_reach_takes_its_renderer_with_it():
     assert threading.active_count() == before
 
 
+def _add(ports, context, out):
+    out.SetFromVector(sum(port.Eval(context) for port in ports))
+
+
 class Everything(LeafSystem):
     """Declares all that Drake calls back."""
 
@@ -123,6 +127,9 @@ class Everything(LeafSystem):
         )
         self.partial = self.DeclareVectorOutputPort(
             "twice", 1, partial(Everything._output, self), {self.input.ticket()}
+        )
+        self.sum = self.DeclareVectorOutputPort(
+            "sum", 1, partial(_add, [self.input, self.input]), {self.input.ticket()}
         )
         self.DeclarePeriodicDiscreteUpdateEvent(0.1, 0.0, self._update)
         self.DeclareInitializationDiscreteUpdateEvent(self._update)
@@ -145,6 +152,7 @@ def test_a_system_is_freed_whatever_it_declares():
     assert system.method.Eval(context) == [6.0]
     assert system.closure.Eval(context) == [6.0]
     assert system.partial.Eval(context) == [6.0]
+    assert system.sum.Eval(context) == [6.0]
     gone = weakref.ref(system)
     del system, context
     gc.collect()
