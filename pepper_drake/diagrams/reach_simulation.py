@@ -24,7 +24,7 @@ from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.diagrams.touch_report import arm_speed, stopping_time, touch_speed
 from pepper_drake.models.control_model import arm_joints, body_indices
-from pepper_drake.models.pepper import hand_frame
+from pepper_drake.models.pepper import JOINT_GROUPS, hand_frame
 from pepper_drake.models.scene import Scene, save_scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points, make_cloud
 from pepper_drake.planning.reach.reach_mode import ReachMode
@@ -326,7 +326,10 @@ class ReachSimulation:
         failed = np.flatnonzero(log.mode == ReachMode.FAILED)
         if len(failed):
             report.stopping_seconds = stopping_time(
-                times, log.joint_command_rad, log.base_pose_m_m_rad, float(times[failed[0]])
+                times,
+                log.joint_command_rad[:, len(JOINT_GROUPS["head"]) :],
+                log.base_pose_m_m_rad,
+                float(times[failed[0]]),
             )
         report.faults = [str(fault) for fault in station.config.faults.faults]
 

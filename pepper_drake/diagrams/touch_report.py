@@ -118,7 +118,7 @@ def stopping_time(
 
     Args:
         times: (N,) [s], evenly spaced.
-        joint_commands: (N, 15) [rad].
+        joint_commands: Of the joints that have to stand (N, n) [rad].
         base_poses: (N, 3) [m, m, rad].
         since: Time of the event [s].
     """

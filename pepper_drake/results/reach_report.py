@@ -64,7 +64,7 @@ class ReachReport:
     command_acceleration: float = 0.0
     """Largest acceleration of a joint's commands [rad/s^2]."""
     stopping_seconds: float | None = None
-    """After a failure: time until joints and base stood still; None if the run ended before."""
+    """After a failure: time until arms, body and base stood still; None if the run ended before."""
     faults: list[str] = field(default_factory=list)
     """The faults that were injected, as SIGNAL:KIND@START[+DURATION]."""
     tracking_error_rms: float | None = None

@@ -71,14 +71,14 @@ def test_pages_leave_nothing_behind():
             page.meshcat.AddButton("Go")
 
     use()
-    used = count()
-    before = used
+    before = count()
     with offline_meshcat():
-        assert count() == used, "the page's own is used again"
+        # What other tests left may go meanwhile.
+        assert np.all(np.array(count()) <= before), "the page's own is used again"
     for _ in range(3):
         with offline_meshcat():
             pass
-    assert count() == before
+    assert np.all(np.array(count()) <= before)
 
 
 def drawn(meshcat):

@@ -192,10 +192,16 @@ class SafetyMonitor(LeafSystem):
     def _update(self, context: Context, state: DiscreteValues) -> None:
         command = self._next.Eval(context)
         if self._contact is not None:
-            is_measured = self._scalar(context, self.measurement_age_input, 0.0) == 0.0
-            measured = self.measured_input.Eval(context).copy() if is_measured else None
+            # What stands in for a measurement that did not come is no witness of a contact.
+            stale = self._is_stale(context)
+            measured = None if stale else self.measured_input.Eval(context).copy()
             command = command.compared(measured, self._contact, self._time_step)
         state.set_value(self._state, self._layout.to_vector(command))
+
+    def _is_stale(self, context: Context) -> bool:
+        """True if the joints were not measured at this tick."""
+        port = self.measurement_age_input
+        return port.HasValue(context) and not float(port.Eval(context)[0]) <= 0.5 * self._time_step
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._next.Eval(context).position)
