@@ -73,6 +73,7 @@ class ReachState:
         suspended_plan: While the arm has retreated: the plan that is taken up again later.
         arrived: When the base last arrived where it was sent [s].
         started: When the arm first started [s].
+        blind: Time for which the arm waited because depth images did not come [s].
         pending: Results of computations that have no effect yet.
     """
 
@@ -94,6 +95,7 @@ class ReachState:
     suspended_plan: ReachPlan | None = None
     arrived: float = np.nan
     started: float = np.nan
+    blind: float = 0.0
     pending: tuple[Pending, ...] = ()
 
     @property

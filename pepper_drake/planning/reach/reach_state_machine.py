@@ -20,6 +20,8 @@ _ROUNDING = 1e-9
 """Of times [s]."""
 _MOVED_BASE = 0.03
 """Displacement of the base during a reach that is named as the cause of a failure [m]."""
+_BLIND = 2.0
+"""Waiting for depth images for longer is named as the cause of a failure [s]."""
 _MOVED_TORSO = 0.05
 """The same for hip and knee [rad]."""
 
@@ -223,7 +225,9 @@ class _Supervision:
         """Checks the rest of the movement against a new cloud; see `ReachReplanner`."""
         observation, plan = self._observation, state.plan
         if observation.cloud_age > self._timing.cloud_timeout:
-            return state if state.braking else replace(state, braking=True, pending=())
+            blind = state.blind + self._timing.time_step
+            pending = state.pending if state.braking else ()
+            return replace(state, braking=True, pending=pending, blind=blind)
         if plan is None or observation.cloud_time == state.cloud_time:
             return state
         state = replace(state, cloud_time=observation.cloud_time)
@@ -290,6 +294,11 @@ class _Supervision:
             return "contact", (
                 f"the arm is held or touches something: its {name} is {degrees:.0f} degrees off "
                 f"its command; {symptom}"
+            )
+        if state.blind > _BLIND:
+            return "cloud_missing", (
+                f"the depth camera's images came so late or so seldom that the arm waited for "
+                f"them for {state.blind:.1f} s; {symptom}"
             )
         if planned is None:
             return None

@@ -137,6 +137,16 @@ def test_a_reach_that_fails_on_the_drive_stops_the_base():
     assert np.isnan(one.state.base_goal).all()
 
 
+def test_images_that_come_too_seldom_are_the_cause_of_a_reach_that_takes_too_long():
+    one = Supervised().until(ReachMode.REACHING)
+    while one.state.mode == ReachMode.REACHING:
+        # A new image every second: the arm waits for half of the time.
+        one.image_time = np.floor(one.time)
+        one.step()
+    assert one.state.reason == "cloud_missing"
+    assert "so late or so seldom" in one.state.message
+
+
 def test_a_stop_names_the_joint_that_it_is_about():
     one = Supervised().until(ReachMode.REACHING)
     one.set(stop_reason=StopReason.JOINT_HELD, stop_joint="RElbowYaw").failed("joint_held")
