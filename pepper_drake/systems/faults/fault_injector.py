@@ -12,7 +12,7 @@ from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiagramBuilder,
-    EventStatus,
+    DiscreteValues,
     InputPort,
     OutputPort,
     PortDataType,
@@ -72,6 +72,23 @@ class _Memory:
         return self
 
 
+@dataclass(frozen=True)
+class _Memories:
+    """The memory before and after the present tick, and the number of that tick.
+
+    Abstract state changes before discrete state at the same tick. A signal may not change in
+    between: who reads it in a discrete update would find another value than it had until then.
+    """
+
+    before: _Memory
+    after: _Memory
+    number: int
+
+    def __deepcopy__(self, memo: dict) -> "_Memories":
+        """Returns itself: Drake copies the state at each event, and this never changes."""
+        return self
+
+
 class FaultInjector(LeafSystem):
     """Passes a signal on, until it fails.
 
@@ -91,8 +108,9 @@ class FaultInjector(LeafSystem):
 
     Inputs: the ports of the signal; `trigger` (1), not zero from the moment at which a fault
     without a time begins; `neutral`, what a vector is while it is off. Outputs: the signal's ports
-    by the same names. State: a memory of what came (abstract), at the signal's period. The outputs
-    depend on inputs and state, not on time.
+    by the same names. State: a memory of what came (abstract) and the number of the tick from which
+    on it counts (1), at the signal's period. The outputs depend on inputs and state, not on time,
+    and change together with discrete state.
 
     Args:
         fault: What fails, and when.
@@ -130,14 +148,21 @@ class FaultInjector(LeafSystem):
         self._neutral: InputPort | None = None
         if isinstance(first, int):
             self._neutral = self.DeclareVectorInputPort("neutral", first)
-        self._memory = self.DeclareAbstractState(Value[object](_Memory()))
-        state = self.abstract_state_ticket(self._memory)
+        self._memories = self.DeclareAbstractState(
+            Value[object](_Memories(_Memory(), _Memory(), 0))
+        )
+        self._number = self.DeclareDiscreteState(1)
+        state = {
+            self.abstract_state_ticket(self._memories),
+            self.discrete_state_ticket(self._number),
+        }
         for k, (name, (_, model)) in enumerate(ports.items()):
-            ready = {state, self._ports[k].ticket()}
+            ready = {*state, self._ports[k].ticket()}
             if self._neutral is not None and k == 0:
                 ready.add(self._neutral.ticket())
             self._declare_output(name, k, model, ready)
         self.DeclarePeriodicUnrestrictedUpdateEvent(self._signal.period, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(self._signal.period, 0.0, self._count)
 
     def _declare_output(
         self, name: str, index: int, model: int | AbstractValue, ready: set[Any]
@@ -158,7 +183,9 @@ class FaultInjector(LeafSystem):
         )
 
     def _get(self, context: Context) -> _Memory:
-        return context.get_abstract_state(int(self._memory)).get_value()
+        memories = context.get_abstract_state(int(self._memories)).get_value()
+        number = context.get_discrete_state(self._number).value()[0]
+        return memories.after if number == memories.number else memories.before
 
     def _input(self, context: Context, index: int) -> Any:
         port = self._ports[index]
@@ -212,13 +239,16 @@ class FaultInjector(LeafSystem):
         )
         return result if isinstance(value, np.ndarray) else Value(result)
 
-    def _update(self, context: Context, state: State) -> EventStatus:
-        memory, time = self._get(context), context.get_time()
-        after = self._next(context, memory, time)
-        if after is memory:
-            return EventStatus.DidNothing()
-        state.get_mutable_abstract_state(int(self._memory)).set_value(after)
-        return EventStatus.Succeeded()
+    def _update(self, context: Context, state: State) -> None:
+        memory = self._get(context)
+        number = int(context.get_discrete_state(self._number).value()[0])
+        after = self._next(context, memory, context.get_time())
+        memories = _Memories(memory, after, number + 1)
+        state.get_mutable_abstract_state(int(self._memories)).set_value(memories)
+
+    def _count(self, context: Context, discrete_state: DiscreteValues) -> None:
+        number = context.get_discrete_state(self._number).value()[0]
+        discrete_state.set_value(self._number, [number + 1.0])
 
     def _next(self, context: Context, memory: _Memory, time: float) -> _Memory:
         fault, kind = self.fault, self.fault.kind

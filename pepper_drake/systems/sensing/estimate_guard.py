@@ -9,6 +9,7 @@ from pydrake.perception import PointCloud
 from pydrake.systems.framework import (
     BasicVector,
     Context,
+    DiscreteValues,
     EventStatus,
     InputPort,
     State,
@@ -57,19 +58,22 @@ class PoseGuard(LeafSystem):
         )
         self.DeclareStateOutputPort("age", self._age)
         self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
+        # Together with the discrete state of who reads it, not before.
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._grow_old)
 
     def _is_finite(self, context: Context) -> bool:
         pose = self.pose_input.Eval(context).GetAsMatrix34()
         return bool(np.isfinite(pose).all() and np.abs(pose[:, 3]).max() < _FARTHEST_GOAL)
 
     def _update(self, context: Context, state: State) -> EventStatus:
-        age = state.get_mutable_discrete_state(self._age).get_mutable_value()
         if not self._is_finite(context):
-            age[0] += self._time_step
-            return EventStatus.Succeeded()
-        age[0] = 0.0
+            return EventStatus.DidNothing()
         state.get_mutable_abstract_state(int(self._pose)).set_value(self.pose_input.Eval(context))
         return EventStatus.Succeeded()
+
+    def _grow_old(self, context: Context, discrete_state: DiscreteValues) -> None:
+        age = context.get_discrete_state(self._age).value()[0] + self._time_step
+        discrete_state.set_value(self._age, [0.0 if self._is_finite(context) else age])
 
     def _calc_pose(self, context: Context, output: Value) -> None:
         finite = self._is_finite(context)

@@ -4,12 +4,18 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import (
+    ConstantVectorSource,
+    LogVectorOutput,
+    ZeroOrderHold,
+)
 from pydrake.systems.sensors import ImageDepth16U
 
-from pepper_drake.systems.faults.fault import SIGNALS, parse_fault
+from pepper_drake.models.control_model import arm_joints, shared_control_model
+from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_fault
 from pepper_drake.systems.faults.fault_injector import FaultInjector, FaultSet, Role
+from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 
 
 class Rig:
@@ -223,3 +229,58 @@ def test_outputs_depend_on_what_is_declared(ports):
         {"value": [1.0, 2.0], "neutral": [0.0, 0.0]}, {"value": [3.0, 2.0], "neutral": [1.0, 1.0]}
     )
     assert changed == {("value", "value")}
+
+
+class Wishes(LeafSystem):
+    """A sequence of commands (N, n), the next one at each tick, as a controller gives them."""
+
+    def __init__(self, commands):
+        super().__init__()
+        self._commands = commands
+        self._tick = self.DeclareDiscreteState(1)
+        self.DeclareVectorOutputPort(
+            "command",
+            commands.shape[1],
+            self._calc,
+            prerequisites_of_calc={self.discrete_state_ticket(self._tick)},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(0.02, 0.0, self._update)
+
+    def _update(self, context, discrete_state):
+        tick = context.get_discrete_state(self._tick).value()[0]
+        discrete_state.set_value(self._tick, [tick + 1])
+
+    def _calc(self, context, output):
+        tick = int(context.get_discrete_state(self._tick).value()[0])
+        output.SetFromVector(self._commands[min(tick, len(self._commands) - 1)])
+
+
+@pytest.mark.parametrize("kind", sorted(set(KINDS)))
+def test_no_fault_of_the_commands_gets_past_the_limiter(kind):
+    """Commands of an arm that starts and turns, spoilt on their way to the safety monitor."""
+    limits = shared_control_model().command_limits(arm_joints("right"))
+    start = np.array([1.0, -0.5, 0.5, 0.8, 0.1])
+    times = np.arange(0.0, 3.01, 0.02)
+    path = start + 0.4 * np.sin(1.5 * times)[:, None] ** 2 * np.array([1, -0.5, 1, 0.5, 1])
+    builder = DiagramBuilder()
+    wishes = builder.AddSystem(Wishes(path))
+    monitor = builder.AddSystem(SafetyMonitor(limits=limits, start_position=start, time_step=0.02))
+    faults = FaultSet((parse_fault(f"commands:{kind}@0.3"),), seed=1)
+    tapped = faults.tap(builder, "commands", {"position": (Role.VALUE, wishes.get_output_port())})
+    builder.Connect(tapped["position"], monitor.command_input)
+    measured = builder.AddSystem(ConstantVectorSource(start))
+    builder.Connect(measured.get_output_port(), monitor.measured_input)
+    port = monitor.GetOutputPort("safe_joint_position_command")
+    command = builder.AddSystem(ZeroOrderHold(0.02, 5, 0.01))
+    builder.Connect(port, command.get_input_port())
+    # What the joints' own controllers take: the command in the middle of each period.
+    log = LogVectorOutput(command.get_output_port(), builder, 0.02)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(2.9)
+    commands = log.FindLog(simulator.get_context()).data().T[2:]
+    velocity = np.diff(commands, axis=0) / 0.02
+    acceleration = np.diff(velocity, axis=0) / 0.02
+    assert np.isfinite(commands).all()
+    assert np.abs(acceleration).max() <= limits.acceleration[0] + 1e-6
+    assert (np.abs(velocity) <= limits.velocity + 1e-9).all()
+    assert np.abs(np.diff(commands, axis=0)).max() > 0.0
