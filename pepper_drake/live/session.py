@@ -17,7 +17,6 @@ from pepper_drake.learning.demonstrations.recording import (
 )
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.trajectories.joint_trajectories import Retrace
 from pepper_drake.systems.robot.arm_command import ArmMode
 
@@ -267,17 +266,13 @@ class LiveSession:
         if mode == Mode.WAITING:
             return "Something is in the way; the arm has withdrawn and waits for it to go"
         if mode == Mode.REACHING:
-            bent = " on another path" if state.movements > 1 or self._is_adapted(state) else ""
+            bent = " on another path" if self.simulation.is_adapted() else ""
             return f"Reaching{bent}, {left:.0f} mm to go; move the goal or what is in the way"
         if not self.simulation.goal_is_seen():
             return f"{left:.0f} mm from the goal, whose marker is hidden; Reach again, or Stop"
         if self.simulation.has_arrived():
             return "At the goal; move it and the hand follows; Reach again, or Stop"
         return f"{left:.0f} mm from the goal; the hand follows"
-
-    def _is_adapted(self, state: ReachState) -> bool:
-        """Whether the movement is another one than was learned."""
-        return state.movement is not None and state.movement.primitive is not self.primitive
 
     def _describe_next(self) -> str:
         if self.demonstration is None:

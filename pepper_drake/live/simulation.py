@@ -190,6 +190,13 @@ class LiveSimulation:
         supervisor = self.diagram.reaching.supervisor
         return supervisor.progress(self._context(supervisor))
 
+    def is_adapted(self) -> bool:
+        """Tells whether the arm performs another movement than it learned."""
+        supervisor = self.diagram.reaching.supervisor
+        learned = supervisor.demonstrated(self._context(supervisor)).primitive
+        movement = self.reach_state().movement
+        return movement is not None and movement.primitive is not learned
+
     def is_stopped(self) -> bool:
         """Tells whether the safety monitor has stopped the arm since it was told what to do."""
         return bool(self._eval(self.diagram.reaching.safety, "stop_reason")[0])

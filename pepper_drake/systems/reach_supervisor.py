@@ -23,6 +23,7 @@ from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachCommand
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
@@ -184,6 +185,11 @@ class ReachSupervisor(LeafSystem):
         """Returns the present state in a context."""
         return context.get_abstract_state(int(self._state)).get_value()
 
+    def demonstrated(self, context: Context) -> Movement:
+        """Returns the movement as it was demonstrated, with the primitive of now."""
+        movement: Movement = self._planner_entry.Eval(context)["planner"].demonstrated
+        return movement
+
     def observe(self, context: Context) -> Observation:
         """Returns what is known now, from the input ports."""
         ports = self._ports
@@ -251,7 +257,7 @@ class ReachSupervisor(LeafSystem):
 
     def _calc_movement(self, context: Context, output: Value) -> None:
         state = self.progress(context)
-        movement = state.movement or self._planner_entry.Eval(context)["planner"].demonstrated
+        movement = state.movement or self.demonstrated(context)
         output.set_value(movement.numbered(state.active_movement))
 
     def _update(self, context: Context, state: State) -> EventStatus:

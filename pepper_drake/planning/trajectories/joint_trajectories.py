@@ -108,7 +108,7 @@ class Retrace:
     """
 
     def __init__(
-        self, joints: Vector, demonstrated: Vector, *, speed: float = 0.7, stride: int = 40
+        self, joints: Vector, demonstrated: Vector, *, speed: float = 1.0, stride: int = 20
     ) -> None:
         """Makes the path.
 

@@ -27,6 +27,10 @@ _NOT_MEASURED = (
 )
 
 
+_CATCHING = 0.5
+"""How long joints that were led by hand may take to come to rest [s]."""
+
+
 class SafetyMonitor(LeafSystem):
     """Passes joint commands inside every limit; stops the robot, and says why, when it must.
 
@@ -205,7 +209,7 @@ class SafetyMonitor(LeafSystem):
         resets = self._scalar(context, self.reset_input, before)
         state.set_value(self._resets, [resets])
         if resets != before:
-            command = SafeCommand.at_rest(measured)
+            command = SafeCommand.at_rest(measured, round(_CATCHING / self._time_step))
         elif self._contact is not None and self._scalar(context, self.limp_input, 0.0) < 0.5:
             command = command.compared(measured, self._contact, self._time_step)
         state.set_value(self._state, self._layout.to_vector(command))

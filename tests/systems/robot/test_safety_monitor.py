@@ -243,3 +243,16 @@ def test_commands_that_follow_a_limp_joint_are_not_judged():
     rig.command(START)
     rig.advance()
     assert rig.reason() != StopReason.NONE
+
+
+def test_joints_that_still_move_are_caught_after_a_reset_and_held_ones_noticed_later():
+    rig = Rig(contact=ContactParams())
+    rig.monitor.reset_input.FixValue(rig.context, [0.0])
+    rig.advance()
+    rig.monitor.reset_input.FixValue(rig.context, [1.0])
+    rig.advance()
+    rig.monitor.measured_input.FixValue(rig.context, START + 0.05)
+    rig.simulator.AdvanceTo(rig.context.get_time() + 0.4)
+    assert rig.reason() == StopReason.NONE
+    rig.simulator.AdvanceTo(rig.context.get_time() + 0.3)
+    assert rig.reason() == StopReason.JOINT_HELD
