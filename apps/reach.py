@@ -115,8 +115,10 @@ def make_parser() -> ArgumentParser:
         "--no-avoidance", action="store_true", help="leave the obstacle coupling out"
     )
     parser.add_argument(
-        "--unvetted",
+        "--no-collision-check",
+        "--unvetted",  # Its name in release 0.1.
         action="store_true",
+        dest="unvetted",
         help="start whatever is in the way, and do not stop before it: the coupling alone, as the "
         "report has it",
     )

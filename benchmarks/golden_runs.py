@@ -25,7 +25,7 @@ from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 
-SCENES = ("table", "shelf", "clutter", "free", "pepper_drake/models/scenes/teach.yaml")
+SCENES = ("table", "shelf", "clutter", "free", "teach")
 SEEDS = range(20)
 TOLERANCE = 1e-3
 """Clearances and errors may differ by this before they count as changed [m]."""

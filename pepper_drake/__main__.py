@@ -14,6 +14,7 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from pepper_drake import cli
 from pepper_drake.errors import InputError
@@ -70,9 +71,9 @@ def print_completion(files: dict[str, Path], shell: str) -> int:
     parser = argparse.ArgumentParser(prog=PROGRAM)
     commands = parser.add_subparsers()
     for name in files:
-        app = load_app(name)
-        own = app.make_parser is not cli.make_parser
-        options = app.make_parser() if own else cli.make_parser(name, None)
+        app: Any = load_app(name)
+        has_own = getattr(app, "make_parser", cli.make_parser) is not cli.make_parser
+        options = app.make_parser() if has_own else cli.make_parser(name, None)
         commands.add_parser(name, parents=[options], add_help=False, help=name)
     print(shtab.complete(parser, shell))
     return cli.EXIT_DONE

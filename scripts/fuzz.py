@@ -30,7 +30,10 @@ import numpy as np
 from pepper_drake.errors import InputError
 
 LONGEST, MEMORY = 10.0, 2**30
-"""Limits for one file [s, bytes]."""
+"""Limits for one file [s of the processor, bytes]."""
+
+_PATIENCE = 300.0
+"""How long a busy computer is waited for [s]."""
 
 ACCEPTED, REFUSED = "accepted", "refused"
 
@@ -349,7 +352,11 @@ def _work(name: str, numbers: range, seed: int, channel: Connection) -> None:
     for number in numbers:
         channel.send((number, "begins", ""))
         with tempfile.TemporaryDirectory() as folder:
-            channel.send((number, *try_one(form, f"{seed} {name} {number}", Path(folder))))
+            began = time.process_time()
+            outcome, words = try_one(form, f"{seed} {name} {number}", Path(folder))
+            if time.process_time() - began > LONGEST:
+                outcome = f"over {LONGEST:g} s"
+            channel.send((number, outcome, words))
 
 
 def fuzz(name: str, count: int, seed: int) -> collections.Counter[str]:
@@ -362,15 +369,13 @@ def fuzz(name: str, count: int, seed: int) -> collections.Counter[str]:
         process = context.Process(target=_work, args=(name, range(number, count), seed, there))
         process.start()
         there.close()
-        reading, began = -1, time.monotonic()
+        reading = -1
         try:
-            while here.poll(300.0 if reading < 0 else LONGEST + 1.0):
+            while here.poll(_PATIENCE):
                 number, outcome, words = here.recv()
                 if outcome == "begins":
-                    reading, began = number, time.monotonic()
+                    reading = number
                     continue
-                if time.monotonic() - began > LONGEST:
-                    outcome = f"over {LONGEST:g} s"
                 outcomes[outcome] += 1
                 if outcome not in (ACCEPTED, REFUSED):
                     print(f"{name} {number}: {outcome}: {words.strip().splitlines()[-1][:200]}")

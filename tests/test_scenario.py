@@ -1,4 +1,5 @@
 import dataclasses
+from pathlib import Path
 
 import pytest
 
@@ -90,3 +91,9 @@ def test_the_diagram_is_built_of_the_numbers_of_the_scenario():
     assert config.ik.posture_gain == 3.0
     assert config.perception.goal_latency == 0.1
     assert config.planner is scenario.planner
+
+
+def test_the_guide_tells_the_clearances_that_there_are():
+    guide = (Path(__file__).parents[1] / "docs" / "howto" / "scenario.md").read_text()
+    for f in dataclasses.fields(ClearanceTable):
+        assert f"| `{f.name}` | {getattr(ClearanceTable(), f.name):.3f} |" in guide

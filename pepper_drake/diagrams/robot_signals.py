@@ -11,6 +11,7 @@ from pydrake.systems.primitives import Adder, ConstantVectorSource, MatrixGain, 
 from pepper_drake.models.control_model import BODY_JOINTS, CommandLimits
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.robot_wear import RobotWear
+from pepper_drake.perception.cameras.camera import HeadCamera, moved_camera
 from pepper_drake.systems.faults.fault_injector import FaultSet, Role
 from pepper_drake.systems.robot.base_velocity_controller import BaseVelocityController
 from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
@@ -220,6 +221,14 @@ def add_measurements(
     assert missing is not None
     builder.ExportOutput(missing, "missing_joint")
     return ports
+
+
+def worn_camera(wear: RobotWear | None, name: str, camera: HeadCamera) -> HeadCamera:
+    """A camera as it truly is on a robot, by the station's name of it."""
+    own = None if wear is None else wear.cameras.get(name)
+    if own is None:
+        return camera
+    return moved_camera(camera, own.position, own.rotation, own.focal)
 
 
 def add_camera_faults(

@@ -23,6 +23,7 @@ from pepper_drake.diagrams.robot_signals import (
     add_measurements,
     add_servos,
     export_triggers,
+    worn_camera,
 )
 from pepper_drake.diagrams.stereo_camera import StereoCamera
 from pepper_drake.models.control_model import (
@@ -41,8 +42,6 @@ from pepper_drake.perception.cameras.camera import (
     CAMERA_DEPTH,
     CAMERA_TOP,
     CameraIntrinsics,
-    HeadCamera,
-    moved_camera,
 )
 from pepper_drake.perception.cameras.noise import ColorNoise, DepthNoise
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
@@ -305,11 +304,6 @@ class PepperStation(Diagram):
         export_triggers(builder, config.faults)
         build_into(builder, self)
 
-    @staticmethod
-    def _arm(scene: Scene | None) -> str:
-        """The arm that reaches."""
-        return "right" if scene is None else scene.arm
-
     def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
         """Parameters with which obstacles are seen in the depth images of this station.
 
@@ -421,7 +415,10 @@ class PepperStation(Diagram):
             plan["camera_depth"] = (CAMERA_DEPTH, "depth", half)
         self.renderer = renderer = AsyncRenderer(
             scene,
-            {name: (self._worn(name, camera), kind) for name, (camera, kind, _) in plan.items()},
+            {
+                name: (worn_camera(config.wear, name, camera), kind)
+                for name, (camera, kind, _) in plan.items()
+            },
         )
         positions = builder.AddNamedSystem(
             "true_positions",
@@ -459,13 +456,6 @@ class PepperStation(Diagram):
         if config.stereo:
             head = plant.GetBodyFrameIdOrThrow(plant.GetBodyByName("Head").index())
             self._add_stereo(builder, kinematics, head)
-
-    def _worn(self, name: str, camera: HeadCamera) -> HeadCamera:
-        """A camera as it truly is on this robot."""
-        wear = None if self.config.wear is None else self.config.wear.cameras.get(name)
-        if wear is None:
-            return camera
-        return moved_camera(camera, wear.position, wear.rotation, wear.focal)
 
     def _add_stereo(
         self, builder: DiagramBuilder, kinematics: RobotKinematics, head: object

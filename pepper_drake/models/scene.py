@@ -23,7 +23,7 @@ from pepper_drake.models.shapes import PlacedShape, convex_hull, distances, mesh
 from pepper_drake.models.typed_yaml import line_of_field, load_yaml, save_yaml
 
 SCENES_DIR = MODELS_DIR / "scenes"
-SCENES = ("table", "shelf", "clutter", "free")
+SCENES = ("table", "shelf", "clutter", "free", "teach")
 """The names of the scenes that ship."""
 
 COUPLINGS = ("barrier", "report")

@@ -127,7 +127,8 @@ class Diagram(framework.Diagram, metaclass=_Collectable):
 def _weak(value: Any) -> Any:
     """Returns a function that keeps no system; what is no function is returned as it is.
 
-    Bound methods get a weak reference to their object; in closures, systems become weak proxies.
+    Bound methods get a weak reference to their object; in closures and partial functions, systems
+    and their ports become weak proxies.
     """
     if isinstance(value, MethodType):
         method = weakref.WeakMethod(value)
@@ -145,7 +146,10 @@ def _weak(value: Any) -> Any:
         return FunctionType(
             value.__code__, value.__globals__, value.__name__, value.__defaults__, cells
         )
-    if isinstance(value, framework.SystemBase):
+    if type(value) in (list, tuple):
+        return type(value)(map(_weak, value))
+    # A port keeps its system, which keeps the port: it is there as long as it may be asked for.
+    if isinstance(value, framework.SystemBase) or hasattr(type(value), "get_system"):
         return weakref.proxy(value)
     return value
 

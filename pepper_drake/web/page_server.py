@@ -33,6 +33,8 @@ _PORTS = 100
 _MOST_BROWSERS = 64
 _MOST_WAITING = 64 * 2**20
 """A browser that is this far behind [bytes] is let go: it hangs, or its computer sleeps."""
+_ECHO_PERIOD = 0.03
+"""How often browsers are told what another one moves [s], however often it does."""
 _PING_PERIOD, _PING_TIMEOUT = 20, 20  # [s]
 _POLICY_VIOLATION, _TRY_AGAIN = 1008, 1013
 """Codes with which a websocket is closed (RFC 6455 and its registry)."""
@@ -71,6 +73,7 @@ class PageServer:
         self._scene = RetainedScene()
         self._browsers: set[_Browser] = set()
         self._has_pad: _Browser | None = None
+        self._moved: dict[str, tuple[float, _Browser]] = {}
 
     def listen(self) -> int:
         """Starts to serve, and returns the port.
@@ -104,6 +107,14 @@ class PageServer:
         for browser in tuple(self._browsers):
             browser.send(data)
 
+    def _echo(self) -> None:
+        """Shows the other browsers where sliders were moved to."""
+        for name, (value, mover) in self._moved.items():
+            data = value_message(name, value)
+            for other in self._browsers - {mover}:
+                other.send(data)
+        self._moved.clear()
+
     def enter(self, browser: "_Browser") -> bool:
         """Shows a new browser what the others show; returns whether there is room for it."""
         if len(self._browsers) >= _MOST_BROWSERS:
@@ -136,9 +147,9 @@ class PageServer:
             self._has_pad = browser if message.index is not None else None
         if isinstance(message, SliderChange):
             self._scene.set_value(message.name, message.value)
-            moved = value_message(message.name, message.value)
-            for other in self._browsers - {browser}:
-                other.send(moved)
+            if not self._moved:
+                asyncio.get_running_loop().call_later(_ECHO_PERIOD, self._echo)
+            self._moved[message.name] = (message.value, browser)
         self._on_message(message)
 
 

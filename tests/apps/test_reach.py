@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
-from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import NamedTuple
@@ -12,14 +11,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from pepper_drake import cli
+from pepper_drake import cli, scenario
 from pepper_drake.benchmarking.methods import get_method
 from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.diagrams.reach_simulation import ReachSimulation
-from pepper_drake.diagrams.reaching import ReachingConfig
 from pepper_drake.models.scene import load_scene, save_scene
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.results.reach_log import ReachLog
 
 APP = Path(__file__).parents[2] / "apps" / "reach.py"
@@ -193,8 +190,9 @@ def test_a_bad_file_of_any_name_is_one_line_on_standard_error(
 @pytest.mark.parametrize("letter", ["a", "b"])
 def test_the_options_that_the_benchmark_names_build_what_it_runs(letter, app, monkeypatch):
     method = get_method(letter).run
-    monkeypatch.setattr(app, "Reaching", lambda *parts: parts)
-    _, _, coupling, config = app.build(app.make_parser().parse_args([*method.options]))
+    monkeypatch.setattr(scenario, "Reaching", lambda *parts: parts)
+    chosen = app.chosen_scenario(app.make_parser().parse_args([*method.options]))
+    _, _, coupling, config = scenario.build_reaching(chosen)
     assert coupling == make_coupling(method.coupling)
     assert coupling is None or config.planner.collision_checked == method.collision_checked
 
@@ -208,18 +206,15 @@ def check_arm_never_moved(log):
 
 
 @pytest.mark.render
-def test_a_marker_that_nobody_can_see_is_a_failure_with_a_name(run, app, monkeypatch, tmp_path):
+def test_a_marker_that_nobody_can_see_is_a_failure_with_a_name(run, tmp_path):
     scene = load_scene("free")
     marker = scene.goal.marker  # Turned to the far side of the object.
     marker.position[0] *= -1
     marker.rpy[2] += np.pi
     save_scene(scene, tmp_path / "turned.yaml")
-    timing = ReachTiming(goal_timeout=1.0)
-    monkeypatch.setattr(app, "ReachingConfig", partial(ReachingConfig, timing=timing))
     output = tmp_path / "out"
-    code, printed, error = run(
-        "--scene", tmp_path / "turned.yaml", "--output", output, "--no-recording"
-    )
+    asked = ("--scene", tmp_path / "turned.yaml", "--set", "supervisor.goal_timeout=1.0")
+    code, printed, error = run(*asked, "--output", output, "--no-recording")
     assert (code, error) == (cli.EXIT_FAILED, "")
     assert printed.startswith("failed: no marker of the goal object was seen")
     report = json.loads((output / "report.json").read_text())

@@ -34,7 +34,6 @@ def live_teaching():
     return LiveTeaching(
         scene,
         make_primitive(None, scene.arm),
-        make_coupling(scene.coupling),
         station=StationConfig(cameras=False),
     )
 
@@ -49,8 +48,20 @@ def reproduction():
     return Reproduction(primitive, arm="right", positions=positions)
 
 
+OTHERS = set()
+"""Threads of renderers that other tests of this process still use."""
+
+
+@pytest.fixture(autouse=True)
+def _others():
+    gc.collect()
+    OTHERS.clear()
+    OTHERS.update(renderers())
+
+
 def renderers():
-    return [thread for thread in threading.enumerate() if thread.name.startswith("renderer")]
+    alive = (thread for thread in threading.enumerate() if thread.name.startswith("renderer"))
+    return [thread for thread in alive if thread not in OTHERS]
 
 
 def systems():
@@ -94,6 +105,10 @@ def test_a_simulated_reach_takes_its_renderer_with_it():
     assert threading.active_count() == before
 
 
+def _add(ports, context, out):
+    out.SetFromVector(sum(port.Eval(context) for port in ports))
+
+
 class Everything(LeafSystem):
     """Declares all that Drake calls back."""
 
@@ -112,6 +127,9 @@ class Everything(LeafSystem):
         )
         self.partial = self.DeclareVectorOutputPort(
             "twice", 1, partial(Everything._output, self), {self.input.ticket()}
+        )
+        self.sum = self.DeclareVectorOutputPort(
+            "sum", 1, partial(_add, [self.input, self.input]), {self.input.ticket()}
         )
         self.DeclarePeriodicDiscreteUpdateEvent(0.1, 0.0, self._update)
         self.DeclareInitializationDiscreteUpdateEvent(self._update)
@@ -134,6 +152,7 @@ def test_a_system_is_freed_whatever_it_declares():
     assert system.method.Eval(context) == [6.0]
     assert system.closure.Eval(context) == [6.0]
     assert system.partial.Eval(context) == [6.0]
+    assert system.sum.Eval(context) == [6.0]
     gone = weakref.ref(system)
     del system, context
     gc.collect()

@@ -7,13 +7,15 @@ from argparse import ArgumentParser
 import pytest
 from served import served
 
+from pepper_drake.cli_robot import add_robot_options
 from pepper_drake.errors import InputError
-from pepper_drake.hardware.options import add_robot_options, check_station, robot_access
+from pepper_drake.hardware.options import add_link_options, check_station, robot_access
 
 
 def parsed(*words):
     parser = ArgumentParser()
-    add_robot_options(parser)
+    add_robot_options(parser, addresses=True)
+    add_link_options(parser)
     parser.add_argument("--live", action="store_true")
     return parser.parse_args(words)
 

@@ -50,7 +50,10 @@ class ProtocolClient:
         self._socket = self._loop.run(websocket_connect, drake_page.ws_url)
 
     def close(self):
-        self._socket.close()
+        async def close():
+            self._socket.close()  # It looks for the loop that runs.
+
+        self._loop.run(close)
         self._loop.close()
 
     def press(self, label):

@@ -71,14 +71,14 @@ def test_pages_leave_nothing_behind():
             page.meshcat.AddButton("Go")
 
     use()
-    used = count()
-    before = used
+    before = count()
     with offline_meshcat():
-        assert count() == used, "the page's own is used again"
+        # What other tests left may go meanwhile.
+        assert np.all(np.array(count()) <= before), "the page's own is used again"
     for _ in range(3):
         with offline_meshcat():
             pass
-    assert count() == before
+    assert np.all(np.array(count()) <= before)
 
 
 def drawn(meshcat):
@@ -122,7 +122,7 @@ def test_the_page_goes_with_the_program(tmp_path):
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert result.returncode == -9
     server, url = result.stdout.split()
-    psutil.wait_procs([psutil.Process(int(server))] if psutil.pid_exists(int(server)) else [], 10)
+    psutil.wait_procs([psutil.Process(int(server))] if psutil.pid_exists(int(server)) else [], 60)
     with pytest.raises(urllib.error.URLError):
         ask(url)
 

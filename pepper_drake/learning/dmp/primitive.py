@@ -48,6 +48,8 @@ DEFAULT_NUM_BASIS = 40
 
 MOST_NUM_BASIS = 320
 
+_COMPARED = 400
+"""Places along a motion at which a fit is compared with what was shown."""
 FIT_TOLERANCE = 0.005
 """Where the motion leaves a demonstration by more than this [m] and the number of basis functions
 is left open, it is doubled."""
@@ -162,7 +164,7 @@ class MovementPrimitive:
             learned = cls._fit(demos, approximator, number, scaling, orientation, alpha_z, seed)
             if usual or len(demos) > 1 or 2 * number > MOST_NUM_BASIS:
                 return learned
-            shown = demos[0].filled(demos[0].duration / (2 * DEFAULT_NUM_BASIS))
+            shown = demos[0].filled(demos[0].duration / _COMPARED)
             if learned.distance(shown) <= FIT_TOLERANCE:
                 return learned
             number *= 2
@@ -203,7 +205,7 @@ class MovementPrimitive:
     def distance(self, demonstration: Demonstration) -> float:
         """Returns how far the motion leaves a demonstration, at its samples [m]."""
         path = self.rollout(
-            time_step=demonstration.duration / 400,
+            time_step=demonstration.duration / _COMPARED,
             start=demonstration.positions[0],
             goal=demonstration.positions[-1],
             duration=demonstration.duration,

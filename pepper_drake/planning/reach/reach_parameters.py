@@ -120,15 +120,19 @@ class ReachPlannerParams:
 class PlanningLatency:
     """Simulated time from an observation to the effect of what was computed from it.
 
-    Each is the 90th percentile of the processor time on the machine of the README, rounded up.
+    Each is the 90th percentile of the processor time on one core of the machine of the README, in
+    eight moving scenes (seeds 2000 to 2007), rounded up.
     """
 
     base_placement: float = 1.6
-    """Of choosing where to stand [s]; the robot waits. Refusals, which try most, take longest."""
+    """Of choosing where to stand [s]; the robot waits. Measured: median 0.22, 90th percentile 1.58;
+    refusals, which try most, take longest."""
     plan: float = 0.2
-    """Of checking, replanning or retreating [s]; the arm goes on or brakes meanwhile."""
+    """Of checking, replanning or retreating [s]; the arm goes on or brakes meanwhile. Measured:
+    90th percentiles 0.11, 0.13 and 0.08."""
     check: float = 0.05
-    """Of the clearance of the rest of a movement: a brake or a start follows it by this [s]."""
+    """Of the clearance of the rest of a movement [s]: a brake or a start follows it by this.
+    Measured: 0.02; the supervisor's period is the shortest time in which it can act."""
 
 
 @dataclass

@@ -113,8 +113,8 @@ class ReachState:
 
     @property
     def base_goal(self) -> tuple[float, float, float]:
-        """Where the base is sent, x, y, yaw in W [m, rad]; NaN for "stay"."""
-        stays = self.braking and self.mode == ReachMode.DRIVING
+        """Where the base is sent, x, y, yaw in W [m, rad]; NaN for "brake and stay"."""
+        stays = self.mode == ReachMode.FAILED or (self.braking and self.mode == ReachMode.DRIVING)
         return (np.nan, np.nan, np.nan) if stays else self.base_pose_wanted
 
     @property

@@ -208,11 +208,18 @@ class SafetyMonitor(LeafSystem):
         before = context.get_discrete_state(self._resets).value()[0]
         resets = self._scalar(context, self.reset_input, before)
         state.set_value(self._resets, [resets])
+        is_led = self._scalar(context, self.limp_input, 0.0) > 0.5
         if resets != before:
             command = SafeCommand.at_rest(measured, round(_CATCHING / self._time_step))
-        elif self._contact is not None and self._scalar(context, self.limp_input, 0.0) < 0.5:
+        # What stands in for a measurement that did not come is no witness of a contact.
+        elif self._contact is not None and not is_led and not self._is_stale(context):
             command = command.compared(measured, self._contact, self._time_step)
         state.set_value(self._state, self._layout.to_vector(command))
+
+    def _is_stale(self, context: Context) -> bool:
+        """True if the joints were not measured at this tick."""
+        port = self.measurement_age_input
+        return port.HasValue(context) and not float(port.Eval(context)[0]) <= 0.5 * self._time_step
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._next.Eval(context).position)

@@ -136,11 +136,11 @@ class CloudGuard(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
 
     def _declare_cloud(self, port: InputPort, ready: set) -> None:
-        name = port.get_name()
+        name, index = port.get_name(), port.get_index()
 
         def calc(context: Context, output: AbstractValue) -> None:
             if self._sense.Eval(context):
-                output.SetFrom(self.EvalAbstractInput(context, port.get_index()))
+                output.SetFrom(self.EvalAbstractInput(context, index))
             else:
                 output.SetFrom(getattr(self._kept(context), name))
 

@@ -125,6 +125,24 @@ def test_a_base_that_does_not_arrive():
     assert not Supervised().set(base_arrived=False).failed("drive_failed").was_active
 
 
+def test_a_base_that_something_stands_in_the_way_of_says_so():
+    one = Supervised().set(base_arrived=False, base_blocked=True).failed("drive_failed")
+    assert "something stands in its way" in one.state.message
+
+
+def test_a_reach_that_fails_on_the_drive_stops_the_base():
+    one = Supervised().set(base_arrived=False).until(ReachMode.DRIVING)
+    np.testing.assert_array_equal(one.state.base_goal, STAND)
+    one.set(goal_age=TIMING.goal_lost + 1.0).failed("goal_lost")
+    assert np.isnan(one.state.base_goal).all()
+
+
+def test_a_stop_names_the_joint_that_it_is_about():
+    one = Supervised().until(ReachMode.REACHING)
+    one.set(stop_reason=StopReason.JOINT_HELD, stop_joint="RElbowYaw").failed("joint_held")
+    assert one.state.message.startswith("RElbowYaw did not follow")
+
+
 @pytest.mark.parametrize("mode", [m for m in ReachMode if m < ReachMode.DONE])
 @pytest.mark.parametrize("reason", [r for r in StopReason if r != StopReason.NONE])
 def test_a_stop_ends_every_mode_and_switches_the_arm_off(mode, reason):

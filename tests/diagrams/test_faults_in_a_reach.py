@@ -1,0 +1,81 @@
+"""Whole reaches in which a signal fails, or something is touched: what the robot does and says."""
+
+import numpy as np
+import pytest
+
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
+from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.models.control_model import shared_control_model
+from pepper_drake.models.robot_wear import RobotWear
+from pepper_drake.models.scene import load_scene
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.systems.faults.fault import parse_fault
+from pepper_drake.systems.faults.fault_injector import FaultSet
+
+pytestmark = pytest.mark.render
+
+
+def reach(scene="table", fault=None, wear=None, coupled=True, station=None):
+    """The result of a reach, with a fault or a worn robot."""
+    faults = FaultSet(() if fault is None else (parse_fault(fault),), seed=0)
+    config = ReachingConfig(station=StationConfig(seed=0, faults=faults, wear=wear))
+    scene = load_scene(scene)
+    coupling = make_coupling(scene.coupling) if coupled else None
+    config.planner.collision_checked = coupled
+    if station is not None:
+        station = station(scene, config.station)
+    reaching = Reaching(scene, make_primitive(None, scene.arm), coupling, config, station)
+    result = ReachSimulation(reaching, RunOptions(progress=False)).run()
+    assert result.report.command_acceleration <= 10.0 + 1e-6
+    return result
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        ("encoders:garbage@reach", "joints_not_measured"),
+        ("actuators:stuck@reach", "joint_held"),
+        ("depth:stuck@reach", "cloud_missing"),
+    ],
+)
+def test_a_fault_ends_in_a_named_stop_without_a_touch(fault, reason):
+    report = reach(fault=fault).report
+    assert (report.outcome, report.reason) == ("failed", reason)
+    assert report.message
+    assert report.contacts == 0
+    assert report.stopping_seconds < 0.6
+    assert report.faults == [fault]
+
+
+def test_an_arm_that_runs_into_the_table_notices_it_and_backs_off():
+    """The movement as it was taught, nothing checked: what is left is the joints' own sense."""
+    result = reach(coupled=False)
+    report, log = result.report, result.log
+    assert report.reason == "joint_held"
+    assert report.message.startswith("R")
+    assert report.own_touch_speed < 0.05
+    assert 0.0 < report.contact_force < 50.0
+    first = log.time_s[np.flatnonzero(log.clearance_m <= 0.0)[0]]
+    noticed = log.time_s[np.flatnonzero(log.mode == ReachMode.FAILED)[0]]
+    assert noticed - first <= 0.1 + 1e-6
+    assert log.clearance_m[-1] > 0.005, "it goes back"
+
+
+def test_a_worn_robot_reaches():
+    report = reach(wear=RobotWear.draw(2)).report
+    assert report.outcome == "reached"
+    assert report.contacts == 0
+
+
+def test_the_robot_may_come_from_outside():
+    made = []
+
+    def station(scene, config):
+        made.append(PepperStation(scene, config, shared_control_model()))
+        return made[0]
+
+    report = reach("free", station=station).report
+    assert report.outcome == "reached"
+    assert len(made) == 1
