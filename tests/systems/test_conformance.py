@@ -30,6 +30,7 @@ from pepper_drake.planning.reach.reach_mode import ReachCommand
 from pepper_drake.systems.robot.arm_command import ArmMode
 
 X = RigidTransform(RollPitchYaw(0.1, -0.2, 0.3), [0.05, -0.04, 0.03])
+MIRRORED = make_primitive(None, "left")
 
 
 def reaching():
@@ -114,7 +115,7 @@ def other(value):
     if isinstance(value, SpatialVelocity):
         return SpatialVelocity(w=[0.1, 0, 0], v=[0, 0.1, 0])
     if isinstance(value, Movement):
-        return Movement(value.primitive, None, value.X_OG @ X, id=value.id + 1)
+        return Movement(MIRRORED, None, value.X_OG @ X, id=value.id + 1)
     if isinstance(value, list) and value and isinstance(value[0], RigidTransform):
         return [one @ X for one in value]
     return None
