@@ -1,6 +1,7 @@
 """The supervision of a reach as a LeafSystem: ports around `reach_state_machine.step`."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,16 @@ Vector = npt.NDArray[np.float64]
 
 _NEAR = 0.6
 """Predictions farther from the goal than this are no reason to wait [m]."""
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """A planner in a cache, which clones of a context share: it remembers nothing."""
+
+    planner: Planner
+
+    def __deepcopy__(self, memo: dict) -> "_Shared":
+        return self
 
 
 class ReachSupervisor(LeafSystem):
@@ -145,7 +156,9 @@ class ReachSupervisor(LeafSystem):
         )
         self._planner_entry = self.DeclareCacheEntry(
             "planner for the primitive",
-            ValueProducer(allocate=lambda: Value({}), calc=self._calc_planner),
+            ValueProducer(
+                allocate=lambda: Value[object](_Shared(planner)), calc=self._calc_planner
+            ),
             prerequisites_of_calc={self._ports["primitive"].ticket()},
         )
         self._state = self.DeclareAbstractState(Value[object](ReachState()))
@@ -187,7 +200,7 @@ class ReachSupervisor(LeafSystem):
 
     def demonstrated(self, context: Context) -> Movement:
         """Returns the movement as it was demonstrated, with the primitive of now."""
-        movement: Movement = self._planner_entry.Eval(context)["planner"].demonstrated
+        movement: Movement = self._planner_entry.Eval(context).planner.demonstrated
         return movement
 
     def observe(self, context: Context) -> Observation:
@@ -253,7 +266,7 @@ class ReachSupervisor(LeafSystem):
         primitive, planner = self._ports["primitive"], self._planner
         if self._planner_for is not None and primitive.HasValue(context):
             planner = self._planner_for(primitive.Eval(context))
-        output.get_mutable_value()["planner"] = planner
+        output.set_value(_Shared(planner))
 
     def _calc_movement(self, context: Context, output: Value) -> None:
         state = self.progress(context)
@@ -266,7 +279,7 @@ class ReachSupervisor(LeafSystem):
         if command.HasValue(context):
             wanted = ReachCommand(int(command.Eval(context)[0]))
             after = obey(before, wanted, context.get_time())
-        planner = self._planner_entry.Eval(context)["planner"]
+        planner = self._planner_entry.Eval(context).planner
         after = step(after, self.observe(context), planner, self._timing)
         if after is before:
             return EventStatus.DidNothing()

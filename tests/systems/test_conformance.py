@@ -186,6 +186,7 @@ def check_declared(name, alone):
 
 def check_clone(name, alone):
     context = alone.context()
+    alone.outputs(context)  # What is cached is cloned, too.
     clone = context.Clone()
     found = []
     for one in (context, clone):
