@@ -1,6 +1,7 @@
 """Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import cast
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
@@ -63,12 +64,35 @@ class ReachingConfig:
     """How the reaching arm gives way when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
     """Period of all logs [s]."""
+    is_guided: bool = False
+    """Whether a person moves objects and arm: nothing moves by itself, and nothing is logged."""
 
 
 class Reaching(Diagram):
     """The whole loop, from the cameras' images to the joints' commands.
 
     It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
+
+    .. pydrake_system::
+
+        name: Reaching
+        input_ports:
+        - command (optional)
+        - primitive (optional)
+        - arm_mode (optional)
+        - joint_target (optional)
+        - reset (optional)
+        - applied_forces (optional; not of an arm that gives way)
+        - (name of what moves).desired_state (guided)
+        output_ports:
+        - torso_pose, hand_pose, arm_position, limp (guided)
+        - ground_truth.query (simulated), .body_poses, .body_velocities (guided)
+
+    Inputs: `command` (1), a `ReachCommand`, and `primitive`, abstract MovementPrimitive: see
+    `ReachSupervisor`; `arm_mode` (1), an `ArmMode`, and `joint_target` (5) [rad]: see `ArmCommand`;
+    `reset` (1): see `SafetyMonitor`; `applied_forces` and `desired_state`: see `PepperStation`.
+    Without any it is one reach. How stiff the arm is, is not among them: gains are the plant's
+    and not the context's (`PepperStation.set_stiffness`).
 
     Attributes:
         station: Pepper in its scene; another station with the same ports may take its place.
@@ -112,7 +136,10 @@ class Reaching(Diagram):
         self._add_commands(coupled=coupling is not None)
         self._add_motions()
         self._add_triggers()
-        self._add_logs()
+        if config.is_guided:
+            self._export_for_guide()
+        else:
+            self._add_logs()
         if self.station.HasOutputPort("ground_truth.query"):
             builder.ExportOutput(
                 self.station.GetOutputPort("ground_truth.query"), "ground_truth.query"
@@ -134,16 +161,17 @@ class Reaching(Diagram):
     def _add_supervisor(self, coupling: Coupling | None) -> None:
         """The supervisor with its planner, and the base that it drives."""
         builder, station = self._builder, self.station
-        self.planner = ReachPlanner(
+        make_planner = partial(
+            ReachPlanner,
             model=station.control_model,
             arm=self.scene.arm,
             X_OG=self.scene.pre_grasp(),
-            primitive=self.primitive,
             coupling=coupling,
             ik=self.config.ik,
             params=self.config.planner,
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
+        self.planner = make_planner(primitive=self.primitive)
         fault = self._faults.fault("planner")
         planner: Planner = self.planner
         if fault is not None:
@@ -153,8 +181,16 @@ class Reaching(Diagram):
             self.config.timing, latency=slowed_latency(self.config.timing.latency, fault)
         )
         self.supervisor = builder.AddNamedSystem(
-            "supervisor", ReachSupervisor(self.timed_planner, timing, arm=self.scene.arm)
+            "supervisor",
+            ReachSupervisor(
+                self.timed_planner,
+                timing,
+                arm=self.scene.arm,
+                planner_for=lambda primitive: make_planner(primitive=primitive),
+            ),
         )
+        for name in ("command", "primitive"):
+            builder.ExportInput(self.supervisor.GetInputPort(name), name)
         for name in (
             *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
             *("cloud_time", "cloud_fault"),
@@ -239,6 +275,10 @@ class Reaching(Diagram):
             )
             push = add_pushes(builder, compliance.pushes, self.started, force)
             self.logs["push"] = LogVectorOutput(push, builder, self.config.log_period)
+        elif station.HasInputPort("applied_forces"):
+            builder.ExportInput(station.GetInputPort("applied_forces"), "applied_forces")
+        for name in ("arm_mode", "joint_target"):
+            builder.ExportInput(controller.GetInputPort(name), name)
 
     def _add_commands(self, *, coupled: bool) -> None:
         """All joints' commands together, through the safety monitor, to the station."""
@@ -285,6 +325,8 @@ class Reaching(Diagram):
         if self.config.planner.collision_checked and coupled:
             self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
             self._connect(self.body_watch.GetOutputPort("clearance"), self.safety, "body_clearance")
+        builder.ExportInput(self.safety.reset_input, "reset")
+        self._connect(self.controller.GetOutputPort("limp"), self.safety, "limp")
         for name in ("measurement_age", "missing_joint"):
             self._connect(station.GetOutputPort(name), self.safety, name)
         self._connect(self.perception.GetOutputPort("goal_gap"), self.safety, "goal_gap")
@@ -324,7 +366,9 @@ class Reaching(Diagram):
         """Moves goal object and obstacles once the arm starts, if that is asked for."""
         for moving in self.station.scene_models.moving:
             port = f"{moving.name}.desired_state"
-            if self.station.HasInputPort(port):
+            if self.config.is_guided:
+                self._builder.ExportInput(self.station.GetInputPort(port), port)
+            elif self.station.HasInputPort(port):
                 name = "goal_motion" if moving.name == GOAL_OBJECT else f"{moving.name}_motion"
                 path = self._builder.AddNamedSystem(name, TriggeredTrajectory(moving.path))
                 self._builder.Connect(self.started, path.trigger_input)
@@ -337,6 +381,19 @@ class Reaching(Diagram):
         for system in (self.station, self.perception):
             if system.HasInputPort("fault_trigger"):
                 self._connect(self.started, system, "fault_trigger")
+
+    def _export_for_guide(self) -> None:
+        """Exports what a person who leads the hand has to know."""
+        builder, station = self._builder, self.station
+        for port, name in (
+            (station.GetOutputPort("torso_pose"), "torso_pose"),
+            (station.GetOutputPort(f"{self.scene.arm}_hand_pose"), "hand_pose"),
+            (self.arm_position, "arm_position"),
+            (self.controller.GetOutputPort("limp"), "limp"),
+        ):
+            builder.ExportOutput(port, name)
+        for name in ("ground_truth.body_poses", "ground_truth.body_velocities"):
+            builder.ExportOutput(station.GetOutputPort(name), name)
 
     def _add_logs(self) -> None:
         """Logs what the report and the figures need, and watches the true clearance."""

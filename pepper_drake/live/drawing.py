@@ -29,6 +29,7 @@ _HEAD = 0.035
 _POINT_SPACING = 0.005
 _RADII = (0.004, 0.0025)
 """Of paths [m]: what Pepper does lies as a thicker, translucent tube about what it was shown."""
+_PERFORMS = (Mode.REACHING, Mode.WAITING, Mode.HOLDING)
 _PATH_PERIOD, _CLOUD_PERIOD = 4, 6
 """Paths and cloud are drawn in every so manieth frame."""
 
@@ -150,12 +151,12 @@ class LiveDrawing:
         """Draws the hand's path while it is recorded and while it reaches."""
         mode, before = session.mode, self._mode
         self._mode = mode
-        performs = mode in (Mode.REACHING, Mode.HOLDING)
+        performs, performed = mode in _PERFORMS, before in _PERFORMS
         if mode != before:
             if mode == Mode.RECORDED:
                 self._meshcat.Delete("live/paths")
                 self._begin("demonstration", BLACK)
-            elif mode == Mode.REACHING:
+            elif performs and not performed:
                 self._meshcat.Delete("live/paths/reproduction")
                 self._count = 0
                 self._goal_at_start = session.simulation.goal_position()

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.diagrams.live_teaching import PUBLISH_PERIOD
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.demonstrations.recording import (
@@ -17,44 +16,43 @@ from pepper_drake.learning.demonstrations.recording import (
     without_rest,
 )
 from pepper_drake.live.simulation import LiveSimulation
-from pepper_drake.live.way_back import WayBack
-from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.trajectories.joint_trajectories import Retrace
 from pepper_drake.systems.robot.arm_command import ArmMode
 
 Vector = npt.NDArray[np.float64]
 
 _SHORTEST_WAY = 0.03
 """A recording in which the hand goes less far is no movement [m]."""
-_ARRIVED = 0.006
-"""The hand is at its goal within this [m]."""
-_LONGEST = 2.5
-"""After so many durations of the movement it is over, wherever the hand is."""
 _AT_START = 0.015
 """The arm is back at the start within this [rad]."""
 _PATIENCE = 3.0
-"""How long the arm, back at the start, waits for what it takes to reach [s]."""
+"""How long the arm may take to settle at the start [s]."""
 _NOTICE = 4.0
 """How long it is told what came of a button [s]."""
 
 
 class Mode(StrEnum):
-    """What Pepper is doing."""
+    """What Pepper is doing, in a word."""
 
     GUIDED = "guided"
     RECORDED = "recorded"
     RETURNING = "returning"
+    LOOKING = "looking"
+    PLANNING = "planning"
     REACHING = "reaching"
+    WAITING = "waiting"
     HOLDING = "holding"
     STOPPED = "stopped"
 
 
-_ARM_MODES = {
-    Mode.GUIDED: ArmMode.LIMP,
-    Mode.RECORDED: ArmMode.LIMP,
-    Mode.RETURNING: ArmMode.JOINTS,
-    Mode.REACHING: ArmMode.HAND,
-    Mode.HOLDING: ArmMode.HAND,
-    Mode.STOPPED: ArmMode.HELD,
+_OF_REACH = {
+    ReachMode.IDLE: Mode.LOOKING,
+    ReachMode.LOOKING: Mode.LOOKING,
+    ReachMode.SETTLING: Mode.PLANNING,
+    ReachMode.REACHING: Mode.REACHING,
+    ReachMode.HOLDING: Mode.HOLDING,
+    ReachMode.FAILED: Mode.STOPPED,
 }
 
 
@@ -81,14 +79,24 @@ class LiveSession:
                 is made, and survives whatever ends the session. Left out, nothing is written.
         """
         self.simulation, self._folder = simulation, folder
-        self.mode = Mode.GUIDED
+        self._doing: Mode | None = Mode.GUIDED
         self.demonstration: Demonstration | None = None
         self.primitive: MovementPrimitive | None = None
         self._learned: Demonstration | None = None
         self._writer: RecordingWriter | None = None
-        self._way_back: WayBack | None = None
-        self._since = self._settled = self._notice_until = 0.0
-        self._notice = self._stopped_because = ""
+        self._retrace: Retrace | None = None
+        self._since = self._notice_until = 0.0
+        self._notice = ""
+
+    @property
+    def mode(self) -> Mode:
+        """What Pepper is doing: what the person does, or else the reach."""
+        if self._doing is not None:
+            return self._doing
+        state = self.simulation.reach_state()
+        if state.suspended_plan is not None and state.mode == ReachMode.REACHING:
+            return Mode.WAITING
+        return _OF_REACH[state.mode]
 
     @property
     def status(self) -> str:
@@ -145,7 +153,7 @@ class LiveSession:
             self._notify("There is nothing to perform yet; Record a movement, then Learn it")
         else:
             assert self._learned.joints is not None
-            self._way_back = WayBack(self.simulation.joints(), self._learned.joints)
+            self._retrace = Retrace(self.simulation.joints(), self._learned.joints)
             self._enter(Mode.RETURNING)
 
     def save(self) -> None:
@@ -176,27 +184,18 @@ class LiveSession:
         self.simulation.advance()
         if self._writer is not None:
             self._writer.write(*self.simulation.samples(self._since))
-        if _ARM_MODES[self.mode] in (ArmMode.JOINTS, ArmMode.HAND):
-            reason = self.simulation.stop_reason()
-            if reason != StopReason.NONE:
-                self._halt(STOP_SENTENCES[reason])
-        if self.mode == Mode.RETURNING:
+        if self._doing == Mode.RETURNING:
             self._return()
-        elif self.mode == Mode.REACHING:
-            self._reach()
 
     @property
     def _elapsed(self) -> float:
         return self.simulation.time - self._since
 
-    def _enter(self, mode: Mode) -> None:
-        self.simulation.set_arm_mode(_ARM_MODES[mode])
-        self.mode, self._since, self._settled = mode, self.simulation.time, 0.0
-        self._notice_until = 0.0
-
-    def _halt(self, reason: str) -> None:
-        self._enter(Mode.STOPPED)
-        self._stopped_because = reason
+    def _enter(self, doing: Mode) -> None:
+        """Begins what a person does, or the return to where the movement starts."""
+        returns = doing == Mode.RETURNING
+        self.simulation.set_arm_mode(ArmMode.JOINTS if returns else ArmMode.LIMP)
+        self._doing, self._since, self._notice_until = doing, self.simulation.time, 0.0
 
     def _end_recording(self) -> None:
         times, samples = self.simulation.samples(self._since)
@@ -228,26 +227,18 @@ class LiveSession:
         self._writer = None
 
     def _return(self) -> None:
-        """Takes the arm a bit further on its way back, and starts the movement at its end."""
-        way, elapsed = self._way_back, self._elapsed
+        """Takes the arm a bit further back, and reaches once it is at the start.
+
+        What stops the arm on its way is for the reach to tell, and so is what it starts with.
+        """
+        way, elapsed = self._retrace, self._elapsed
         assert way is not None
         self.simulation.set_joint_target(way.at(elapsed))
-        if elapsed < way.duration:
-            return
         behind = float(np.abs(self.simulation.joints() - way.at(elapsed)).max())
-        if behind < _AT_START and self.simulation.goal_is_seen():
-            self._enter(Mode.REACHING)
-        elif elapsed > way.duration + _PATIENCE:
-            held = behind >= _AT_START
-            self._halt("something holds the arm" if held else "the goal's marker is not seen")
-
-    def _reach(self) -> None:
-        """Finds out whether the hand is there, or will not be."""
-        simulation, elapsed, tau = self.simulation, self._elapsed, self.simulation.tau()
-        is_there = elapsed >= tau and simulation.goal_distance() < _ARRIVED
-        self._settled = self._settled + PUBLISH_PERIOD if is_there else 0.0
-        if self._settled > 0.2 or elapsed > _LONGEST * tau:
-            self.mode, self._since = Mode.HOLDING, simulation.time
+        is_there = elapsed >= way.duration and behind < _AT_START
+        if is_there or self.simulation.is_stopped() or elapsed > way.duration + _PATIENCE:
+            self.simulation.reach()
+            self._doing, self._since = None, self.simulation.time
 
     def _notify(self, words: str) -> None:
         self._notice, self._notice_until = words, self.simulation.time + _NOTICE
@@ -260,14 +251,26 @@ class LiveSession:
             return f"Recording, {self._elapsed:.1f} s: lead the hand; Stop ends it"
         if self.mode == Mode.RETURNING:
             return "The arm goes back to where the movement starts"
-        if self.mode == Mode.STOPPED:
-            return f"Stopped: {self._stopped_because}; Reach again, or Stop to lead the hand"
+        return self._describe_reach()
+
+    def _describe_reach(self) -> str:
+        mode, state = self.mode, self.simulation.reach_state()
         left = 1000 * self.simulation.goal_distance()
-        if self.mode == Mode.REACHING:
-            return f"Reaching, {left:.0f} mm to go; move the goal or what is in the way"
+        if mode == Mode.STOPPED:
+            return f"Stopped: {state.message}; Reach again, or Stop to lead the hand"
+        if mode == Mode.LOOKING:
+            seen = self.simulation.goal_is_seen()
+            return "Pepper looks at the scene" if seen else "Pepper searches the goal's marker"
+        if mode == Mode.PLANNING:
+            return "Pepper plans its movement around what it sees"
+        if mode == Mode.WAITING:
+            return "Something is in the way; the arm has withdrawn and waits for it to go"
+        if mode == Mode.REACHING:
+            bent = " on another path" if self.simulation.is_adapted() else ""
+            return f"Reaching{bent}, {left:.0f} mm to go; move the goal or what is in the way"
         if not self.simulation.goal_is_seen():
             return f"{left:.0f} mm from the goal, whose marker is hidden; Reach again, or Stop"
-        if left < 1000 * _ARRIVED:
+        if self.simulation.has_arrived():
             return "At the goal; move it and the hand follows; Reach again, or Stop"
         return f"{left:.0f} mm from the goal; the hand follows"
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,8 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points
-from pepper_drake.planning.ik.command_check import StopReason
-from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.reach_mode import ReachCommand
+from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.systems.robot.arm_command import ArmMode
 
 Vector = npt.NDArray[np.float64]
@@ -79,22 +79,21 @@ class LiveSimulation:
         """
         self.diagram = LiveTeaching(
             with_movable_objects(scene, movables),
-            primitive := make_primitive(None, scene.arm),
+            make_primitive(None, scene.arm),
+            make_coupling(coupling or scene.coupling),
             station=station,
             meshcat=meshcat,
         )
         self.simulator = Simulator(self.diagram)
         self.arm_mode = ArmMode.LIMP
-        self._movement = Movement(
-            primitive, make_coupling(coupling or scene.coupling), scene.pre_grasp()
-        )
-        self._movements = 0
+        self._resets = 0
         self._offsets = {name: np.zeros(3) for name in self.diagram.movables}
         self._guide_velocity = np.zeros(6)
         self._frames = 0
         self._began = time.perf_counter()
         self._fix("arm_mode", [float(self.arm_mode)])
-        self._fix("movement", Value[object](self._movement))
+        self._fix("command", [float(ReachCommand.IDLE)])
+        self._fix("reset", [0.0])
         self._fix("guide_target", RigidTransform())
         self._fix("guide_velocity", self._guide_velocity)
         self._fix("joint_target", np.zeros(5))
@@ -148,7 +147,7 @@ class LiveSimulation:
 
     def joints(self) -> Vector:
         """Returns the taught arm's joints (5,) [rad]."""
-        port = self.diagram.arm_position
+        port = self.diagram.reaching.arm_position
         return np.array(port.Eval(self._context(port.get_system())))
 
     def samples(self, start: float) -> tuple[Vector, Vector]:
@@ -159,46 +158,68 @@ class LiveSimulation:
 
     def goal_position(self) -> Vector:
         """Returns where the hand's goal is (3,) in T [m]."""
-        return np.array(self._eval(self.diagram.controller, "goal_position"))
+        return np.array(self._eval(self.diagram.reaching.controller, "goal_position"))
 
     def goal_distance(self) -> float:
         """Returns how far the hand is from its goal [m]."""
         return float(np.linalg.norm(self.goal_position() - self.hand_pose().translation()))
 
+    def has_arrived(self) -> bool:
+        """Tells whether the hand is at its goal."""
+        tolerance = self.diagram.reaching.config.planner.tolerance
+        return self.goal_distance() <= tolerance.arrive
+
     def goal_is_seen(self) -> bool:
         """Tells whether Pepper knows where the goal is."""
-        return bool(self._eval(self.diagram.perception, "goal_valid")[0])
+        return bool(self._eval(self.diagram.reaching.perception, "goal_valid")[0])
 
     def cloud(self) -> Vector:
         """Returns the obstacles that Pepper sees or remembers (P, 3) in W [m]."""
-        return cloud_points(self._eval(self.diagram.perception, "cloud"))
+        return cloud_points(self._eval(self.diagram.reaching.perception, "cloud"))
 
     def tau(self) -> float:
         """Returns the duration of the movement, as the goal has extended it so far [s]."""
-        return float(self._eval(self.diagram.controller, "tau")[0])
+        return float(self._eval(self.diagram.reaching.controller, "tau")[0])
 
     def coupling(self) -> Vector:
         """Returns what the obstacles do to the hand (3,) in T [m/s²]: C_t / tau²."""
-        return np.array(self._eval(self.diagram.controller, "coupling")) / self.tau() ** 2
+        return np.array(self._eval(self.diagram.reaching.controller, "coupling")) / self.tau() ** 2
 
-    def stop_reason(self) -> StopReason:
-        """Returns why the safety monitor has stopped the arm since its mode was set last."""
-        return StopReason(int(self._eval(self.diagram.safety, "stop_reason")[0]))
+    def reach_state(self) -> ReachState:
+        """Returns the state of the reach, for its mode and why it failed."""
+        supervisor = self.diagram.reaching.supervisor
+        return supervisor.progress(self._context(supervisor))
+
+    def is_adapted(self) -> bool:
+        """Tells whether the arm performs another movement than it learned."""
+        supervisor = self.diagram.reaching.supervisor
+        learned = supervisor.demonstrated(self._context(supervisor)).primitive
+        movement = self.reach_state().movement
+        return movement is not None and movement.primitive is not learned
+
+    def is_stopped(self) -> bool:
+        """Tells whether the safety monitor has stopped the arm since it was told what to do."""
+        return bool(self._eval(self.diagram.reaching.safety, "stop_reason")[0])
 
     def set_arm_mode(self, mode: ArmMode) -> None:
-        """Changes who moves the arm; the arm stays where it is."""
+        """Changes who moves the arm; it stays where it is, and a stop of it is lifted."""
         limp = mode == ArmMode.LIMP
         if limp != (self.arm_mode == ArmMode.LIMP):
             self.diagram.station.set_stiffness(arm_group(self.arm), 0.0 if limp else 1.0)
             if limp:
                 self._take_hand()
-        # A stop of the safety monitor is over when it has been decided what comes next.
-        self._reset(self.diagram.safety)
         self.arm_mode = mode
+        self._resets += 1
+        self._fix("reset", [float(self._resets)])
         self._fix("arm_mode", [float(mode)])
-        self._movements += mode == ArmMode.HAND
-        movement = self._movement.numbered(self._movements if mode == ArmMode.HAND else 0)
-        self._fix("movement", Value[object](movement))
+        self._fix("command", [float(ReachCommand.IDLE)])
+
+    def reach(self) -> None:
+        """Lets the hand reach for the goal, from the search for it on."""
+        if self.arm_mode != ArmMode.HAND:
+            self.arm_mode = ArmMode.HAND
+            self._fix("arm_mode", [float(ArmMode.HAND)])
+        self._fix("command", [float(ReachCommand.REACH)])
 
     def set_guide_target(self, X_TG: RigidTransform) -> None:
         """Puts the guide's target to a pose in T; the guide follows smoothly."""
@@ -215,8 +236,8 @@ class LiveSimulation:
         self._fix("joint_target", joints)
 
     def set_primitive(self, primitive: MovementPrimitive) -> None:
-        """Says what the arm performs in the mode HAND."""
-        self._movement = replace(self._movement, primitive=primitive)
+        """Says what the arm performs in a reach."""
+        self._fix("primitive", Value[object](primitive))
 
     def set_offset(self, name: str, offset: Vector) -> None:
         """Moves the goal object or an obstacle to an offset (3,) [m] from its place in the scene.
@@ -232,12 +253,8 @@ class LiveSimulation:
 
     def _take_hand(self) -> None:
         """Lets the guide take the hand where the hand is now."""
-        self._reset(self.diagram.guide)
         self.set_guide_target(self.hand_pose())
         self.set_guide_velocity(np.zeros(6))
-
-    def _reset(self, system: System) -> None:
-        system.SetDefaultContext(system.GetMyMutableContextFromRoot(self._root))
 
     @property
     def _root(self) -> Context:

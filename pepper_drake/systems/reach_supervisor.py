@@ -1,6 +1,7 @@
 """The supervision of a reach as a LeafSystem: ports around `reach_state_machine.step`."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,22 +18,35 @@ from pydrake.systems.framework import (
     State,
 )
 
+from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.control_model import BODY_JOINTS, arm_joints, body_indices
 from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_mode import ReachCommand
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_state import ReachState
-from pepper_drake.planning.reach.reach_state_machine import step
-from pepper_drake.systems.framework import LeafSystem
+from pepper_drake.planning.reach.reach_state_machine import obey, step
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 Vector = npt.NDArray[np.float64]
 
 _NEAR = 0.6
 """Predictions farther from the goal than this are no reason to wait [m]."""
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """A planner in a cache, which clones of a context share: it remembers nothing."""
+
+    planner: Planner
+
+    def __deepcopy__(self, memo: dict) -> "_Shared":
+        return self
 
 
 class ReachSupervisor(LeafSystem):
@@ -61,6 +75,8 @@ class ReachSupervisor(LeafSystem):
         - stop_reason
         - stop_joint (optional)
         - base_blocked (optional)
+        - command (optional)
+        - primitive (optional)
         output_ports:
         - movement
         - started
@@ -76,7 +92,9 @@ class ReachSupervisor(LeafSystem):
     wants the hand in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at
     rest where it is measured if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the
     safety monitor's `StopReason`, and `stop_joint` (1), the index of the joint that it is about or
-    -1; `base_blocked` (1), whether the base waits for something in its way.
+    -1; `base_blocked` (1), whether the base waits for something in its way; `command` (1), a
+    `ReachCommand`, REACH if unconnected; `primitive`, abstract MovementPrimitive, is what is
+    performed in place of the planner's own.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
     `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `progress`, the whole
@@ -84,13 +102,21 @@ class ReachSupervisor(LeafSystem):
     State: `ReachState` (abstract), every `timing.time_step`.
     """
 
-    def __init__(self, planner: Planner, timing: ReachTiming, *, arm: str) -> None:
+    def __init__(
+        self,
+        planner: Planner,
+        timing: ReachTiming,
+        *,
+        arm: str,
+        planner_for: Callable[[MovementPrimitive], Planner] | None = None,
+    ) -> None:
         """Makes the system.
 
         Args:
             planner: Finds plans.
             timing: Durations, timeouts and latencies.
             arm: "left" or "right", the arm that reaches.
+            planner_for: Makes the planner for another primitive, where one may come in.
         """
         super().__init__()
         self._planner, self._timing = planner, timing
@@ -120,8 +146,21 @@ class ReachSupervisor(LeafSystem):
             ("stop_reason", 1),
             ("stop_joint", 1),
             ("base_blocked", 1),
+            ("command", 1),
         ):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
+        self._planner_for = planner_for
+        primitive = planner.demonstrated.primitive
+        self._ports["primitive"] = self.DeclareAbstractInputPort(
+            "primitive", Value[object](primitive)
+        )
+        self._planner_entry = self.DeclareCacheEntry(
+            "planner for the primitive",
+            ValueProducer(
+                allocate=lambda: Value[object](_Shared(planner)), calc=self._calc_planner
+            ),
+            prerequisites_of_calc={self._ports["primitive"].ticket()},
+        )
         self._state = self.DeclareAbstractState(Value[object](ReachState()))
         state = {self.abstract_state_ticket(self._state)}
         self._declare_output("started", 1, lambda now: [now.has_started], state)
@@ -137,7 +176,7 @@ class ReachSupervisor(LeafSystem):
             "movement",
             lambda: Value[object](planner.demonstrated),
             self._calc_movement,
-            prerequisites_of_calc=state,
+            prerequisites_of_calc=state | {self._planner_entry.ticket()},
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(timing.time_step, 0.0, self._update)
 
@@ -158,6 +197,11 @@ class ReachSupervisor(LeafSystem):
     def progress(self, context: Context) -> ReachState:
         """Returns the present state in a context."""
         return context.get_abstract_state(int(self._state)).get_value()
+
+    def demonstrated(self, context: Context) -> Movement:
+        """Returns the movement as it was demonstrated, with the primitive of now."""
+        movement: Movement = self._planner_entry.Eval(context).planner.demonstrated
+        return movement
 
     def observe(self, context: Context) -> Observation:
         """Returns what is known now, from the input ports."""
@@ -218,14 +262,25 @@ class ReachSupervisor(LeafSystem):
         joint = int(port.Eval(context)[0]) if port.HasValue(context) else -1
         return BODY_JOINTS[joint] if joint >= 0 else ""
 
+    def _calc_planner(self, context: Context, output: Value) -> None:
+        primitive, planner = self._ports["primitive"], self._planner
+        if self._planner_for is not None and primitive.HasValue(context):
+            planner = self._planner_for(primitive.Eval(context))
+        output.set_value(_Shared(planner))
+
     def _calc_movement(self, context: Context, output: Value) -> None:
         state = self.progress(context)
-        movement = state.movement or self._planner.demonstrated
+        movement = state.movement or self.demonstrated(context)
         output.set_value(movement.numbered(state.active_movement))
 
     def _update(self, context: Context, state: State) -> EventStatus:
-        before = self.progress(context)
-        after = step(before, self.observe(context), self._planner, self._timing)
+        before = after = self.progress(context)
+        command = self._ports["command"]
+        if command.HasValue(context):
+            wanted = ReachCommand(int(command.Eval(context)[0]))
+            after = obey(before, wanted, context.get_time())
+        planner = self._planner_entry.Eval(context).planner
+        after = step(after, self.observe(context), planner, self._timing)
         if after is before:
             return EventStatus.DidNothing()
         state.get_mutable_abstract_state(int(self._state)).set_value(after)

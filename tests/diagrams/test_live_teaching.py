@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
@@ -10,8 +11,8 @@ from pepper_drake.diagrams.live_teaching import LiveTeaching, with_movable_objec
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.models.scene import SCENES_DIR, load_scene
+from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 from pepper_drake.systems.robot.arm_command import ArmMode
-from tests.systems.motion_example import moving
 
 SCENE = SCENES_DIR / "teach.yaml"
 
@@ -21,16 +22,24 @@ class Pepper:
 
     def __init__(self, scene):
         self.diagram = LiveTeaching(
-            scene, make_primitive(None, scene.arm), station=StationConfig(cameras=False)
+            scene, make_primitive(None, scene.arm), None, station=StationConfig(cameras=False)
         )
         self.simulator = Simulator(self.diagram)
         self.fix("arm_mode", [float(ArmMode.LIMP)])
-        self.fix("movement", moving(make_primitive(None, scene.arm), 0))
+        self.resets = 0
+        self.fix("reset", [0.0])
+        self.fix("command", [float(ReachCommand.IDLE)])
         self.fix("guide_velocity", np.zeros(6))
         self.fix("joint_target", np.zeros(5))
         self.fix("guide_target", self.hand_pose())
         for name in self.diagram.movables:
             self.fix(f"{name}.target", np.zeros(3))
+
+    def change(self, arm_mode):
+        """As a live session does."""
+        self.resets += 1
+        self.fix("reset", [float(self.resets)])
+        self.fix("arm_mode", [float(arm_mode)])
 
     def fix(self, port, value):
         context = self.simulator.get_mutable_context()
@@ -45,7 +54,7 @@ class Pepper:
         return station.GetOutputPort(f"{self.diagram.arm}_hand_pose").Eval(context)
 
     def joints(self):
-        port = self.diagram.arm_position
+        port = self.diagram.reaching.arm_position
         context = port.get_system().GetMyContextFromRoot(self.simulator.get_context())
         return port.Eval(context)
 
@@ -74,7 +83,7 @@ def test_the_arm_is_led_then_held_then_goes_to_joint_angles(arm):
     np.testing.assert_allclose(pepper.hand_pose().translation(), target, atol=0.006)
 
     pepper.diagram.station.set_stiffness(f"{arm}_arm", 1.0)
-    pepper.fix("arm_mode", [float(ArmMode.HELD)])
+    pepper.change(ArmMode.HELD)
     held = pepper.joints()
     pepper.fix("guide_target", start)
     pepper.advance(1.0)
@@ -85,23 +94,42 @@ def test_the_arm_is_led_then_held_then_goes_to_joint_angles(arm):
 
     goal = rest + np.array([0.2, 0.1 * side, 0.0, 0.0, 0.1 * side])
     pepper.fix("joint_target", goal)
-    pepper.fix("arm_mode", [float(ArmMode.JOINTS)])
+    pepper.change(ArmMode.JOINTS)
     pepper.advance(1.5)
     np.testing.assert_allclose(pepper.joints(), goal, atol=0.005)
 
 
-def test_the_primitive_at_the_port_is_performed():
-    scene = load_scene(SCENE)
-    pepper = Pepper(scene)
+def test_a_command_begins_and_ends_a_reach_with_the_primitive_at_the_port():
+    pepper = Pepper(load_scene(SCENE))
     pepper.diagram.station.set_stiffness("right_arm", 1.0)
-    pepper.advance(0.3)
-    slow = make_primitive(None, "right")
-    times = []
+    own = make_primitive(None, "right")
+    slow = replace(own, duration=2 * own.duration)
     pepper.fix("arm_mode", [float(ArmMode.HAND)])
-    for number, primitive in enumerate((slow, replace(slow, duration=2 * slow.duration)), 1):
-        pepper.fix("movement", moving(primitive, number))
-        pepper.advance(0.2)
-        controller = pepper.diagram.controller
-        context = controller.GetMyContextFromRoot(pepper.simulator.get_context())
-        times.append(controller.GetOutputPort("tau").Eval(context)[0])
-    assert times[1] == pytest.approx(2 * times[0])
+    reaching = pepper.diagram.reaching
+    context = reaching.supervisor.GetMyContextFromRoot(pepper.simulator.get_context())
+
+    def supervised(port):
+        return reaching.supervisor.GetOutputPort(port).Eval(context)
+
+    pepper.advance(1.0)
+    assert supervised("mode")[0] == ReachMode.IDLE
+    assert supervised("movement").primitive is reaching.planner.demonstrated.primitive
+    pepper.fix("primitive", Value[object](slow))
+    assert supervised("movement").primitive.duration == slow.duration
+    pepper.fix("command", [float(ReachCommand.REACH)])
+    before = pepper.joints()
+    while supervised("mode")[0] in (ReachMode.IDLE, ReachMode.LOOKING, ReachMode.SETTLING):
+        pepper.advance(0.1)
+        assert pepper.simulator.get_context().get_time() < 8.0
+    assert supervised("mode")[0] == ReachMode.REACHING
+    assert np.isnan(supervised("base_goal")).all()
+    pepper.advance(1.0)
+    assert supervised("movement").id == 1
+    assert np.abs(pepper.joints() - before).max() > 0.02
+    pepper.fix("command", [float(ReachCommand.STOP)])
+    pepper.advance(0.5)
+    assert reaching.supervisor.progress(context).reason == "stopped"
+    assert supervised("movement").id == 0
+    pepper.fix("command", [float(ReachCommand.IDLE)])
+    pepper.advance(0.1)
+    assert supervised("mode")[0] == ReachMode.IDLE

@@ -204,3 +204,32 @@ def test_with_cameras_the_goal_is_seen_and_the_cloud_follows_the_ball(make_sessi
     go_on(session, 2.0)
     offsets = np.linalg.norm(simulation.cloud() - ball.position - moved, axis=1)
     assert np.count_nonzero(np.abs(offsets - ball.size[0]) < 0.012) > 20
+
+
+@pytest.mark.render
+def test_a_ball_in_the_way_is_passed_or_the_page_says_why_not(make_session):
+    session = make_session(cameras=True)
+    session.record()
+    lead(session, VIA, 1.6)
+    lead(session, BESIDE_GOAL, 2.4)
+    session.stop()
+    session.learn()
+    simulation = session.simulation
+    demonstrated = session.demonstration.positions
+    on_the_way = simulation.torso_pose() @ demonstrated[int(0.7 * len(demonstrated))]
+    (ball,) = (o for o in simulation.scene.obstacles if o.name == "ball")
+    session.reach()
+    go_on(session, 15, until=Mode.LOOKING)
+    simulation.set_offset("ball", on_the_way + [0.0, -0.03, -0.02] - ball.position)
+    seen = []
+    while session.mode not in (Mode.HOLDING, Mode.STOPPED):
+        go_on(session, 0.1)
+        seen += [session.mode] if session.mode not in seen else []
+        assert simulation.time < 60
+    assert seen[0] == Mode.LOOKING, session.status
+    if session.mode == Mode.HOLDING:
+        assert simulation.has_arrived()
+        assert Mode.PLANNING in seen
+    else:
+        assert session.status.startswith("Stopped: ")
+        assert simulation.reach_state().message in session.status

@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform
 
 from pepper_drake.live.session import Mode
 from tests.live.clients import BrowserClient, ProtocolClient, find_browser
@@ -109,10 +110,13 @@ def test_objects_move_with_their_sliders(show, meshcat):
 def test_paths_are_drawn_in_their_colours(show, meshcat):
     show.step()
     show.press("Record")
-    X_TG = show.session.simulation.hand_pose()
-    X_TG.set_translation(X_TG.translation() + [0.08, -0.06, 0.08])
-    show.lead(X_TG)
-    for _ in range(64):
+    start = show.session.simulation.hand_pose()
+    for share in np.linspace(0.0, 1.0, 96):
+        show.lead(
+            RigidTransform(
+                start.rotation(), start.translation() + share * np.array([0.08, -0.06, 0.08])
+            )
+        )
         show.step()
     assert meshcat.HasPath("live/paths/demonstration")
     show.press("Stop")

@@ -41,7 +41,8 @@ class SafeCommand:
         target: Where a stopped robot goes (n,) [rad]; None to brake and stay.
         sent: The last commands, oldest first, as many as may be on their way.
         measured: The last measured positions, oldest first, for the way back.
-        held: For how many control periods each joint has been off its command (n,).
+        held: For how many control periods each joint has been off its command (n,); negative while
+            it is being caught.
     """
 
     position: Vector
@@ -56,9 +57,14 @@ class SafeCommand:
     held: npt.NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     @classmethod
-    def at_rest(cls, position: Vector) -> "SafeCommand":
-        """A robot that stands at measured positions (n,) [rad]."""
-        held = np.zeros(len(position), dtype=np.intp)
+    def at_rest(cls, position: Vector, catching: int = 0) -> "SafeCommand":
+        """A robot that is commanded to stand at measured positions.
+
+        Args:
+            position: (n,) [rad].
+            catching: Control periods in which joints that still move may be caught.
+        """
+        held = np.full(len(position), -catching, dtype=np.intp)
         return cls(position, np.zeros(len(position)), held=held)
 
     def stopped(self, reason: StopReason, joint: int = -1) -> "SafeCommand":
@@ -103,7 +109,7 @@ class SafeCommand:
             return replace(self, sent=sent, held=np.zeros_like(self.held))
         error = following_error(sent, measured)
         excess = excess_error(error, self.velocity, params)
-        held = np.where(excess > 1.0, self.held + 1, 0)
+        held = np.where((excess > 1.0) | (self.held < 0), self.held + 1, 0)
         known = (*self.measured, measured)[-memory:]
         state = replace(self, sent=sent, measured=known, held=held)
         if self.reason == StopReason.NONE:

@@ -13,3 +13,15 @@ class ReachMode(IntEnum):
     HOLDING = 4
     DONE = 5
     FAILED = 6
+    IDLE = 7
+
+
+class ReachCommand(IntEnum):
+    """What a person wants of the robot."""
+
+    IDLE = 0
+    """Nothing: the arm is led, or moved in another way."""
+    REACH = 1
+    """One reach, from the search for the goal on."""
+    STOP = 2
+    """The end of the present reach; the arm brakes and holds still."""

@@ -144,6 +144,8 @@ class ReachTiming:
     latency: PlanningLatency = field(default_factory=PlanningLatency)
     looking: float = 1.2
     """Time for which the scene is looked at, once the goal is seen [s]: six depth images."""
+    drives: bool = True
+    """Whether the base may drive; it stays where it is if not."""
     goal_timeout: float = 14.0
     """Longest search for the goal [s]: two sweeps of the head, and two to come."""
     driving_timeout: float = 20.0

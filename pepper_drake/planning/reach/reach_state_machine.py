@@ -10,7 +10,7 @@ from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.planning.ik.command_check import StopReason, stop_sentence
 from pepper_drake.planning.reach.observation import Observation
-from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
@@ -24,6 +24,9 @@ _BLIND = 2.0
 """Waiting for depth images for longer is named as the cause of a failure [s]."""
 _MOVED_TORSO = 0.05
 """The same for hip and knee [rad]."""
+
+_RESTS = (ReachMode.IDLE, ReachMode.DONE, ReachMode.FAILED)
+"""Modes in which nothing is decided."""
 
 UNCONFIRMED = "reached_unconfirmed"
 """Name of the outcome of a reach whose goal was not seen recently."""
@@ -47,7 +50,7 @@ def step(
         planner: Finds plans; its answers depend on their arguments alone.
         timing: Durations, timeouts and latencies.
     """
-    if state.mode in (ReachMode.DONE, ReachMode.FAILED):
+    if state.mode in _RESTS:
         return state
     supervision = _Supervision(observation, planner, timing)
     failed = supervision.fault(state)
@@ -63,6 +66,23 @@ def step(
     }
     handler = handlers.get(state.mode)
     return state if handler is None else supervision.take_effect(handler(state))
+
+
+def obey(state: ReachState, command: ReachCommand, time: float) -> ReachState:
+    """Returns the state after a person's command; one that is obeyed already changes nothing.
+
+    Args:
+        state: Before.
+        command: What is wanted.
+        time: Now [s].
+    """
+    if command == ReachCommand.IDLE:
+        idle = state.mode == ReachMode.IDLE
+        return state if idle else ReachState(mode=ReachMode.IDLE, since=time)
+    if command == ReachCommand.STOP:
+        is_over = state.mode in _RESTS
+        return state if is_over else state.fail(time, "stopped", "the reach was stopped")
+    return state if state.mode != ReachMode.IDLE else ReachState(since=time)
 
 
 class _Supervision:
@@ -127,7 +147,7 @@ class _Supervision:
                 return replace(state, plan=plan, planned_with=result.observation)
             if not self._has_settled(state):
                 return replace(state, plan=None)  # More is seen after standing for longer.
-            if state.places < self._timing.places:
+            if self._timing.drives and state.places < self._timing.places:
                 return self._place_base(state)
             return state.fail(time, plan.status.value, plan.message)
         if plan.status != PlanStatus.CLEAR:
@@ -162,6 +182,8 @@ class _Supervision:
         return self._place_base(state)
 
     def _place_base(self, state: ReachState) -> ReachState:
+        if not self._timing.drives:
+            return replace(state.to(ReachMode.SETTLING, self._time), arrived=self._time)
         plan = self._planner.plan_base_placement(self._still())
         due = self._time + self._timing.latency.base_placement
         return state.later(Pending(due, Effect.PLACEMENT, plan))

@@ -95,3 +95,39 @@ def smoothed(path: Vector) -> Vector:
     sums = np.cumsum(np.concatenate((np.zeros((1, 5)), padded)), axis=0)
     mean = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
     return retarget(mean, path[0], path[-1])
+
+
+class Retrace:
+    """Joint angles over time from a posture back along a demonstration to its first posture.
+
+    From where the arm is it goes straight to the nearest posture of the demonstration, then along
+    some of its postures backwards (not along all: a limp elbow swings), by `minimum_jerk`.
+
+    Attributes:
+        duration: [s].
+    """
+
+    def __init__(
+        self, joints: Vector, demonstrated: Vector, *, speed: float = 1.0, stride: int = 20
+    ) -> None:
+        """Makes the path.
+
+        Args:
+            joints: (5,) where the arm is [rad].
+            demonstrated: (N, 5) the demonstration's joints [rad].
+            speed: Of the joint that moves farthest, on average [rad/s].
+            stride: How many of the demonstration's samples apart the postures are.
+        """
+        nearest = int(np.argmin(np.abs(demonstrated - joints).max(axis=1)))
+        self._postures = np.concatenate(
+            (joints[None], demonstrated[nearest:0:-stride], demonstrated[:1])
+        )
+        steps = np.abs(np.diff(self._postures, axis=0)).max(axis=1)
+        self._lengths = np.concatenate(([0.0], np.cumsum(steps)))
+        self.duration = max(float(self._lengths[-1]) / speed, 0.5)
+
+    def at(self, time: float) -> Vector:
+        """Returns the joints (5,) [rad] at a time [s]; the ends before and after it."""
+        share = minimum_jerk(np.array([time / self.duration]))[0]
+        gone = self._lengths[-1] * share
+        return np.array([np.interp(gone, self._lengths, column) for column in self._postures.T])

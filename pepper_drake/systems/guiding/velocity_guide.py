@@ -70,13 +70,15 @@ class VelocityGuide(LeafSystem):
         - velocity_command
         - hand_pose
         - torso_pose
+        - holding (optional)
         output_ports:
         - guide_pose
         - guide_velocity
         - guide_position
 
     Inputs: `velocity_command` (6) angular and linear velocity in the axes of T [rad/s, m/s];
-    `hand_pose` X_TH and `torso_pose` X_WT (RigidTransform). Outputs: `guide_pose` X_WG
+    `hand_pose` X_TH and `torso_pose` X_WT (RigidTransform); `holding` (1): while it is 0 the guide
+    stays at the hand. Outputs: `guide_pose` X_WG
     (RigidTransform), `guide_velocity` V_WG (SpatialVelocity), as HandGuide takes them;
     `guide_position` (3) of the guide in T [m].
 
@@ -97,6 +99,7 @@ class VelocityGuide(LeafSystem):
         self.velocity_input = self.DeclareVectorInputPort("velocity_command", 6)
         self.hand_pose_input = self.DeclareAbstractInputPort("hand_pose", Value(RigidTransform()))
         self.torso_pose_input = self.DeclareAbstractInputPort("torso_pose", Value(RigidTransform()))
+        self.holding_input = self.DeclareVectorInputPort("holding", 1)
         # A quaternion of zeros says that the guide has not moved yet.
         self._state = self.DeclareDiscreteState(16)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
@@ -125,6 +128,9 @@ class VelocityGuide(LeafSystem):
         return RigidTransform(RotationMatrix(Quaternion(values[3:7])), values[:3])
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
+        if self.holding_input.HasValue(context) and not self.holding_input.Eval(context)[0]:
+            state.set_value(self._state, np.zeros(16))
+            return
         X_WT = self.torso_pose_input.Eval(context)
         before = self._pose(context)
         X_TG = step_guide(

@@ -27,6 +27,10 @@ _NOT_MEASURED = (
 )
 
 
+_CATCHING = 0.5
+"""How long joints that were led by hand may take to come to rest [s]."""
+
+
 class SafetyMonitor(LeafSystem):
     """Passes joint commands inside every limit; stops the robot, and says why, when it must.
 
@@ -49,6 +53,8 @@ class SafetyMonitor(LeafSystem):
         - missing_joint (optional)
         - base_held (optional)
         - stop_request (optional)
+        - reset (optional)
+        - limp (optional)
         output_ports:
         - safe_joint_position_command
         - stop_reason
@@ -58,12 +64,14 @@ class SafetyMonitor(LeafSystem):
     arm's, and `body_clearance` (1), the rest of the robot's [m]; `measurement_age` (2), time since
     joints and base were last measured, and `goal_gap` (1), since the goal's estimate was a number
     [s]; `missing_joint` (1), the index of the joint that is not measured; `base_held` (1), 0 or 1;
-    `stop_request` (1), 0 or 1.
+    `stop_request` (1), 0 or 1; `reset` (1), a number: when it changes, a stop is lifted at the next
+    tick and the commands go on from where the joints are; `limp` (1), 1 while joints are led by
+    hand: commands that follow them are not judged.
     Outputs: `safe_joint_position_command` (n) [rad]; `stop_reason` (1), a `StopReason`;
     `stop_joint` (1), the index of the joint that it is about, or -1.
-    State: a `SafeCommand` as numbers (`SafeCommandLayout`), at `time_step`; from the measured
-    position when the diagram is initialized, in a context that never was from the first command
-    that is within the limits.
+    State: a `SafeCommand` as numbers (`SafeCommandLayout`) and the last `reset`, at `time_step`;
+    from the measured position when the diagram is initialized, in a context that never was from the
+    first command that is within the limits.
 
     Args:
         limits: Of the joints.
@@ -100,9 +108,12 @@ class SafetyMonitor(LeafSystem):
         self.missing_joint_input: InputPort = self.DeclareVectorInputPort("missing_joint", 1)
         self.base_held_input: InputPort = self.DeclareVectorInputPort("base_held", 1)
         self.stop_request_input: InputPort = self.DeclareVectorInputPort("stop_request", 1)
+        self.reset_input: InputPort = self.DeclareVectorInputPort("reset", 1)
+        self.limp_input: InputPort = self.DeclareVectorInputPort("limp", 1)
         start = replace(SafeCommand.at_rest(np.asarray(start_position, dtype=float)), known=False)
         self._layout = SafeCommandLayout.of(n, contact, time_step)
         self._state = self.DeclareDiscreteState(self._layout.to_vector(start))
+        self._resets = self.DeclareDiscreteState(1)
         state = self.discrete_state_ticket(self._state)
         # The measured position is read at the ticks alone: it changes with every step of a plant.
         self._next = self.DeclareCacheEntry(
@@ -118,6 +129,7 @@ class SafetyMonitor(LeafSystem):
                 self.missing_joint_input.ticket(),
                 self.base_held_input.ticket(),
                 self.stop_request_input.ticket(),
+                self.limp_input.ticket(),
             },
         )
         self.DeclareVectorOutputPort(
@@ -169,6 +181,8 @@ class SafetyMonitor(LeafSystem):
             return StopReason.BODY_TOO_CLOSE
         if self._scalar(context, self.base_held_input, 0.0) > 0.5:
             return StopReason.BASE_HELD
+        if self._scalar(context, self.limp_input, 0.0) > 0.5:
+            return StopReason.NONE
         wish = self.command_input.Eval(context)
         previous = wish if command.wish is None else command.wish
         return check_command(wish, previous, self._limits, time_step=self._time_step)
@@ -190,12 +204,17 @@ class SafetyMonitor(LeafSystem):
         following.set_value(command.advanced(wish.copy(), limits, self._time_step))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        command = self._next.Eval(context)
-        if self._contact is not None:
+        command, measured = self._next.Eval(context), self.measured_input.Eval(context).copy()
+        before = context.get_discrete_state(self._resets).value()[0]
+        resets = self._scalar(context, self.reset_input, before)
+        state.set_value(self._resets, [resets])
+        is_led = self._scalar(context, self.limp_input, 0.0) > 0.5
+        if resets != before:
+            command = SafeCommand.at_rest(measured, round(_CATCHING / self._time_step))
+        elif self._contact is not None and not is_led:
             # What stands in for a measurement that did not come is no witness of a contact.
             stale = self._is_stale(context)
-            measured = None if stale else self.measured_input.Eval(context).copy()
-            command = command.compared(measured, self._contact, self._time_step)
+            command = command.compared(None if stale else measured, self._contact, self._time_step)
         state.set_value(self._state, self._layout.to_vector(command))
 
     def _is_stale(self, context: Context) -> bool:

@@ -226,3 +226,47 @@ def test_every_reason_has_its_sentence_and_names_the_joint():
     assert set(STOP_SENTENCES) == set(StopReason)
     assert "RElbowRoll" in stop_sentence(StopReason.JOINT_HELD, "RElbowRoll")
     assert "RElbowRoll" in stop_sentence(StopReason.JOINTS_NOT_MEASURED, "RElbowRoll")
+
+
+def test_a_stop_is_lifted_when_the_reset_changes_and_goes_on_from_where_the_joints_are():
+    rig = Rig()
+    rig.monitor.reset_input.FixValue(rig.context, [0.0])
+    rig.advance()
+    rig.monitor.stop_request_input.FixValue(rig.context, [1.0])
+    rig.advance()
+    rig.monitor.stop_request_input.FixValue(rig.context, [0.0])
+    rig.advance()
+    assert rig.reason() == StopReason.REQUESTED
+    measured = START + 0.05
+    rig.monitor.measured_input.FixValue(rig.context, measured)
+    rig.command(measured)
+    rig.monitor.reset_input.FixValue(rig.context, [1.0])
+    rig.simulator.AdvanceTo(rig.context.get_time() + 1.5 * TIME_STEP)
+    assert rig.reason() == StopReason.NONE
+    np.testing.assert_allclose(rig.passed(), measured, atol=1e-9)
+
+
+def test_commands_that_follow_a_limp_joint_are_not_judged():
+    rig = Rig()
+    rig.advance()
+    rig.monitor.limp_input.FixValue(rig.context, [1.0])
+    rig.command(START + 0.5)
+    rig.advance()
+    assert rig.reason() == StopReason.NONE
+    rig.monitor.limp_input.FixValue(rig.context, [0.0])
+    rig.command(START)
+    rig.advance()
+    assert rig.reason() != StopReason.NONE
+
+
+def test_joints_that_still_move_are_caught_after_a_reset_and_held_ones_noticed_later():
+    rig = Rig(contact=ContactParams())
+    rig.monitor.reset_input.FixValue(rig.context, [0.0])
+    rig.advance()
+    rig.monitor.reset_input.FixValue(rig.context, [1.0])
+    rig.advance()
+    rig.monitor.measured_input.FixValue(rig.context, START + 0.05)
+    rig.simulator.AdvanceTo(rig.context.get_time() + 0.4)
+    assert rig.reason() == StopReason.NONE
+    rig.simulator.AdvanceTo(rig.context.get_time() + 0.3)
+    assert rig.reason() == StopReason.JOINT_HELD
