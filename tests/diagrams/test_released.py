@@ -34,6 +34,7 @@ def live_teaching():
     return LiveTeaching(
         scene,
         make_primitive(None, scene.arm),
+        make_coupling(scene.coupling),
         station=StationConfig(cameras=False),
     )
 

@@ -183,8 +183,11 @@ def test_two_contexts_do_not_share_their_state():
     assert rig.supervisor.progress(rig.supervisor.CreateDefaultContext()).mode == ReachMode.LOOKING
 
 
-def test_nothing_is_fed_through():
-    assert not Rig().supervisor.HasAnyDirectFeedthrough()
+def test_nothing_that_is_measured_is_fed_through():
+    supervisor = Rig().supervisor
+    primitive = supervisor.GetInputPort("primitive").get_index()
+    movement = supervisor.GetOutputPort("movement").get_index()
+    assert supervisor.GetDirectFeedthroughs() == [(primitive, movement)]
 
 
 def test_the_planned_movement_is_known_a_tick_before_it_begins():
