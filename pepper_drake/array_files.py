@@ -30,7 +30,7 @@ _BROKEN = (
     KeyError,
     TypeError,
     OverflowError,
-    RuntimeError,  # Encrypted, or (NotImplementedError) compressed as numpy never does.
+    RuntimeError,  # Encrypted, or compressed in a way that numpy never does.
     SyntaxError,
     RecursionError,
     MemoryError,

@@ -1,4 +1,4 @@
-"""How apps let a person say what a recording does not."""
+"""Command-line options for what a recording does not say."""
 
 from argparse import ArgumentParser, Namespace
 

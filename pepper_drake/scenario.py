@@ -68,13 +68,13 @@ class Scenario:
     demonstration: str = ""
     """Folder or file of the demonstration to perform; the one that ships if empty."""
     avoid_obstacles: bool = True
-    """Whether the scene's coupling bends the movement around obstacles."""
+    """True to let the scene's coupling bend the movement around obstacles."""
     robot: str = "ideal"
     """The robot as in its model, or "worn", with errors that the seed draws."""
     faults: list[str] = field(default_factory=list)
     """Signals that fail, as SIGNAL:KIND@START[+DURATION]."""
     gentle: bool = False
-    """Whether every point of the arm stays below 250 mm/s."""
+    """True to keep every point of the arm below 250 mm/s."""
     push: list[float] = field(default_factory=list)
     """Force at the hand on its way, x, y, z in W [N]; none if empty."""
     push_at: float = 1.5

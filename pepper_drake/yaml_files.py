@@ -39,7 +39,7 @@ _TAGS = {
         list("-+.0123456789"),
     ),
 }
-"""What plain words mean, as in YAML 1.2."""
+"""Meaning of plain words, as in YAML 1.2."""
 
 
 class Loader(_PARSER):  # type: ignore[misc, valid-type]

@@ -1,4 +1,4 @@
-"""What makes an arm give way when it is pushed, and the push itself."""
+"""Compliance of an arm that is pushed, and the push itself."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,12 +13,12 @@ from pepper_drake.systems.guiding.external_force import ForcePulse, HandForce, S
 
 @dataclass(frozen=True)
 class ComplianceConfig:
-    """How an arm gives way during a reach."""
+    """Compliance of the arm during a reach."""
 
     stiffness: float = 0.05
-    """Of the reaching arm, as NAOqi has it: from 0, limp, to 1."""
+    """Stiffness of the reaching arm, as NAOqi has it: from 0, limp, to 1."""
     tracking: PhaseStopping = field(default_factory=PhaseStopping)
-    """How the movement waits for a hand that is pushed."""
+    """Phase stopping while the hand is pushed."""
     pushes: tuple[ForcePulse, ...] = ()
     """Pushes at the hand, from when the arm starts."""
 

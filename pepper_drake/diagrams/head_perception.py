@@ -70,7 +70,7 @@ _CLOUD_ROLES = {
     "age": Role.AGE,
     "fault": Role.CARRIED,
 }
-"""What the ports are to a fault of the signals "goal" and "cloud"."""
+"""Roles of the ports for faults of the signals "goal" and "cloud"."""
 _CLOUD = {
     "cloud": "cloud",
     "cloud_torso": "cloud_torso",
@@ -85,7 +85,7 @@ _CLOUD = {
 
 @dataclass
 class PerceptionConfig:
-    """How goal and obstacles are seen."""
+    """Parameters of perception: goal, obstacles, head."""
 
     image_poll_period: float = 0.05
     """Time between looks for new images [s]: they come every 0.2 s, and each look copies the
@@ -97,11 +97,11 @@ class PerceptionConfig:
     goal_latency: float = 0.04
     """Time from an image's arrival to the estimate made of it [s]: detection takes 25 ms."""
     obstacles: ObstacleParameters = field(default_factory=ObstacleParameters)
-    """Of the depth camera; a stereo pair in its place has its own."""
+    """Obstacle detection in the depth camera's images; a stereo pair has its own."""
     head_velocity: float = 2.5
     """Fastest motion of a head joint [rad/s], a third of the rated speed."""
     head_acceleration: float = 8.0
-    """Of a head joint [rad/s²]."""
+    """Largest acceleration of a head joint [rad/s²]."""
 
 
 class HeadPerception(Diagram):

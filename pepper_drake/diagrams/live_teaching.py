@@ -142,7 +142,7 @@ class LiveTeaching(Diagram):
             self._builder.Connect(self.reaching.GetOutputPort(output), port)
 
     def _add_objects(self) -> None:
-        """What moves the goal object and the obstacles to where they are wanted."""
+        """Adds the systems that move the goal object and the obstacles to their targets."""
         self.movables = [moving.name for moving in self.station.scene_models.moving]
         for name in self.movables:
             follower = self._builder.AddNamedSystem(f"{name}_mover", ReferenceFilter(3))

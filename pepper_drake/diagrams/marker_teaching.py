@@ -58,7 +58,7 @@ OUT_OF_REACH = 0.02
 
 @dataclass(frozen=True)
 class MarkerRecording:
-    """What came of showing a marker.
+    """Result of teaching with a marker.
 
     Attributes:
         recording: The arm's motion.

@@ -44,16 +44,16 @@ _LONGEST = 60.0
 
 @dataclass
 class RunOptions:
-    """How a run is shown."""
+    """Display and interruption of a run."""
 
     meshcat: Meshcat | None = None
-    """Where it is drawn, if anywhere."""
+    """Meshcat in which it is drawn; None for none."""
     record: bool = False
-    """Whether meshcat keeps the run for `recording.html`."""
+    """True to keep the run in meshcat for `recording.html`."""
     realtime: bool = False
-    """Whether it runs no faster than real time."""
+    """True to run no faster than real time."""
     progress: bool = True
-    """Whether a progress bar is shown."""
+    """True to show a progress bar."""
     should_stop: Callable[[], bool] = lambda: False
     """Asked every 0.1 s of simulated time; when it says so the run ends in order."""
     keep: "Callable[[ReachResult], None] | None" = None
@@ -62,7 +62,7 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class ReachResult:
-    """What a run gave: where, report, log, and the page that shows it, if it was recorded."""
+    """Result of a run: scene, report, log, and its recording as a page, if there is one."""
 
     scene: Scene
     report: ReachReport
@@ -110,7 +110,7 @@ class ReachSimulation:
         return self.reaching.GetMyContextFromRoot(self.simulator.get_context())
 
     def mode(self) -> ReachMode:
-        """What the robot is doing now."""
+        """Present mode of the robot."""
         reaching = self.reaching
         return reaching.supervisor.progress(
             reaching.supervisor.GetMyContextFromRoot(self.simulator.get_context())
@@ -168,7 +168,7 @@ class ReachSimulation:
         return self._result(wall, html)
 
     def _result(self, wall: float, html: str | None = None) -> ReachResult:
-        """What there is of the run now."""
+        """Result of the run up to now."""
         log = self._log()
         return ReachResult(self.reaching.scene, self._report(log, wall), log, html)
 
@@ -215,7 +215,7 @@ class ReachSimulation:
         )
 
     def _object_offsets(self) -> Vector:
-        """How far each thing that moves is from where it stands in the scene, (N, 3 K)."""
+        """Offsets (N, 3 K) [m] of the K moving objects from their poses in the scene."""
         station = self.reaching.station
         columns = [
             station.plant.GetJointByName(f"{moving.name}_{axis}").position_start()

@@ -51,7 +51,7 @@ from pepper_drake.systems.robot.true_clearance import TrueClearance
 
 @dataclass
 class ReachingConfig:
-    """How the reach is built."""
+    """Configuration of the reach."""
 
     station: StationConfig = field(default_factory=StationConfig)
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
@@ -61,11 +61,11 @@ class ReachingConfig:
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
-    """How the reaching arm gives way when it is pushed; a stiff arm if None."""
+    """Compliance of the reaching arm when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
     """Period of all logs [s]."""
     is_guided: bool = False
-    """Whether a person moves objects and arm: nothing moves by itself, and nothing is logged."""
+    """True if a person moves objects and arm: nothing moves by itself, and nothing is logged."""
 
 
 class Reaching(Diagram):

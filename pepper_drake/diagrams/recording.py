@@ -34,14 +34,14 @@ from pepper_drake.systems.guiding.velocity_guide import VelocityGuide
 Vector = npt.NDArray[np.float64]
 
 _SLICE = 0.1
-"""How often what is new is written to the file, s of simulated time."""
+"""Period [s] of simulated time at which new samples are written to the file."""
 _HAIR = 1e-9
-"""How far beyond the end is simulated [s], for the sample that is due at the end."""
+"""Time [s] simulated beyond the end, for the sample that is due at the end."""
 
 
 @dataclass(frozen=True)
 class RecordOptions:
-    """How a recording is made.
+    """Options of a recording.
 
     Attributes:
         folder: Where it is written while it is made, if anywhere.
@@ -60,7 +60,7 @@ class RecordOptions:
 
 @dataclass(frozen=True)
 class Recording:
-    """What came of a script.
+    """Result of a script.
 
     Attributes:
         demonstration: The motion without the rest before and after it, from time 0.

@@ -29,16 +29,16 @@ from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
 
 @dataclass(frozen=True)
 class ReproductionParams:
-    """How the arm follows, and how it gives way.
+    """Tracking and compliance of the arm.
 
     With a stiffness of 0.05, 20 N m/rad at each joint, 5 N at the hand move it by some 3 cm; a
     stiff arm would not notice them.
     """
 
     stiffness: float = ComplianceConfig.stiffness
-    """Of the arm, as NAOqi has it: from 0, limp, to 1."""
+    """Stiffness of the arm, as NAOqi has it: from 0, limp, to 1."""
     tracking: PhaseStopping | None = field(default_factory=PhaseStopping)
-    """How the movement waits for a hand that is pushed; None for one that does not."""
+    """Phase stopping while the hand is pushed; None to do without."""
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     log_period: float = 0.01
     """[s]."""

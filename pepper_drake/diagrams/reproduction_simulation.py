@@ -30,12 +30,12 @@ _STILL = 0.01
 _LONGEST = 3.0
 """A reproduction is given up this many durations of its primitive after the last push."""
 _LIMIT_TOLERANCE = 1e-3
-"""How far beyond its limit the plant's solver lets a joint sink [rad]."""
+"""Penetration [rad] of a joint limit that the plant's solver allows."""
 
 
 @dataclass(frozen=True)
 class ReproductionOptions:
-    """How a reproduction is run.
+    """Options of a reproduction.
 
     Attributes:
         goal: (3,) of the hand in T [m]; the primitive's own if None.
@@ -60,7 +60,7 @@ class ReproductionOptions:
 
 @dataclass(frozen=True)
 class ReproductionResult:
-    """What came of a reproduction.
+    """Result of a reproduction.
 
     Attributes:
         motion: What the arm did.
@@ -84,7 +84,7 @@ class ReproductionResult:
 
     @property
     def keeps_limits(self) -> bool:
-        """Whether no joint passed a limit of position or velocity."""
+        """True if no joint passed a limit of position or velocity."""
         return self.limit_overrun <= _LIMIT_TOLERANCE and self.worst_joint_speed <= 1.0
 
 

@@ -13,13 +13,13 @@ from pepper_drake.errors import PepperDrakeError
 _KEEP_PERIOD = 0.8
 """Wall time from when a run was kept until it is kept again [s]; a look's period comes on top."""
 _ROUNDING = 1e-9
-"""Of times [s]."""
+"""Tolerance of times [s]."""
 _GOES_ON = (EventStatus.Severity.kDidNothing, EventStatus.Severity.kSucceeded)
 
 
 @dataclass(frozen=True)
 class SimulationEnd:
-    """How a simulation ended.
+    """End of a simulation.
 
     Attributes:
         stopped: Whether it was asked to stop.

@@ -79,36 +79,36 @@ NO_DEPTH_NOISE = DepthNoise(
 
 @dataclass
 class StationConfig:
-    """How the simulated robot is built."""
+    """Configuration of the simulated robot."""
 
     time_step: float = 0.005
     """Step of the physics [s]."""
     command_period: float = CONTROL_PERIOD
     """Period at which joint commands arrive [s]."""
     cameras: bool = True
-    """Whether the cameras exist; without them a run is several times faster."""
+    """True for a robot with cameras; without them a run is several times faster."""
     camera_period: float = 0.2
     """Time between images of each camera [s]."""
     camera_latency: float = 0.15
     """From an image's capture until it is out [s]; assumed for images that come over a network."""
     noise: bool = True
-    """Whether the cameras have the noise of the real ones."""
+    """True to give the cameras the noise of the real ones."""
     stereo: bool = False
-    """Whether a stereo pair with a pattern projector takes the depth camera's place. It costs some
+    """True for a stereo pair with a pattern projector in the depth camera's place. It costs some
     twenty times as much."""
     seed: int = 0
     """Seed of all sensor noise."""
     goal_motion_port: bool = False
-    """Whether the goal object's motion comes in by the port `goal_object.desired_state`, and not
+    """True if the goal object's motion comes in by the port `goal_object.desired_state`, and not
     from the path in its scene by the clock."""
     obstacle_motion_ports: bool = False
-    """Whether the motion of each obstacle that has a path comes in by a port in the same way."""
+    """True if the motion of each obstacle that has a path comes in by a port in the same way."""
     stiffness: dict[str, float] = field(default_factory=lambda: dict.fromkeys(JOINT_GROUPS, 1.0))
     """Stiffness of each joint group, from 0 (limp) to 1, as NAOqi has it."""
     proportional_gain: float = 400.0
-    """Of a joint at stiffness 1, N m/rad (N/m for the base's x and y); body and base have more."""
+    """Gain at stiffness 1 [N m/rad], for the base's x and y [N/m]; body and base have more."""
     derivative_gain: float = 10.0
-    """Of a joint at stiffness 1 [N m s/rad]; body and base have more. It goes with the root of the
+    """Gain at stiffness 1 [N m s/rad]; body and base have more. It goes with the root of the
     stiffness, so that a soft joint is damped as well as a stiff one."""
 
     wear: RobotWear | None = None

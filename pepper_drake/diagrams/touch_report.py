@@ -1,4 +1,4 @@
-"""How fast and how hard a simulated robot touched something, from its recorded states."""
+"""Speed and force of a simulated robot's contacts, from its recorded states."""
 
 from dataclasses import dataclass
 

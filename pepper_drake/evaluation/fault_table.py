@@ -18,7 +18,7 @@ STARTS = ("0", "reach")
 LARGEST_TOUCH_SPEED = 0.05
 """No link may touch anything faster [m/s]."""
 LARGEST_ACCELERATION = 10.0
-"""Of joint commands [rad/s^2]."""
+"""Acceleration limit of joint commands [rad/s^2]."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class FaultCase:
 
 @dataclass(frozen=True)
 class FaultResult:
-    """What came of it; lengths in m, times in s, angles in rad."""
+    """Outcome of a run with a fault; lengths in m, times in s, angles in rad."""
 
     fault: str
     scene: str
@@ -57,7 +57,7 @@ class FaultResult:
 
     @property
     def is_safe(self) -> bool:
-        """Whether nothing was touched too fast and no command was outside its limits."""
+        """True if nothing was touched too fast and no command was outside its limits."""
         touch = self.own_touch_speed or 0.0
         return (
             touch <= LARGEST_TOUCH_SPEED

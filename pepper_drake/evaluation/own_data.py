@@ -27,7 +27,7 @@ from pepper_drake.perception.mapping.cloud_points import make_cloud
 from pepper_drake.web.drake_page import offline_meshcat
 
 _POINT_SIZE = 0.004
-"""Of the points in the page [m]."""
+"""Size of the points in the page [m]."""
 
 
 def report_photo(

@@ -73,7 +73,7 @@ _BASE_ACCELERATION = (0.3, 0.75)
 
 @dataclass(frozen=True)
 class LinkConfig:
-    """How a robot is led.
+    """Configuration of the link to a robot.
 
     Attributes:
         arm: "left" or "right": this one moves, the other is held by the robot.
@@ -141,7 +141,7 @@ class RobotLink:
 
     @property
     def fault(self) -> LinkFault | None:
-        """What went wrong, if anything did."""
+        """Fault of the link, if there is one."""
         return self._fault
 
     async def run(self) -> None:

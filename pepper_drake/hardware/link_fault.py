@@ -1,4 +1,4 @@
-"""What can go wrong between us and a robot: one word for programs, one sentence for people."""
+"""Faults of the link to a robot: one word for programs, one sentence for people."""
 
 from pepper_drake.errors import PepperDrakeError
 

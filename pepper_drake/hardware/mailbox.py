@@ -16,8 +16,7 @@ CAMERA_NAMES = ("camera_top", "camera_bottom", "camera_depth")
 """Cameras in the order of NAOqi's ids."""
 
 IDLE, STREAM, HOLD, HAND_OVER, END = range(5)
-"""What the station wants of the link: nothing, follow commands, hold still, let the arm down, end.
-"""
+"""Modes that the station asks for: nothing, follow commands, hold still, lower the arm, end."""
 
 LARGEST_IMAGE = 640 * 480 * 3
 

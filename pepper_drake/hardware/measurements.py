@@ -1,4 +1,4 @@
-"""What a robot measured, by its own clock and by ours."""
+"""Measurements of a robot, by its own clock and by ours."""
 
 from dataclasses import dataclass
 

@@ -18,7 +18,7 @@ LATE_PERIODS = 5
 
 @dataclass(frozen=True)
 class Pacing:
-    """How a paced run kept its time.
+    """Timing of a paced run.
 
     Attributes:
         steps: Steps that were made.

@@ -29,7 +29,7 @@ _CALLS = 8
 
 @dataclass(frozen=True)
 class PreflightOptions:
-    """What a run takes upon itself.
+    """Options of the preflight.
 
     Attributes:
         needs_stiffness: Whether the arm must be stiff; recording makes it limp.

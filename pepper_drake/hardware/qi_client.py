@@ -358,7 +358,7 @@ class QiSession:
 
     @property
     def is_lost(self) -> bool:
-        """Whether one of the connections has ended."""
+        """True if one of the connections has ended."""
         return any(connection.lost.done() for connection in self._connections.values())
 
     async def close(self) -> None:

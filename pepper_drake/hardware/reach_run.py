@@ -65,7 +65,7 @@ class HardwareReport(ReachReport):
 
 @dataclass(frozen=True)
 class HardwareRun:
-    """How a robot is led to reach.
+    """Options of a reach with a robot.
 
     Attributes:
         access: Way to the robot.
@@ -157,7 +157,7 @@ def _where_it_stands(scene: Scene, link: LinkProcess) -> Scene:
 
 
 class _Progress:
-    """What a run has come to."""
+    """State of a run."""
 
     def __init__(
         self, reaching: Reaching, simulator: Simulator, link: LinkProcess, run: HardwareRun

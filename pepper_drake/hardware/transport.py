@@ -46,7 +46,7 @@ class Transport(Protocol):
 
     @property
     def is_lost(self) -> bool:
-        """Whether the connection has ended."""
+        """True if the connection has ended."""
 
     async def close(self) -> None:
         """Ends the connection."""
@@ -84,7 +84,7 @@ class WireTransport:
 
     @property
     def is_lost(self) -> bool:
-        """Whether the connection has ended."""
+        """True if the connection has ended."""
         return self._session.is_lost
 
     async def close(self) -> None:
@@ -160,7 +160,7 @@ class LibqiTransport:
 
     @property
     def is_lost(self) -> bool:
-        """Whether the connection has ended."""
+        """True if the connection has ended."""
         return not self._session.isConnected()
 
     async def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What a live session draws beside the robot: paths, cloud, guide, and what obstacles do."""
+"""Drawing of a live session beside the robot: paths, cloud, guide, coupling."""
 
 import matplotlib
 import numpy as np
@@ -24,14 +24,14 @@ _ARROW = 0.04
 """Length of the coupling's arrow for each m/s² [m]."""
 _LONGEST_ARROW = 0.3
 _OUTSIDE = 0.07
-"""Where the arrow begins: outside the hand, m from its control frame."""
+"""Distance [m] of the arrow's foot from the hand's control frame: outside the hand."""
 _HEAD = 0.035
 _POINT_SPACING = 0.005
 _RADII = (0.004, 0.0025)
-"""Of paths [m]: what Pepper does lies as a thicker, translucent tube about what it was shown."""
+"""Radii of paths [m]: Pepper's path lies as a thicker, translucent tube about what it was shown."""
 _PERFORMS = (Mode.REACHING, Mode.WAITING, Mode.HOLDING)
 _PATH_PERIOD, _CLOUD_PERIOD = 4, 6
-"""Paths and cloud are drawn in every so manieth frame."""
+"""Numbers of frames between two drawings of the paths, and of the cloud."""
 
 
 def tube(points: Vector, radius: float, sides: int = 6) -> tuple[Vector, npt.NDArray[np.int64]]:

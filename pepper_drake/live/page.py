@@ -46,11 +46,11 @@ HAND_SLIDERS = (
     Slider("hand pitch ° C V", -180, 180, 2, "KeyC", "KeyV"),
     Slider("hand yaw ° B N", -180, 180, 2, "KeyB", "KeyN"),
 )
-"""Of the guide, in the torso frame: position [m], then roll, pitch, yaw [degrees]."""
+"""Sliders of the guide, in the torso frame: position [m], then roll, pitch, yaw [degrees]."""
 
 _AXES = ("ahead", "to the left", "up")
 _FARTHEST = 0.2
-"""How far objects can be moved [m]."""
+"""Range in which objects can be moved [m]."""
 
 _TITLE = (
     "<style>"

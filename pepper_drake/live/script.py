@@ -37,7 +37,7 @@ class ScriptStep:
 
 @dataclass
 class LiveScript:
-    """What a person would do on the page, step by step."""
+    """Script of a session: a person's actions on the page, step by step."""
 
     name: str = ""
     description: str = ""

@@ -27,13 +27,13 @@ _SHORTEST_WAY = 0.03
 _AT_START = 0.015
 """The arm is back at the start within this [rad]."""
 _PATIENCE = 3.0
-"""How long the arm may take to settle at the start [s]."""
+"""Time [s] that the arm may take to settle at the start."""
 _NOTICE = 4.0
-"""How long it is told what came of a button [s]."""
+"""Time [s] for which the result of a button is shown."""
 
 
 class Mode(StrEnum):
-    """What Pepper is doing, in a word."""
+    """Mode of the session, in a word."""
 
     GUIDED = "guided"
     RECORDED = "recorded"
@@ -57,7 +57,7 @@ _OF_REACH = {
 
 
 class LiveSession:
-    """What Pepper is taught and does, frame by frame.
+    """Session of teaching and reaching, advanced frame by frame.
 
     The buttons of the page are its methods `record`, `stop`, `learn`, `reach` and `save`; what
     comes of them is in `mode` and `status`. Where a button makes no sense, `status` says why, and
@@ -90,7 +90,7 @@ class LiveSession:
 
     @property
     def mode(self) -> Mode:
-        """What Pepper is doing: what the person does, or else the reach."""
+        """Present mode: the person's, or else the reach's."""
         if self._doing is not None:
             return self._doing
         state = self.simulation.reach_state()
@@ -100,7 +100,7 @@ class LiveSession:
 
     @property
     def status(self) -> str:
-        """What Pepper is doing in words, or for some seconds what came of a button."""
+        """Status in words, or for some seconds the result of a button."""
         told = self.simulation.time < self._notice_until
         return self._notice if told else self._describe()
 

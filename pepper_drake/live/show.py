@@ -86,7 +86,7 @@ class LiveApp:
             simulation.set_guide_target(page.hand())
 
     def _describe_pace(self) -> str:
-        """How fast it goes, in words, once a second."""
+        """Speed of the simulation in words, once a second."""
         before, pace = self._pace, self.session.simulation.pace
         wall = pace.wall_seconds - before.wall_seconds
         if wall > _HINT_PERIOD:

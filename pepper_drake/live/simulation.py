@@ -31,7 +31,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SimulationRate:
-    """How fast a session ran: over what time, s, and how many frames it showed."""
+    """Speed of a session: its duration [s] and its number of frames."""
 
     simulated_seconds: float = 0.0
     wall_seconds: float = 0.0
@@ -120,7 +120,7 @@ class LiveSimulation:
 
     @property
     def pace(self) -> SimulationRate:
-        """How fast it has run since it was made, all included."""
+        """Speed since the start, all included."""
         return SimulationRate(self.time, time.perf_counter() - self._began, self._frames)
 
     def advance(self) -> None:

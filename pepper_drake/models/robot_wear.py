@@ -1,4 +1,4 @@
-"""How a used robot differs from its model: slack, offsets, mountings, slip and latency."""
+"""Deviations of a used robot from its model: slack, offsets, mountings, slip and latency."""
 
 from dataclasses import dataclass, field, replace
 
@@ -100,5 +100,5 @@ class RobotWear:
         )
 
     def calibrated(self, encoder_offset: Vector) -> "RobotWear":
-        """What is left when offsets (15,) [rad] that were found are taken off the encoders."""
+        """Remaining wear after encoder offsets (15,) [rad] that were found are corrected."""
         return replace(self, encoder_offset=self.encoder_offset - encoder_offset)

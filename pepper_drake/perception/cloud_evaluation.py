@@ -1,4 +1,4 @@
-"""How good a cloud is, against the true surfaces of the scene, of which it knows nothing."""
+"""Accuracy of a cloud against the true surfaces of the scene."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -71,7 +71,7 @@ class TrueSurfaces:
 
 @dataclass(frozen=True)
 class CloudReport:
-    """What `report.json` says of a cloud.
+    """Figures of a cloud in `report.json`.
 
     Attributes:
         points: Their number.

@@ -21,7 +21,7 @@ from pepper_drake.web.guarded_handler import GuardedHandler
 from pepper_drake.web.page_server import quiet_tornado
 
 _PATIENCE = 8.0
-"""How long a command waits for a browser [s]."""
+"""Time [s] that a command waits for a browser."""
 _IMAGE_LIMIT = 64 * 2**20
 """Largest picture that a browser sends [bytes]."""
 _COMMANDS = ("set_transform", "set_object", "delete", "set_property", "set_animation")

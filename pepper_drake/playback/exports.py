@@ -31,7 +31,7 @@ EXTRA = 'pip install "pepper-drake[formats]"'
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What can be written of a motion.
+    """Content of a motion that can be exported.
 
     Attributes:
         name: The motion's.

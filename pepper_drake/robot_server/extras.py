@@ -1,4 +1,4 @@
-"""What no robot knows, as a service on a port of its own: the truth of the simulation."""
+"""Ground truth of the simulation, as a service on a port of its own."""
 
 from typing import Any
 

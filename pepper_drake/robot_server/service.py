@@ -169,7 +169,7 @@ class Service:
     signals: dict[int, Signal] = field(default_factory=dict)
     properties: dict[int, Property] = field(default_factory=dict)
     emitters: list[Emitter] = field(default_factory=list, repr=False)
-    """Where signals go: the server adds itself."""
+    """Receivers of signals: the server adds itself."""
 
     def add_method(
         self,

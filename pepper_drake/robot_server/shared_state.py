@@ -46,7 +46,7 @@ class SharedRecord:
 
     @property
     def writes(self) -> int:
-        """How often the record was written."""
+        """Number of writes of the record."""
         return int(self._record["after"])
 
     def write(self, **fields: Any) -> None:

@@ -70,7 +70,7 @@ IMAGE = np.dtype(
 
 @dataclass(frozen=True)
 class SimulatorConfig:
-    """How the robot is simulated.
+    """Configuration of the served robot.
 
     Attributes:
         scene: Where it stands.

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 from pepper_drake.errors import InputError
 
 LOOPBACK = "127.0.0.1"
-"""Where pages are served if nobody says otherwise: nothing outside this computer reaches it."""
+"""Default address of pages: nothing outside this computer reaches it."""
 
 _LOOPBACK_NAMES = ("localhost", LOOPBACK, "[::1]")
 _TOKEN_BYTES = 24

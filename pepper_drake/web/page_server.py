@@ -34,7 +34,7 @@ _MOST_BROWSERS = 64
 _MOST_WAITING = 64 * 2**20
 """A browser that is this far behind [bytes] is let go: it hangs, or its computer sleeps."""
 _ECHO_PERIOD = 0.03
-"""How often browsers are told what another one moves [s], however often it does."""
+"""Period [s] at which browsers are told of another one's motions."""
 _PING_PERIOD, _PING_TIMEOUT = 20, 20  # [s]
 _POLICY_VIOLATION, _TRY_AGAIN = 1008, 1013
 """Codes with which a websocket is closed (RFC 6455 and its registry)."""

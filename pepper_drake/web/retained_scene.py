@@ -1,4 +1,4 @@
-"""What a page has been told so far, for browsers that open it late."""
+"""Messages that a page has been sent, for browsers that open it late."""
 
 from collections.abc import Iterator
 from typing import Any

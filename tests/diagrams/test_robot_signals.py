@@ -93,10 +93,10 @@ def test_slack_is_between_motor_and_joint():
 def test_the_odometry_of_wheels_that_slip_is_off_by_a_share_of_the_way():
     wear = RobotWear.draw(3)
     rig = Rig(wear, base_velocity=(0.3, 0.0, 0.0)).run(2.0, elbow_speed=0.0)
-    true = rig.true_rows(JOINT_GROUPS["base"])[-1]
+    moved = rig.true_rows(JOINT_GROUPS["base"])[-1]
     measured = rig.rows("base_pose")[-1]
-    assert true[0] > 0.3
-    assert measured[0] == pytest.approx((1 + wear.odometry[0]) * true[0], abs=1e-9)
+    assert moved[0] > 0.3
+    assert measured[0] == pytest.approx((1 + wear.odometry[0]) * moved[0], abs=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["off", "garbage"])

@@ -49,7 +49,7 @@ _FEW = 8
 
 @dataclass(frozen=True)
 class DemonstrationReport:
-    """What was measured of a demonstration.
+    """Measurements of a demonstration.
 
     Attributes:
         name: The demonstration's.

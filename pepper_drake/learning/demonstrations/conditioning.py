@@ -1,4 +1,4 @@
-"""What is done to samples before they are learned from: noise filtered, gaps filled.
+"""Conditioning of samples before learning: noise filtered, gaps filled.
 
 Recordings of this program pass a low-pass filter when they are made. What comes from elsewhere gets
 the same filter when its noise would show in the accelerations, with a cut-off that follows the
@@ -28,7 +28,7 @@ LOUD = 0.1
 """Acceleration [m/s²] that the noise may cause in what is left unfiltered."""
 
 LEVER = 0.1
-"""What a turn of one radian counts where lengths and angles are compared [m/rad]."""
+"""Lever [m/rad] by which a turn is compared with a length."""
 
 BOUND, BOUND_SHARE = 0.02, 0.25
 """Between two samples a motion stays this near [m], or within this share of their distance, to the

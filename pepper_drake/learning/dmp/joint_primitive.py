@@ -53,7 +53,7 @@ def is_joint_primitive(path: str | Path) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """What a rollout gives.
+    """Result of a rollout.
 
     Attributes:
         times: (N,) [s].

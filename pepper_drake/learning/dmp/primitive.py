@@ -51,7 +51,7 @@ MOST_NUM_BASIS = 320
 _COMPARED = 400
 """Places along a motion at which a fit is compared with what was shown."""
 FIT_TOLERANCE = 0.005
-"""Where the motion leaves a demonstration by more than this [m] and the number of basis functions
+"""Deviation [m] of a fit from its demonstration above which, if the number of basis functions
 is left open, it is doubled."""
 
 _MOST_SAMPLES, _FEWEST_NUM_BASIS = 6000, 8

@@ -1,4 +1,4 @@
-"""What a camera is: its intrinsics with distortion, where it sits on the head, how it is rendered.
+"""Camera models: intrinsics with distortion, mounting on the head, rendering.
 
 Pixel coordinates are OpenCV's throughout: integer `k` is the centre of pixel `k`. Drake's renderer
 puts that centre at `k + 0.5`, so its principal point is half a pixel larger; only
@@ -125,7 +125,7 @@ class CameraIntrinsics:
 
     @property
     def is_distorted(self) -> bool:
-        """Whether any distortion coefficient is non-zero."""
+        """True if any distortion coefficient is non-zero."""
         return any(self.distortion)
 
     def ideal(self) -> "CameraIntrinsics":

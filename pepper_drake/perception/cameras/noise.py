@@ -1,4 +1,4 @@
-"""What real sensors do to a perfect image: colour noise, depth noise, quantisation, lost pixels.
+"""Sensor noise of rendered images: colour noise, depth noise, quantisation, lost pixels.
 
 Every function is a function of its arguments alone: the same seed and frame number give the same
 image. Normal deviates come from a field that is drawn once for a seed and read from a place that

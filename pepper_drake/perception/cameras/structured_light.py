@@ -24,7 +24,7 @@ _SHADOW_STEP = 0.04
 _NEAREST = 0.1
 """Depth below which the displacement of the pattern is not followed [m]."""
 _STRIDE = 2
-"""Of so many pixels along both axes one tells whether all are on a dark or a grazing surface."""
+"""Stride in pixels at which dark and grazing surfaces are evaluated."""
 _BEND = 0.3
 """Bend of the inverse depth on a surface, as a share of its rise between pixels."""
 _PATCH_CELLS = 128

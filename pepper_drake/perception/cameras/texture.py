@@ -1,4 +1,4 @@
-"""What makes bare surfaces matchable: a texture painted on them, or a pattern thrown on them.
+"""Textures that make bare surfaces matchable: painted on them, or projected.
 
 Both are computed from a rendered image and its perfect depth image, as a shader does.
 """

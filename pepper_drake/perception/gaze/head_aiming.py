@@ -1,4 +1,4 @@
-"""Where the head has to turn for a camera to look at a point, and which camera sees it best.
+"""Aiming of the head: angles for a camera to look at a point, and the best camera.
 
 Head angles are (HeadYaw, HeadPitch), rad. HeadYaw turns about the torso's z at `P_T_NECK`, then
 HeadPitch about y; positive pitch looks down.
@@ -36,7 +36,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Gaze:
-    """How well one camera can look at a point.
+    """Gaze of one camera at a point.
 
     Attributes:
         camera: The camera.
@@ -118,7 +118,7 @@ def image_offset(camera: HeadCamera, head: npt.ArrayLike, p_TP: npt.ArrayLike) -
 def _offset(
     camera: HeadCamera, head: Sequence[float], p_NeckP_T: Sequence[float], radius: float = 0.0
 ) -> float:
-    """What `image_offset` returns, in plain numbers, since it runs many times at every tick.
+    """As `image_offset`, in plain numbers, since it runs many times at every tick.
 
     With a radius [m] it is that of the farthest corner of a square about the point.
     """
@@ -158,7 +158,7 @@ def look_at(camera: HeadCamera, p_TP: npt.ArrayLike) -> Gaze:
 
 
 def head_search_pattern(time: float, side: float) -> Vector:
-    """Where the head looks while the goal is searched for.
+    """Head angles of the search for the goal.
 
     Args:
         time: Since the search began [s].

@@ -1,4 +1,4 @@
-"""Where to look next, so that nothing around an object is left unseen for long.
+"""View planning: the next view, so that nothing around an object is unseen for long.
 
 What moves comes from where nobody looked. So the places around an object are kept with the times at
 which they were last in the image, and of the gazes that are possible the one is chosen that shows
@@ -18,10 +18,9 @@ from pepper_drake.perception.gaze.head_aiming import P_T_NECK, camera_pose
 Vector = npt.NDArray[np.float64]
 
 _NEAREST = 0.3
-"""What is nearer to a depth camera than its near limit shows by what it hides; but not if it is
-nearer than this [m]."""
+"""Distance [m] to the depth camera below which a point does not even show by what it occludes."""
 _MOST = 4.0
-"""What was not seen for longer counts no more [s]."""
+"""Age [s] beyond which a view point's urgency does not grow."""
 
 VIEW_POINTS = np.array(
     [
@@ -42,7 +41,7 @@ _COMING = np.array([-0.1, 0.3])
 
 
 def _weights() -> Vector:
-    """How much places count: what comes there is the sooner at the hand's way the nearer it is."""
+    """Weights of view points: the nearer to the hand's path, the sooner an obstacle arrives."""
     flat = VIEW_POINTS[:, :2]
     share = np.clip(flat @ _COMING / (_COMING @ _COMING), 0.0, 1.0)
     distances = np.linalg.norm(flat - share[:, None] * _COMING, axis=1)
@@ -73,7 +72,7 @@ def visible(camera: HeadCamera, head: npt.ArrayLike, places: Vector) -> npt.NDAr
 
 
 def view_weights(places: Vector, things: Vector) -> Vector:
-    """How much places (N, 3) count: much more where something is that may move, (P, 3) [m]."""
+    """Weights of view points (N, 3) [m]: much larger near points (P, 3) [m] that may move."""
     if not len(things):
         return _WEIGHTS
     far = cKDTree(things).query(places, distance_upper_bound=_AROUND_THINGS)[0]

@@ -89,7 +89,7 @@ class GoalMeasurement:
 
 @dataclass(frozen=True)
 class GoalTrack:
-    """What is believed of one goal. Never changed once made.
+    """Estimate of one goal. Never changed once made.
 
     Attributes:
         time: Time of the last accepted measurement [s].
@@ -164,7 +164,7 @@ class GoalState:
         return np.inf if self.track is None else time - self.track.time
 
     def is_valid(self, time: float, parameters: GoalFilterParameters) -> bool:
-        """Whether there is a goal that was seen lately enough to act on."""
+        """True if there is a goal that was seen lately enough to act on."""
         return self.published is not None and self.age(time) <= parameters.hold_seconds
 
 

@@ -342,7 +342,7 @@ def choose_pose(
 
 
 def is_better(best: MarkerPose, other: MarkerPose) -> bool:
-    """Whether the errors alone tell which of two poses is the right one."""
+    """True if the reprojection errors alone tell which of two poses is right."""
     least, error = max(best.reprojection_error, 0.02), other.reprojection_error
     if best.on_edges and other.on_edges:
         return error > _EDGE_AMBIGUITY_RATIO * least

@@ -40,7 +40,7 @@ _LEAST_EDGES = 8
 """Edges of modules without which no pose is fitted."""
 
 _WORST_CONDITION = 1e12
-"""Of the normal equations in rad and m; a marker 1 m away has 1e7."""
+"""Largest condition number of the normal equations in rad and m; a marker 1 m away has 1e7."""
 
 _LEAST_ERROR = 0.08
 """Systematic error of an edge [pixels]: of lens and sensor, which no residual shows."""
@@ -213,7 +213,7 @@ def _fit(
 
 
 def _jacobian(arm: Array, p_C: Array, direction: Array, intrinsics: CameraIntrinsics) -> Array:
-    """How far points move along image directions when the marker turns and moves.
+    """Jacobian of points along image directions by the marker's rotation and translation.
 
     Args:
         arm: Points from the marker's origin (N, 3), axes of C.

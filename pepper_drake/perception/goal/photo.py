@@ -1,4 +1,4 @@
-"""Where markers are in a single photo, and what they are if not those that were looked for."""
+"""Markers in a single photo: poses, or their identities if not those that were looked for."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -27,7 +27,7 @@ _FARTHEST_ROOM = 100.0
 
 @dataclass(unsafe_hash=True)
 class CloudParameters:
-    """What of a depth image is kept.
+    """Parameters of clouds made from depth images.
 
     Attributes:
         stride: Every how many-th pixel is used along both axes, ...

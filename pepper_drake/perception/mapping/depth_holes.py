@@ -58,7 +58,7 @@ _PLACE_STEP = 4
 
 @dataclass(frozen=True, eq=False)
 class HoleMemory:
-    """What earlier images told of holes. Never changed once made.
+    """Memory of holes in earlier images. Never changed once made.
 
     Attributes:
         measured: Pixels (height, width) that have measured something so far; (0, 0) at first.
@@ -232,7 +232,7 @@ def _image_motion(
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
 ) -> npt.NDArray[np.float64]:
-    """How far things at cells (N, 2) of earlier views are from there now (N,) [pixels].
+    """Distance (N,) [pixels] of objects at cells (N, 2) of earlier views from there now.
 
     It is the least over the depths at which the thing may be; without end when it left the image.
     """

@@ -199,7 +199,7 @@ def _is_blank(
     intrinsics: CameraIntrinsics,
     parameters: ValidityParameters,
 ) -> bool:
-    """Whether next to nothing was measured where known things and the floor are to be seen."""
+    """True if next to nothing was measured where known objects and the floor should be visible."""
     rays = pixel_rays(intrinsics, _FLOOR_STRIDE).reshape(-1, 3).astype(float)
     down = rays @ X_WC.rotation().matrix()[2]
     p_WC = X_WC.translation()

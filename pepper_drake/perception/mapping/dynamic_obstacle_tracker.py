@@ -24,16 +24,16 @@ from pepper_drake.perception.mapping.obstacle_map import ExcludedSolids, Obstacl
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
 
 _APART = 0.5
-"""In less time what moves slowly does not come far enough to be told from noise [s]."""
+"""Time [s] between compared images in which slow motion exceeds the noise."""
 _HIDDEN = 2.0
-"""How long what was found by what it hides is supposed to be there [s]."""
+"""Time [s] for which an obstacle found by occlusion is kept."""
 _MOST_VIEWS = 9
-"""So many images are held against a new one at most, besides the last."""
+"""Largest number of earlier images that a new one is compared with, besides the last."""
 
 
 @dataclass(frozen=True, eq=False)
 class DynamicObstacleTracker:
-    """What is known of things that move. Never changed once made.
+    """State of the tracker of moving obstacles. Never changed once made.
 
     Attributes:
         views: Images of late in which something else was to be seen each, the last image last.
@@ -150,7 +150,7 @@ def reset_while_driving(
     view: DepthFrame,
     parameters: ObstacleParameters,
 ) -> DynamicObstacleTracker:
-    """What is known after an image that was taken on the way: to who drives all moves.
+    """Tracker state after an image that was taken while driving, when everything seems to move.
 
     Args:
         watch: What was known before.

@@ -1,4 +1,4 @@
-"""What has come to where nothing was: how it moves, and where it will be soon.
+"""Moving obstacles: points that appear in free space, their velocity, their prediction.
 
 A cloud is old when it is acted upon: by the network, the period between images and the time that
 an arm needs to brake. What moves at 0.3 m/s is by then a decimetre farther on. So what an image
@@ -43,7 +43,7 @@ _SLUGGISHNESS = 0.02
 
 @dataclass(unsafe_hash=True)
 class ApproachParameters:
-    """How what moves is followed.
+    """Parameters of tracking moving obstacles.
 
     Attributes:
         spacing: Of the points that are kept of it [m].
@@ -90,7 +90,7 @@ class TrackedObstacle:
     seen: float
 
     def moved(self, duration: float) -> Points:
-        """Where its front (N, 3) is a duration [s] later, at the same velocity."""
+        """Points (N, 3) [m] a duration [s] later, at the same velocity."""
         return self.points + (duration * self.velocity).astype(self.points.dtype)
 
 
@@ -126,7 +126,7 @@ class DepthFrame:
         return is_free_space(p_W, clear, self.intrinsics, self.X_WC, memory)
 
     def is_like(self, other: "DepthFrame") -> bool:
-        """Whether both show almost the same."""
+        """True if both views show almost the same."""
         off = self.X_WC.InvertAndCompose(other.X_WC)
         turned = abs(off.rotation().ToAngleAxis().angle())
         return turned < _LIKE and float(np.linalg.norm(off.translation())) < _LIKE
@@ -134,7 +134,7 @@ class DepthFrame:
 
 @dataclass(frozen=True, eq=False)
 class NewPoints:
-    """What an image shows where the ones before it looked through, and what they showed.
+    """New points of an image in space that earlier images saw free, and the earlier surface.
 
     Attributes:
         points: (P, 3) where something came, in W [m].
@@ -241,7 +241,7 @@ def predict_occupancy(
 def estimate_velocity(
     front: NewPoints, time: float, parameters: ApproachParameters
 ) -> npt.NDArray[np.float64] | None:
-    """How fast a surface moved from where it was to where it came, by its shape.
+    """Velocity of a surface between two images, by point-to-plane registration.
 
     The step between is that of least distance from the points that came to planes at the nearest
     points that were left (point-to-plane registration, Chen and Medioni 1992,
@@ -281,7 +281,7 @@ def estimate_velocity(
 def _guess_velocity(
     front: Points, bodies: Sequence[Points], parameters: ApproachParameters
 ) -> npt.NDArray[np.float64]:
-    """How a front may move (3,) [m/s] that was seen once: on from the rest of what it belongs to.
+    """Velocity guess (3,) [m/s] of points that were seen once: away from the rest of their object.
 
     Zero if there is no rest.
     """

@@ -29,29 +29,29 @@ Points = npt.NDArray[np.floating]
 Mask = npt.NDArray[np.bool_]
 
 _BEYOND = 0.05
-"""What is hidden is farther than the near limit by this [m]."""
+"""Margin [m] beyond the near limit at which occluded surfaces count."""
 _PITCH = 6
-"""One ray of each square of so many pixels is enough."""
+"""Stride of rays [pixels]."""
 _FARTHEST = 3.0
-"""What is farther is no backdrop [m]."""
+"""Farthest background [m]."""
 _GRAIN = 0.03
-"""Of the backdrop [m]."""
+"""Resolution of the background [m]."""
 _STEP = 0.02
 """Between points on a ray [m]."""
 _NEAREST, _LIKELY = 0.15, 0.25
 """Nothing is nearer to the camera than the first, and most likely not than the second [m]."""
 _MARGIN = 0.03
-"""So far beyond the near limit a ray is followed [m]."""
+"""Distance [m] beyond the near limit to which a ray is followed."""
 _AROUND_KNOWN = 0.05
-"""What passes by a known thing by less may be hidden by it: of that one side is known only [m]."""
+"""Distance [m] to a known object within which it may occlude: one side of it is known only."""
 ON_TABLE = 0.02
-"""What is no higher above the table is the table: of that there is no other side [m]."""
+"""Height [m] above the table up to which points belong to it."""
 _LEAST_RAYS = 4
 """Fewer are noise."""
 _GRAZING = 0.25
 """Cosine of the angle of incidence below which floor and table need not be measured."""
 _FLOOR = 0.03
-"""What is no higher is the floor [m]."""
+"""Height [m] up to which points belong to the floor."""
 
 
 def background_points(
@@ -60,7 +60,7 @@ def background_points(
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
 ) -> npt.NDArray[np.float64]:
-    """What is to be seen when nothing hides it: all surfaces, floor and robot's table alike.
+    """Background points, visible unless occluded: all surfaces, floor and table alike.
 
     Args:
         before: (P, 3) the backdrop before this image, in W [m].
@@ -185,7 +185,7 @@ def occluded_points(
 def _expected(
     behind: Points, intrinsics: CameraIntrinsics, X_WC: RigidTransform, table: float
 ) -> tuple[npt.NDArray[np.float64], tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
-    """What an image should show: points (N, 3) in C [m], and their columns and rows (N,).
+    """Expected image: points (N, 3) in C [m], and their columns and rows (N,).
 
     Floor and table are not, where they are seen at a grazing angle.
     """
@@ -200,7 +200,7 @@ def _expected(
 
 
 def _floor(intrinsics: CameraIntrinsics, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
-    """Where the image's rays meet the floor (N, 3), z = 0 in W, if nothing is in between [m]."""
+    """Intersections (N, 3) [m] of the image's rays with the floor, z = 0 in W."""
     rays_C = pixel_rays(intrinsics, _PITCH).reshape(-1, 3).astype(float)
     rays_W = rays_C @ X_WC.rotation().matrix().T
     p_WC = X_WC.translation()

@@ -52,7 +52,7 @@ class ExcludedSolids:
 
 @dataclass(unsafe_hash=True)
 class ObstacleParameters:
-    """How obstacles are seen and remembered.
+    """Parameters of the obstacle map.
 
     Attributes:
         cloud: What of a depth image is kept.

@@ -25,7 +25,7 @@ _MOST_ALIKE = 3
 
 
 class SpaceState(enum.IntEnum):
-    """What is known of a place."""
+    """Knowledge of a place: free, occupied or unknown."""
 
     UNKNOWN = 0
     FREE = 1
@@ -34,7 +34,7 @@ class SpaceState(enum.IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class SeenSpace:
-    """What is known of all places. Never changed once made.
+    """Seen space. Never changed once made.
 
     Attributes:
         voxels: Where something was seen.

@@ -1,4 +1,4 @@
-"""What was seen of the obstacles, kept in the world frame while the camera looks elsewhere.
+"""Voxel map of the obstacles, kept in the world frame while the camera looks elsewhere.
 
 Pepper's depth camera is blind below 0.4 m, and near a table its view is full of table and arm. So
 each depth image adds to a map of voxels that stays. A voxel holds the mean of the points that fell
@@ -29,7 +29,7 @@ _LEAST_PIXELS = 4
 
 @dataclass(unsafe_hash=True)
 class VoxelMapParameters:
-    """How the map remembers.
+    """Parameters of the voxel map.
 
     Attributes:
         voxel_size: Edge of a voxel [m].

@@ -28,7 +28,7 @@ STEREO_BASELINE = 0.078
 middle."""
 
 _EYE = (0.05138, 0.1194)
-"""Where the eyes are in the Head frame along x and z [m]: there is the depth camera of others."""
+"""Position of the eyes in the Head frame along x and z [m]: there is the depth camera of others."""
 
 
 def make_stereo_cameras(
@@ -61,7 +61,7 @@ so large a share more."""
 
 @dataclass(frozen=True)
 class Rectification:
-    """How two images are made row-aligned, and what the left one then is.
+    """Rectification of two images to aligned rows, and the left camera after it.
 
     Attributes:
         left_maps: For `cv2.remap` of the left image.
@@ -125,7 +125,7 @@ STEREO_CLOUD = ObstacleParameters(
     validity=ValidityParameters(shows_all=False),
     treat_holes_as_near=False,
 )
-"""How obstacles are seen and remembered from matched images: more pixels, less sure of each."""
+"""Obstacle parameters of stereo images: more pixels, each less certain."""
 
 
 def rectify(left: HeadCamera, right: HeadCamera) -> Rectification:

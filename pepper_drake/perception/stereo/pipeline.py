@@ -1,4 +1,4 @@
-"""What a stereo pair sees: matched, cut into things, the robot's own body masked."""
+"""Stereo pipeline: matching, segmentation, masking of the robot's own body."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

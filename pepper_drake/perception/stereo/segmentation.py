@@ -19,7 +19,7 @@ _ROUND = np.linspace(0, 2 * np.pi, 16, endpoint=False)
 
 @dataclass(unsafe_hash=True)
 class SegmentationParameters:
-    """How a disparity image is cut into things.
+    """Parameters of the segmentation of a disparity image.
 
     Attributes:
         jump: Disparities of neighbouring pixels that differ by more than this are of two things,

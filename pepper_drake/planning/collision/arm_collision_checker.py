@@ -19,7 +19,7 @@ from pepper_drake.planning.collision.sphere_model import SphereModel, arm_link_n
 Vector = npt.NDArray[np.float64]
 
 GRID_SPACING = 0.02
-"""Of the distance grid [m]."""
+"""Spacing of the distance grid [m]."""
 GRID_CAP = 0.08
 """Distances beyond this are all the same [m]: twice a sphere's radius."""
 
@@ -31,7 +31,7 @@ CLOUD, CLOUD_AND_BODY = 0, 1
 
 
 def arm_region(arm: str) -> Region:
-    """Where an arm's forearm and hand can be in front of and beside the robot, in T."""
+    """Region in T that forearm and hand can reach in front of and beside the robot."""
     side = 1.0 if arm == "left" else -1.0
     y = sorted((side * -0.22, side * 0.66))
     return Region.of([-0.20, y[0], -0.50], [0.50, y[1], 0.46], GRID_SPACING)

@@ -44,7 +44,7 @@ class _Joint:
 
 
 class ArmPoses:
-    """Where an arm is, at M joint positions.
+    """Link poses of an arm at M joint positions.
 
     Attributes:
         hand_position: (M, 3) p_TH [m].
@@ -127,7 +127,7 @@ class ArmKinematics:
         self._hand = _columns(X_LH.rotation().matrix()), _terms(X_LH.translation())
 
     def poses(self, joints: Vector) -> ArmPoses:
-        """Where the arm is at joints (M, 5) [rad]."""
+        """Link poses of the arm at joints (M, 5) [rad]."""
         q = np.asarray(joints)
         count = len(q)
         cos, sin = np.cos(q.T), np.sin(q.T)

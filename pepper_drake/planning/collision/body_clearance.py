@@ -1,4 +1,4 @@
-"""How near the robot's body is to what was seen, from wherever its base stands."""
+"""Clearance of the robot's body to the cloud for any pose of its base."""
 
 from collections.abc import Sequence
 

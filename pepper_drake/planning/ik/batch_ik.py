@@ -13,9 +13,9 @@ Array = npt.NDArray[np.float64]
 
 _ELBOW_YAW, _ELBOW_ROLL = 2, 3
 _DAMPING = 0.02
-"""Of the inverse [m]: what bounds the joints' speed near a stretched arm."""
+"""Damping of the inverse [m]: it bounds the joints' speed near a stretched arm."""
 _POSTURE_GAIN = 3.0
-"""How fast the spare joints return to the nominal posture [1/s]."""
+"""Rate [1/s] at which the redundant joints return to the nominal posture."""
 
 
 def batch_inverse_kinematics(

@@ -161,7 +161,7 @@ def _is_far_inside(
     limits: CommandLimits,
     time_step: float,
 ) -> bool:
-    """Whether the follower can stop within the strictest of its limits."""
+    """True if the follower can stop within the strictest of its limits."""
     f = coupled.follower
     speed = velocity[f]
     change = float(limits.acceleration[f]) * time_step

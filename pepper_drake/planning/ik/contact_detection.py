@@ -11,7 +11,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(unsafe_hash=True)
 class ContactParams:
-    """How far and for how long a joint may be off its command before it counts as held.
+    """Deviation from its command, and its duration, above which a joint counts as held.
 
     The defaults are a third above the largest error of free motion in reaches (16 mrad at
     1.4 rad/s, while other joints accelerate: motors give way to inertia). A joint that is held at
@@ -21,13 +21,13 @@ class ContactParams:
     angle: float = 0.018
     """Angle off the command that a joint at rest may have [rad]."""
     angle_per_speed: float = 0.004
-    """How much more it may have for each rad/s of the command [s]."""
+    """Additional deviation for each rad/s of the command [s]."""
     steps: int = 2
     """For how many control periods in a row it has to be farther off."""
     latency: float = 0.0
     """Time that commands may take to the joints, beside the control period [s]."""
     back_off: float = 0.3
-    """How long before the contact the joints were where they go back to [s]."""
+    """Time [s] before the contact to whose position the joints go back."""
     back_off_speed: float = 0.5
     """Largest joint speed on the way back [rad/s]."""
 

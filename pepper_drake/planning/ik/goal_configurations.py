@@ -17,9 +17,9 @@ Vector = npt.NDArray[np.float64]
 _LIBRARY_SIZE = 20000
 _SEED = 1
 _DAMPING = 0.01
-"""Of the least-squares steps, m/rad."""
+"""Damping of the least-squares steps, m/rad."""
 _LARGEST_STEP = 0.3
-"""Of a joint in one step [rad]."""
+"""Largest motion of a joint in one step [rad]."""
 
 
 class GoalConfigurations:

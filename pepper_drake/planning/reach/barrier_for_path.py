@@ -13,7 +13,7 @@ Vector = npt.NDArray[np.float64]
 _TRIED = np.arange(0.12, -0.081, -0.005)
 """Distances kept by the barrier, the greatest first [m]."""
 _SPARE = 0.003
-"""How much less than the path would allow is kept [m]: the hand does not follow it exactly."""
+"""Margin [m] to the radius that the path allows: the hand does not follow it exactly."""
 
 
 def fit_barrier_to_path(

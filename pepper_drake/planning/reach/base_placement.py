@@ -85,7 +85,7 @@ class BasePlacement:
         yield from _spread(_free(places, has_room), self._params.places_searched)
 
     def is_reachable(self, base_pose: Vector, joint_position: Vector, X_WO: RigidTransform) -> bool:
-        """Whether the goal is at a height that the arm reaches."""
+        """True if the goal is at a height that the arm reaches."""
         return next(self.within_reach(base_pose, joint_position, X_WO, 0.0), None) is not None
 
     def _torso_pose(self, base_pose: Vector, joint_position: Vector) -> RigidTransform:
@@ -141,7 +141,7 @@ class BasePlacement:
             )
 
     def _preferred_goal(self, p_TS: Vector) -> Vector:
-        """Where the demonstration ended, x and y (2,) in T, if the arm can reach there."""
+        """End of the demonstration, x and y (2,) in T, if the arm can reach there."""
         params, goal = self._params, self._demonstrated_goal
         if np.linalg.norm(goal - p_TS) <= params.reach + 0.02 and goal[0] > 0.1:
             return goal[:2]
@@ -277,7 +277,7 @@ class BasePlacementPlanner:
         return float(cost.min(initial=np.inf))
 
     def _is_clear_from_near(self, plan: ReachPlan) -> bool:
-        """Whether a plan is clear without the allowance for plans from a distance."""
+        """True if a plan is clear without the allowance for plans from a distance."""
         start = self._evaluator.params.clearance.start
         return plan.status == PlanStatus.CLEAR and plan.clearance >= start
 

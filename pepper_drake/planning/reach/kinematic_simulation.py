@@ -28,7 +28,7 @@ _STILL = 0.02
 
 
 class HandPath(NamedTuple):
-    """Where a movement wants the hand and the joints, every time step.
+    """Reference of hand and joints at every time step of a movement.
 
     Attributes:
         positions: (N, 3) in T [m].

@@ -37,9 +37,9 @@ class Movement:
 
     @property
     def runs(self) -> bool:
-        """Whether the arm performs it."""
+        """True if the arm performs it."""
         return self.id > 0
 
     def begins_after(self, last_id: float) -> bool:
-        """Whether it begins now, where the last tick's movement had this number."""
+        """True if it begins now, given the number of the last tick's movement."""
         return self.runs and self.id != last_id

@@ -18,7 +18,7 @@ _REST = 0.06
 """Share of the movement during which it rests at its end: there the forcing term learns to be zero,
 or else what is left of it would push the hand about at its goal."""
 _APPROXIMATOR = "trajectory"
-"""Of all, the one that is most at rest after the end, and exact to a tenth of a millimetre."""
+"""Approximator that is most at rest after the end, and exact to a tenth of a millimetre."""
 
 
 def fit_primitive_to_joint_path(

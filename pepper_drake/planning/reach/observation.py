@@ -24,7 +24,7 @@ def _no_points() -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What was measured, seen and commanded at one moment; it never changes.
+    """Measurements, cloud and commands at one moment; it never changes.
 
     Planning needs the first seven; the others have defaults that mean "all is well".
 

@@ -105,7 +105,7 @@ class ReachEvaluator:
         return quality(plan, self.params.clearance.want)
 
     def is_good(self, plan: ReachPlan) -> bool:
-        """Whether a plan is clear by as much as is wanted."""
+        """True if a plan is clear by as much as is wanted."""
         return plan.status == PlanStatus.CLEAR and plan.clearance >= self.params.clearance.want
 
     def adapted(

@@ -4,7 +4,7 @@ from enum import IntEnum
 
 
 class ReachMode(IntEnum):
-    """What the robot is doing."""
+    """Modes of the reach."""
 
     LOOKING = 0
     DRIVING = 1
@@ -17,7 +17,7 @@ class ReachMode(IntEnum):
 
 
 class ReachCommand(IntEnum):
-    """What a person wants of the robot."""
+    """Commands of a person to the robot."""
 
     IDLE = 0
     """Nothing: the arm is led, or moved in another way."""

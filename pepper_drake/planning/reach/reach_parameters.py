@@ -38,14 +38,14 @@ class GoalTolerances:
 
 @dataclass
 class FollowingErrors:
-    """How far the arm may be from what it was told.
+    """Largest deviations of the arm from its references.
 
     Raises:
         InputError: `plan` is not smaller than `stop`.
     """
 
     plan: float = 0.12
-    """Of the hand to the primitive's path, in a plan that is accepted [m]."""
+    """Distance of the hand to the primitive's path in a plan that is accepted [m]."""
     stop: float = 0.20
     """The same on the robot: beyond it the arm cannot follow [m]."""
     contact: float = 0.15
@@ -102,10 +102,10 @@ class ReachPlannerParams:
     places_tried: int = 8
     """Other base placements that are simulated at most."""
     adapt: bool = True
-    """Whether a movement that is not clear is adapted, for the whole arm; needs a
+    """True to adapt a movement that is not clear, for the whole arm; needs a
     `BarrierCoupling`."""
     collision_checked: bool = True
-    """Whether the movement with its coupling is collision-checked before the arm starts and on its
+    """True to check the movement with its coupling for collisions before the arm starts and on its
     way. If not, reach and base placement are judged without coupling, and no link that comes too
     close stops the arm: the setting in which some couplings were published."""
     slowest: float = 1.6
@@ -125,13 +125,13 @@ class PlanningLatency:
     """
 
     base_placement: float = 1.6
-    """Of choosing where to stand [s]; the robot waits. Measured: median 0.22, 90th percentile 1.58;
+    """Latency of base placement [s]; the robot waits. Measured: median 0.22, 90th percentile 1.58;
     refusals, which try most, take longest."""
     plan: float = 0.2
-    """Of checking, replanning or retreating [s]; the arm goes on or brakes meanwhile. Measured:
+    """Latency of checks, replans and retreats [s]; the arm goes on or brakes meanwhile. Measured:
     90th percentiles 0.11, 0.13 and 0.08."""
     check: float = 0.05
-    """Of the clearance of the rest of a movement [s]: a brake or a start follows it by this.
+    """Latency of the remaining clearance [s]: a brake or a start follows it by this.
     Measured: 0.02; the supervisor's period is the shortest time in which it can act."""
 
 
@@ -145,7 +145,7 @@ class ReachTiming:
     looking: float = 1.2
     """Time for which the scene is looked at, once the goal is seen [s]: six depth images."""
     drives: bool = True
-    """Whether the base may drive; it stays where it is if not."""
+    """True if the base may drive; otherwise it stays where it is."""
     goal_timeout: float = 14.0
     """Longest search for the goal [s]: two sweeps of the head, and two to come."""
     driving_timeout: float = 20.0

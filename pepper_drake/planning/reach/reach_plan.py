@@ -108,7 +108,7 @@ class RemainingClearance(NamedTuple):
 
 
 class Planner(Protocol):
-    """What supervision asks a planner: answers depend on the arguments alone."""
+    """Interface of a planner to supervision: answers depend on the arguments alone."""
 
     @property
     def demonstrated(self) -> Movement:

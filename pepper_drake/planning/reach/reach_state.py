@@ -12,7 +12,7 @@ from pepper_drake.planning.reach.reach_plan import ReachPlan
 
 
 class Effect(Enum):
-    """What a computation does when it is over."""
+    """Effect of a computation when it is over."""
 
     BRAKE = "brake"
     """The arm brakes, within its acceleration limits, and stays."""
@@ -110,23 +110,23 @@ class ReachState:
 
     @property
     def has_started(self) -> bool:
-        """Whether the arm reaches, or has reached its goal."""
+        """True if the arm reaches, or has reached its goal."""
         return self.mode in (ReachMode.REACHING, ReachMode.HOLDING, ReachMode.DONE)
 
     @property
     def base_goal(self) -> tuple[float, float, float]:
-        """Where the base is sent, x, y, yaw in W [m, rad]; NaN for "brake and stay"."""
+        """Goal of the base, x, y, yaw in W [m, rad]; NaN for "brake and stay"."""
         stays = self.mode == ReachMode.FAILED or (self.braking and self.mode == ReachMode.DRIVING)
         return (np.nan, np.nan, np.nan) if stays else self.base_pose_wanted
 
     @property
     def is_planning(self) -> bool:
-        """Whether a plan is being computed."""
+        """True while a plan is being computed."""
         return any(one.effect != Effect.BRAKE for one in self.pending)
 
     @property
     def will_brake(self) -> bool:
-        """Whether the arm brakes, or is about to."""
+        """True if the arm brakes, or is about to."""
         return self.braking or any(one.effect == Effect.BRAKE for one in self.pending)
 
     def __deepcopy__(self, memo: dict) -> "ReachState":

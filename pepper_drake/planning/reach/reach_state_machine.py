@@ -17,7 +17,7 @@ from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
 from pepper_drake.planning.reach.replanner import ReachReplanner
 
 _ROUNDING = 1e-9
-"""Of times [s]."""
+"""Tolerance of times [s]."""
 _MOVED_BASE = 0.03
 """Displacement of the base during a reach that is named as the cause of a failure [m]."""
 _BLIND = 2.0
@@ -236,7 +236,7 @@ class _Supervision:
         return replace(planning, plan=None, checked=time)
 
     def _is_confirmed(self, state: ReachState, plan: ReachPlan) -> bool:
-        """Whether the present observation agrees with a plan."""
+        """True if the present observation agrees with a plan."""
         if plan.joint_path is None or not plan.collision_checked or state.planned_with is None:
             return True
         moved = np.linalg.norm(self._observation.p_WO - state.planned_with.p_WO)

@@ -41,7 +41,7 @@ class ReachReplanner:
     timing: ReachTiming
 
     def is_free(self, plan: ReachPlan, observation: Observation) -> bool:
-        """Whether the rest of a plan's path keeps its clearance."""
+        """True if the rest of a plan's path keeps its clearance."""
         rest = self.planner.remaining_clearance(plan, observation)
         return rest.least >= self._enough(plan)
 
@@ -85,7 +85,7 @@ class ReachReplanner:
         )
 
     def _has_waited(self, state: ReachState, time: float) -> bool:
-        """Whether the arm retreated, or last sought a detour in vain, long ago."""
+        """True if the arm retreated, or last sought a detour in vain, long ago."""
         last = max(state.since, state.checked)
         return state.suspended_plan is not None and time - last >= self.timing.detour_delay
 

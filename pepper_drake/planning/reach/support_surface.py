@@ -1,4 +1,4 @@
-"""What was not seen of the surface on which the goal object stands.
+"""Extrapolation of the unseen part of the surface on which the goal object stands.
 
 A camera that looks at the goal from near sees a part of a table only. To a search for free space
 the rest looks free, and swinging out sideways, over where nothing was seen, looks best of all. So
@@ -11,18 +11,18 @@ import numpy.typing as npt
 Vector = npt.NDArray[np.float64]
 
 _THICKNESS = 0.025
-"""How far points may be from the goal object's bottom and belong to the surface [m]."""
+"""Height tolerance [m] of the surface's points to the goal object's bottom."""
 _BIN = 0.04
 """Width of the stripes in which the front edge is looked for [m]."""
 _FEWEST = 5
 """Stripes that it takes to see an edge."""
 _BEYOND = 0.5
-"""How far the surface is taken to go on [m]."""
+"""Extent [m] of the extrapolated surface to the sides."""
 _DEPTH = 0.2
-"""How deep, from the edge [m]."""
+"""Depth [m] of the extrapolated surface from its edge."""
 _SPACING = 0.02
 _RAGGED = 0.012
-"""How far points of a straight edge may be off it [m]."""
+"""Tolerance [m] of points on a straight edge."""
 
 
 def extrapolate_support_surface(cloud_W: Vector, p_WO: Vector, p_WB: Vector) -> Vector:

@@ -12,21 +12,21 @@ from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
 Vector = npt.NDArray[np.float64]
 
 _SAMPLE_TIME = 0.02
-"""Between the postures of a withdrawal [s]."""
+"""Time between the configurations of a retreat [s]."""
 _DURATIONS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
-"""Of a withdrawal [s]: the first in which the joints keep their limits is taken."""
+"""Durations of a retreat [s]: the first in which the joints keep their limits is taken."""
 _BRAKING = 0.75
 """Share of the acceleration that braking may take; the rest is for the way back."""
 _STRONGEST_BRAKING = 3.94
 """The greatest deceleration of `_braked` from 1 rad/s within 1 s [rad/s²]."""
 _STEP = 3
-"""Of the path that the arm came, every so manieth posture is looked at."""
+"""Stride through the travelled path."""
 
 _LOST = 0.01
 """On its way the arm may lose so much of its clearance [m]."""
 
 _NEAR = 0.6
-"""What is farther from the goal than this is out of the arm's way [m]."""
+"""Distance [m] from the goal beyond which points are out of the arm's reach."""
 
 NEWCOMER_DISTANCE = 0.03
 """A point this far from all that was seen when the movement was planned is new [m]."""
@@ -35,7 +35,7 @@ NEWCOMER_DEPTH = 0.10
 from above sees the upper side alone."""
 
 NEWCOMER_SIDE = 0.04
-"""How far it is taken to reach to all sides by who plans around it [m]."""
+"""Dilation [m] of new points for planning around them."""
 MOVING_SIDE = 0.05
 """The same [m] where something moves: the part nearest to the camera is not measured."""
 
@@ -144,7 +144,7 @@ def retreat_trajectory(
 
 
 def _braked(times: Vector, duration: float) -> Vector:
-    """Where 1 rad/s leads to (N,) [rad] when it is braked and made up for within a duration [s].
+    """Displacement (N,) [rad] of 1 rad/s that is braked and made up for within a duration [s].
 
     The quintic polynomial of slope one at the start, and all else zero.
     """

@@ -34,19 +34,19 @@ PLANNED = -1
 """The origin of a path that came from a planner."""
 
 _LOOKED_AT = 32
-"""How many goal postures are looked at together."""
+"""Number of goal configurations evaluated in a batch."""
 _ROUNDING = 0.001
-"""How much nearer than start and goal the way between them may be [m]."""
+"""Clearance [m] by which a path may be below that of its start and goal."""
 
 
 @dataclass
 class AdaptationParams:
-    """How a demonstration is adapted; m, rad [s]."""
+    """Parameters of adapting a demonstration."""
 
     cost: PathCostParams = field(default_factory=PathCostParams)
     search: PathSearchParams = field(default_factory=PathSearchParams)
     samples: int = 50
-    """Of a path."""
+    """Number of samples of a path."""
     starts: int = 150
     """Postures of the library from which goal postures are solved for."""
     goals_kept: int = 3
@@ -60,7 +60,7 @@ class AdaptationParams:
     limit_margin: float = 0.02
     """Kept to joint limits [rad]."""
     candidates: int = 3
-    """How many demonstrations' paths are searched from at most."""
+    """Largest number of demonstrations from which paths are searched."""
     good_cost: float = 4.0
     """A clear path that costs less is taken at once; others are compared."""
     planner: RrtConnectParams = field(default_factory=RrtConnectParams)

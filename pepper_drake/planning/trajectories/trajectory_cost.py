@@ -1,4 +1,4 @@
-"""What a path of the arm's joints costs: nearness to obstacles, haste, unlikeness."""
+"""Cost of a joint trajectory: proximity, duration, distance to the demonstration."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -17,7 +17,7 @@ class PathCostParams:
     """Weights of the cost's terms, and what they measure against."""
 
     end_allowance: float = 0.001
-    """How much less than at start and goal the clearance near them may be [m]."""
+    """Clearance [m] by which a path near its start and goal may be below theirs."""
     leaving: float = 0.2
     """Share of the time over which the wanted clearance rises from what the start allows."""
     arriving: float = 0.3

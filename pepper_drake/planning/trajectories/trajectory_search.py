@@ -26,7 +26,7 @@ class PathSearchParams:
     deviation: float = 0.2
     """Standard deviation with which it starts, in `height`s."""
     height: float = 0.4
-    """Of a bump of weight 1 [rad]."""
+    """Height of a perturbation of weight 1 [rad]."""
     slack: float = -0.003
     """With this a path counts as clear [m]."""
 

@@ -1,4 +1,4 @@
-"""What a fault makes of one value: vectors, poses, images and point clouds."""
+"""Corruption of values by faults: vectors, poses, images and point clouds."""
 
 from typing import Any
 

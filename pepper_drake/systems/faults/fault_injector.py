@@ -30,12 +30,12 @@ _CORRUPTING = ("garbage", "wrong", "noisy")
 
 
 class Role(Enum):
-    """What a port of a signal carries."""
+    """Role of a port in a signal."""
 
     VALUE = "value"
     """The signal itself."""
     CARRIED = "carried"
-    """What belongs to it: the pose of an image."""
+    """Value that belongs to it: the pose of an image."""
     STAMP = "stamp"
     """The time of the value [s]: a new one tells that the value is new."""
     AGE = "age"
@@ -198,7 +198,7 @@ class FaultInjector(LeafSystem):
         return tuple(v.copy() if isinstance(v, np.ndarray) else v.Clone() for v in values)
 
     def _value(self, context: Context, index: int) -> Any:
-        """What a port gives now: an array, or an AbstractValue."""
+        """Present value of a port: an array, or an AbstractValue."""
         memory, kind, role = self._get(context), self.fault.kind, self._roles[index]
         value = self._input(context, index)
         if not memory.active:
@@ -282,7 +282,7 @@ class FaultInjector(LeafSystem):
         return replace(memory, lag=time - memory.held_since, stamp=self._stamp(context))
 
     def _takes_new(self, context: Context, memory: _Memory, time: float) -> bool:
-        """Whether what comes now is let through."""
+        """True if the present value is let through."""
         if self.fault.kind == "slow":
             return time >= memory.held_since + self._signal.slow_period - 1e-9
         if self.fault.kind == "intermittent":

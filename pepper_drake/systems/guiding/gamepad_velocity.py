@@ -35,7 +35,7 @@ class GamepadState:
 
 @dataclass(frozen=True)
 class GamepadParams:
-    """How a game pad moves the hand."""
+    """Parameters of moving the hand by a game pad."""
 
     speed: float = 0.2
     """At full deflection, per axis [m/s]."""

@@ -16,7 +16,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 @dataclass(frozen=True)
 class HandGuideParams:
-    """How firmly the guide holds the hand; about as firmly as a person does.
+    """Stiffness and damping of the guide's hold; about those of a person.
 
     600 N/m against 3 N m/rad means: 5 cm of distance pull with 30 N, 60 degrees of turn with
     3 N m. The limits keep a far guide from tearing at the arm.

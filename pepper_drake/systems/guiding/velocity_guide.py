@@ -17,7 +17,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GuideLimits:
-    """How far the guide may be from the hand: as far as a hold on it lasts."""
+    """Largest distance of the guide from the hand: as far as a hold on it lasts."""
 
     distance: float = 0.06
     """[m]."""

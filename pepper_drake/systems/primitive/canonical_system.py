@@ -33,7 +33,7 @@ class _Present(NamedTuple):
 
     @property
     def primitive(self) -> MovementPrimitive:
-        """Of the movement."""
+        """Primitive of the movement."""
         return self.movement.primitive
 
 

@@ -1,4 +1,4 @@
-"""Where the hand should go: the pre-grasp pose at the goal object, in the torso frame."""
+"""Goal pose of the hand: the pre-grasp pose at the goal object, in the torso frame."""
 
 from functools import partial
 

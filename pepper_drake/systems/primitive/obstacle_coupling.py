@@ -1,4 +1,4 @@
-"""What pushes the hand around obstacles."""
+"""Obstacle coupling as a system."""
 
 from typing import Any
 

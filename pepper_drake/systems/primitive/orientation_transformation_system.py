@@ -12,7 +12,7 @@ from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 _NUMBER = 13
-"""Where in the state the number of the motion is."""
+"""Index of the motion's number in the state."""
 
 
 class OrientationTransformationSystem(LeafSystem):

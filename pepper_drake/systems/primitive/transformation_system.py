@@ -23,7 +23,7 @@ _NUMBER = 15
 
 
 class _Present(NamedTuple):
-    """What both the acceleration of now and the step from now on need.
+    """Values shared by the present acceleration and the coming step.
 
     Attributes:
         attractor: What is performed.
@@ -45,7 +45,7 @@ class _Present(NamedTuple):
 
     @property
     def runs(self) -> bool:
-        """Whether there is a movement."""
+        """True if there is a movement."""
         return self.number > 0
 
 

@@ -14,7 +14,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BaseMotion:
-    """How the base drives."""
+    """Speed and acceleration limits, and gains, of the base."""
 
     speed: float = 0.35
     """Largest speed [m/s]."""
@@ -27,7 +27,7 @@ class BaseMotion:
     approach_rate: float = 4.0
     """Rate at which the last of the way is made [1/s]."""
     correction: float = 1.0
-    """How fast errors of following are corrected [1/s]. Slower than the base's own controller by
+    """Gain [1/s] of the correction of following errors. Slower than the base's own controller by
     so much that it cannot rock."""
     lag: float = 0.04
     """Time by which the base is behind where it should be while all is well [s]: two control

@@ -1,4 +1,4 @@
-"""How near the arm is to what the robot has seen."""
+"""Clearance of the arm to the cloud."""
 
 import numpy as np
 from pydrake.common.value import Value

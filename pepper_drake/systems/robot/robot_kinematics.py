@@ -1,4 +1,4 @@
-"""Where Pepper's torso, hands and cameras are, by its own joints and odometry."""
+"""Poses of torso, hands and cameras, by joint encoders and odometry."""
 
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform

@@ -28,7 +28,7 @@ _NOT_MEASURED = (
 
 
 _CATCHING = 0.5
-"""How long joints that were led by hand may take to come to rest [s]."""
+"""Time [s] that joints that were led by hand may take to come to rest."""
 
 
 class SafetyMonitor(LeafSystem):

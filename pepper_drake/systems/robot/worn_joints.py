@@ -1,4 +1,4 @@
-"""What lies between a joint command and the joint of a used robot: latency and slack."""
+"""Latency and backlash between a command and the joint of a used robot."""
 
 import numpy as np
 import numpy.typing as npt
@@ -101,7 +101,7 @@ class JointBacklash(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, offset, self._update)
 
     def _joints(self, context: Context) -> npt.NDArray[np.float64]:
-        """Where the joints go now (n,)."""
+        """Present positions of the joints (n,)."""
         motors = self.motor_input.Eval(context)[: self._size]
         state = context.get_discrete_state(self._state).value()
         if not state[-1]:

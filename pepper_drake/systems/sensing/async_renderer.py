@@ -97,7 +97,7 @@ class _RenderingDiagram:
 
 
 class AsyncRenderer:
-    """What head cameras see in a scene, rendered in the order asked for, on one thread.
+    """Renderer of the head cameras' images, in the order asked for, on one thread.
 
     An image depends on the camera and the positions alone, so simulations may share a renderer.
 
@@ -144,7 +144,7 @@ class AsyncRenderer:
 
 
 class _OfThread(threading.local):
-    """What belongs to a thread goes when the thread ends, on that thread: OpenGL demands it."""
+    """Objects freed on their own thread when it ends: OpenGL demands it."""
 
     rendering: _RenderingDiagram
 

@@ -234,7 +234,7 @@ class CameraModel(LeafSystem):
         return EventStatus.Succeeded()
 
     def _degrade(self, pixels: Pixels, X_WC: RigidTransform, number: int) -> Pixels:
-        """What the sensor makes of an image rendered from a pose; the number decides its noise."""
+        """Image of the sensor for one rendered from a pose; the number decides its noise."""
         image: Pixels
         if isinstance(self._noise, ColorNoise):
             image = degrade_color(

@@ -339,7 +339,7 @@ class DepthPointCloudSource(LeafSystem):
 
 
 def _has_moved(X_WF: RigidTransform, X_WG: RigidTransform) -> bool:
-    """Whether two poses of one frame differ by more than the noise of measured joints."""
+    """True if two poses of one frame differ by more than the noise of measured joints."""
     moved = X_WF.InvertAndCompose(X_WG)
     distance = float(np.linalg.norm(moved.translation()))
     return distance > _MOVED or abs(moved.rotation().ToAngleAxis().angle()) > _TURNED

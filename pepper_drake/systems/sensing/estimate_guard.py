@@ -178,7 +178,7 @@ class CloudGuard(LeafSystem):
 
 
 def makes_sense(cloud: PointCloud) -> bool:
-    """Whether nearly all points of a cloud may have been seen by the robot's depth camera."""
+    """True if nearly all points of a cloud may have been seen by the robot's depth camera."""
     points = cloud.xyzs()
     if points.size == 0:
         return True

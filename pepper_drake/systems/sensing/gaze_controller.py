@@ -58,11 +58,11 @@ _DWELL = 0.2
 _NEAR, _SLOW = 0.05, 0.6
 """A head that dwells is so near to its target, rad, and so slow [rad/s]."""
 _LEVEL, _AROUND = 0.03, 0.8
-"""What is higher than the object's foot by the first and nearer than the second may move [m]."""
+"""Height above the object's foot and distance within which points may move [m]."""
 _GRID = 0.02
 """Nearer places are one, where a shared gaze is concerned [m]."""
 _SPARE = 0.012
-"""How far an object may have moved meanwhile and is still seen [m]."""
+"""Displacement [m] of an object at which it is still in view."""
 _SWING, _SWING_PERIOD = 0.4, 2.4
 """A missed object is looked for this much above and below where it was, rad, in that time [s]."""
 
@@ -265,7 +265,7 @@ class GazeController(LeafSystem):
         return replace(gaze, head=state[_TARGET].copy())
 
     def _things(self, context: Context) -> Vector:
-        """What stands or hangs over where the object stands (P, 3), in the torso frame [m]."""
+        """Points (P, 3) [m] in T above the surface on which the object stands."""
         if not self._cloud.HasValue(context):
             return np.zeros((0, 3))
         points = cloud_points(self._cloud.Eval(context))
@@ -275,7 +275,7 @@ class GazeController(LeafSystem):
         return np.asarray(self._X_WT.Eval(context).inverse() @ points[above].T).T
 
     def _has_dwelt(self, context: Context, state: Vector) -> bool:
-        """Whether the head has been at its target for long enough to take an image there."""
+        """True if the head has been at its target for long enough to take an image there."""
         time = context.get_time()
         off = np.abs(state[_TARGET] - state[_HEAD]).max()
         if off > _NEAR or np.abs(state[_VELOCITY]).max() > _SLOW:

@@ -1,4 +1,4 @@
-"""Where the goal object is, from the images of the head's colour cameras."""
+"""Estimator of the goal object's pose from the images of the head's colour cameras."""
 
 import functools
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Where a marker is in each image of a camera, one after the other."""
+"""Tracker of a marker in the images of a camera."""
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion

@@ -70,7 +70,7 @@ _DERIVATIVE_WORDS = {"velocity", "vel", "effort", "torque", "current", "temperat
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a column holds.
+    """Content of a column.
 
     Attributes:
         kind: time, position, velocity, acceleration, quaternion, angle, joint or rotation_vector.

@@ -1,4 +1,4 @@
-"""What a person says about a recording that its file does not say."""
+"""Options of a recording that its file does not state."""
 
 from dataclasses import dataclass, fields
 from typing import Any, Self
@@ -33,7 +33,7 @@ _CHOICES: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """What the user says; None where the file is to say it.
+    """Options given by the user; None where the file is to say it.
 
     Attributes:
         unit: Of lengths: m, cm, mm, um or in.
