@@ -28,6 +28,7 @@ from pepper_drake.benchmarking.methods import METHODS, get_method
 from pepper_drake.benchmarking.summary import MethodSummary, Scenes, markdown_table, summarise
 from pepper_drake.cli_robot import add_robot_options
 from pepper_drake.errors import InputError
+from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.reporting.benchmark_figure import draw_benchmark
 from pepper_drake.results.folder import whole_results
 from pepper_drake.systems.faults.fault import parse_faults
@@ -90,6 +91,7 @@ def make_case(options: Namespace, seed: int) -> Case:
         options.goal_motion,
         options.robot,
         tuple(map(str, parse_faults(options.fault))),
+        options.calibration,
     )
 
 
@@ -97,7 +99,9 @@ def make_tasks(options: Namespace) -> list[Task]:
     """All runs that the options ask for, scene by scene."""
     methods = [get_method(letter) for letter in options.methods.split(",")]
     cases = [make_case(options, options.seed + k) for k in range(options.scenes)]
-    cases[0].build()  # What is wrong with the scene is said before anything runs.
+    for case in cases:  # What is wrong with a file is said before anything runs.
+        calibration_of(case.calibration, case.robot, case.seed)
+    cases[0].build()
     for method in methods:
         method.check()
         if (options.robot != "ideal" or options.fault) and not isinstance(method.run, DiagramReach):

@@ -20,6 +20,7 @@ class Case:
         goal_motion: How the goal moves; see `prepare_scene`.
         robot: "ideal", or "worn" for the used robot of the seed.
         faults: Signals that fail, as SIGNAL:KIND@START[+DURATION].
+        calibration: File with the robot's calibration; `{seed}` in it stands for the seed.
     """
 
     seed: int
@@ -29,6 +30,7 @@ class Case:
     goal_motion: str | None = None
     robot: str = "ideal"
     faults: tuple[str, ...] = ()
+    calibration: str | None = None
 
     def build(self) -> Scene:
         """Returns the scene.
@@ -53,7 +55,8 @@ class Case:
         motion = self.goal_motion and self.goal_motion.rpartition("/")[2].partition(".")[0]
         robot = "" if self.robot == "ideal" else self.robot
         faults = [re.sub(r"[^a-z0-9.]+", "_", fault) for fault in self.faults]
-        return "_".join(word for word in (name, self.arm, motion, robot, *faults) if word)
+        found = "calibrated" if self.calibration else ""
+        return "_".join(word for word in (name, self.arm, motion, robot, found, *faults) if word)
 
     @property
     def reach_options(self) -> list[str]:
@@ -70,6 +73,8 @@ class Case:
             options += ["--goal-motion", self.goal_motion]
         if self.robot != "ideal":
             options += ["--robot", self.robot]
+        if self.calibration is not None:
+            options += ["--calibration", self.calibration]
         for fault in self.faults:
             options += ["--fault", fault]
         return options

@@ -19,6 +19,10 @@ from pepper_drake.diagrams.station import PepperStation, select_joints
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
+from pepper_drake.perception.calibration.calibrated_cameras import (
+    HEAD_CAMERA_MODELS,
+    calibrated_cameras,
+)
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import head_search_pattern
 from pepper_drake.perception.goal.detection import MarkedObject
@@ -216,10 +220,13 @@ class HeadPerception(Diagram):
     def _add_estimators(self, marked: MarkedObject, station: PepperStation) -> None:
         """Adds what finds the goal and the obstacles in the cameras' images."""
         builder = self._builder
+        cameras = HEAD_CAMERA_MODELS | calibrated_cameras(station.config.calibration)
         estimator = builder.AddNamedSystem(
             "goal_estimator",
             GoalEstimator(
                 marked,
+                top=cameras["camera_top"].intrinsics,
+                bottom=cameras["camera_bottom"].intrinsics,
                 parameters=self._config.goal,
                 period=self._config.image_poll_period,
                 latency=self._config.goal_latency,
