@@ -5,22 +5,35 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.simulate import simulate
+from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.models.calibration_scene import calibration_scene
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
     CONTROL_PERIOD,
     arm_joints,
     body_indices,
+    shared_control_model,
 )
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.robot_wear import HEAD_CAMERAS
 from pepper_drake.models.scene import HandMarker
 from pepper_drake.perception.calibration.calibrated_cameras import HEAD_CAMERA_MODELS
-from pepper_drake.perception.calibration.marker_kinematics import COLOR_CAMERAS, MarkerSighting
+from pepper_drake.perception.calibration.marker_calibration import (
+    CalibrationEstimate,
+    estimate_calibration,
+)
+from pepper_drake.perception.calibration.marker_kinematics import (
+    COLOR_CAMERAS,
+    MarkerModel,
+    MarkerSighting,
+    PriorSigmas,
+)
 from pepper_drake.perception.goal.marker import (
     MARKER_DICTIONARY,
     detect_markers,
@@ -28,7 +41,10 @@ from pepper_drake.perception.goal.marker import (
     marker_poses,
     refine_poses,
 )
-from pepper_drake.planning.calibration.calibration_postures import CalibrationPosture
+from pepper_drake.planning.calibration.calibration_postures import (
+    CalibrationPosture,
+    choose_postures,
+)
 from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
 from pepper_drake.systems.framework import Diagram, build_into
 
@@ -166,7 +182,7 @@ class MarkerCollector:
     arm: str
     marker: HandMarker
     sightings: list[MarkerSighting] = field(default_factory=list)
-    on_look: Callable[[int], None] = lambda _: None
+    on_look: Callable[[int], object] = lambda _: None
     _taken: int = 0
 
     def watch(self, root: Context) -> bool:
@@ -238,3 +254,79 @@ def find_marker(
     if not poses[0].on_edges:
         return detection.corners, detection.corner_sigma
     return intrinsics.project((poses[0].X_CM @ marker_corners(marker.size).T).T), _EDGE_SIGMA
+
+
+@dataclass
+class CalibrationParams:
+    """What is done to calibrate a robot."""
+
+    arm: str = "right"
+    """The arm that holds the marker."""
+    postures: int = 20
+    """Number of postures."""
+    marker: HandMarker = field(default_factory=HandMarker)
+    """The marker, as it should be on the hand."""
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationResult:
+    """Result of a calibration.
+
+    Attributes:
+        estimate: What was found.
+        sightings: The marker in all images.
+        robot_seconds: Time that the robot took [s].
+    """
+
+    estimate: CalibrationEstimate
+    sightings: list[MarkerSighting]
+    robot_seconds: float
+
+
+def calibrate_simulated(
+    params: CalibrationParams,
+    config: StationConfig,
+    *,
+    on_look: Callable[[int], object] = lambda _: None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> CalibrationResult | None:
+    """Calibrates the simulated robot of a station: by its images and encoders alone.
+
+    Args:
+        params: What is done.
+        config: The station; its wear is what is to be found.
+        on_look: Called after each posture with the number of images that showed the marker.
+        should_stop: Asked every 0.1 s of simulated time.
+
+    Returns:
+        The result; None if it was stopped.
+
+    Raises:
+        PepperDrakeError: The marker was not seen, or the simulation could not go on.
+    """
+    model, arm = shared_control_model(), params.arm
+    scene = calibration_scene(arm, params.marker, config.seed)
+    positions = scene.robot.positions()
+    start = np.array([positions[name] for name in BODY_JOINTS])
+    chain = MarkerModel(arm, params.marker, COLOR_CAMERAS, PriorSigmas.of_wear())
+    postures = choose_postures(model, chain, arm, start, params.postures, config.seed)
+    motion = plan_motion(postures, arm, start)
+    drive = CalibrationDrive(PepperStation(scene, config, model), motion)
+    simulator = Simulator(drive)
+    simulator.Initialize()
+    if drive.station.renderer is not None:
+        drive.station.renderer.wait_until_ready()
+    collector = MarkerCollector(
+        drive.station, motion, postures, arm, params.marker, on_look=on_look
+    )
+    end = simulate(
+        simulator,
+        float(motion.times[-1]) + 1.0,
+        watch=lambda: collector.watch(simulator.get_context()),
+        should_stop=should_stop,
+    )
+    end.check()
+    if end.stopped:
+        return None
+    estimate = estimate_calibration(chain, collector.sightings)
+    return CalibrationResult(estimate, collector.sightings, float(motion.times[-1]))

@@ -7,12 +7,19 @@ multi-sensor robot: a bundle adjustment approach" (doi 10.1007/978-3-642-28572-1
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from pepper_drake.errors import PepperDrakeError
+from pepper_drake.models.robot_calibration import (
+    CalibrationResiduals,
+    CameraCalibration,
+    JointCalibration,
+    RobotCalibration,
+)
 from pepper_drake.perception.calibration.marker_kinematics import MarkerModel, MarkerSighting
 from pepper_drake.perception.goal.marker import marker_poses
 
@@ -203,6 +210,62 @@ def estimate_calibration(
         len(postures),
         len(fit.sightings),
         left_out,
+    )
+
+
+def robot_calibration(
+    estimate: CalibrationEstimate, *, robot: str, arm: str, reason: str, date: datetime
+) -> RobotCalibration:
+    """Returns what is kept of an estimate.
+
+    Args:
+        estimate: The estimate.
+        robot: Name of the robot.
+        arm: "left" or "right".
+        reason: Why it was calibrated.
+        date: When.
+    """
+    model, before, after = estimate.model, estimate.before, estimate.after
+    values, sigmas = estimate.parameters, estimate.sigmas
+    joints = {
+        name: JointCalibration(*map(float, numbers))
+        for name, *numbers in zip(
+            model.joint_names,
+            model.offsets(values),
+            model.offsets(sigmas),
+            np.maximum(model.slacks(values), 0.0),
+            model.slacks(sigmas),
+            strict=True,
+        )
+    }
+    cameras = {}
+    for name in model.cameras:
+        own, spread = (v[model.camera_slice(name)].tolist() for v in (values, sigmas))
+        cameras[name] = CameraCalibration(
+            position=own[:3],
+            position_sigma=spread[:3],
+            rotation=own[3:6],
+            rotation_sigma=spread[3:6],
+            focal=1.0 + own[6],
+            focal_sigma=spread[6],
+        )
+    return RobotCalibration(
+        robot=robot,
+        date=date.isoformat(timespec="seconds"),
+        reason=reason,
+        arm=arm,
+        joints=joints,
+        cameras=cameras,
+        residuals=CalibrationResiduals(
+            position_before=before.position,
+            position_after=after.position,
+            rotation_before=before.rotation,
+            rotation_after=after.rotation,
+            image_after=after.image,
+            postures=estimate.postures,
+            images=estimate.images,
+        ),
+        held=list(estimate.held),
     )
 
 
