@@ -32,7 +32,12 @@ def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> Non
         + "worn: joints with slack, encoders with offsets, cameras mounted a little wrongly, "
         "wheels that slip, commands that come late, as the seed draws them (default: %(default)s)",
     )
-    add_calibration_option(parser)
+    parser.add_argument(
+        "--calibration",
+        metavar="FILE",
+        help="what calibrate.py found of this robot's encoders and cameras: calibration.yaml; "
+        "{seed} in the name stands for the seed",
+    )
     parser.add_argument(
         "--fault",
         action="append",
@@ -41,16 +46,6 @@ def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> Non
         help="let a signal fail, as in depth:stuck@4+2 or encoders:garbage@reach; may be given "
         f"more than once. Signals: {', '.join(SIGNALS)}. Kinds: {', '.join(KINDS)}. Start and "
         'duration in s; "reach": when the arm starts',
-    )
-
-
-def add_calibration_option(parser: ArgumentParser) -> None:
-    """Adds `--calibration`."""
-    parser.add_argument(
-        "--calibration",
-        metavar="FILE",
-        help="what calibrate.py found of this robot's encoders and cameras: calibration.yaml; "
-        "{seed} in the name stands for the seed",
     )
 
 

@@ -29,6 +29,8 @@ FEWEST_POSTURES = 8
 """With fewer postures seven joints and their slacks are not told apart from the mountings."""
 _ROUNDS = 4
 """Rounds in which the corners' standard deviation is estimated along with the parameters."""
+_SETTLED = 0.01
+"""They end when it changes by less than this share."""
 _LEAST_SIGMA = 0.02
 """No corner is known better [pixel]."""
 _OUTLIER = 6.0
@@ -191,7 +193,9 @@ def estimate_calibration(
         fit = _Fit(model, chosen)
         parameters, jacobian = fit.solve(free, scale)
     for _ in range(_ROUNDS):
-        scale = _residual_scale(fit, parameters, jacobian, scale)
+        before, scale = scale, _residual_scale(fit, parameters, jacobian, scale)
+        if abs(scale - before) < _SETTLED * scale:
+            break
         parameters, jacobian = fit.solve(free, scale, parameters)
     # Everything is in standard deviations of the priors here.
     information = jacobian.T @ jacobian / scale**2

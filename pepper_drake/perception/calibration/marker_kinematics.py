@@ -5,6 +5,7 @@ the hand. Its errors are parameters: what each encoder says too much, the slack 
 and how each camera is mounted, its focal length, and where the marker is on the hand.
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -116,6 +117,8 @@ class MarkerModel:
         self.cameras = tuple(cameras)
         self.marker = marker
         self._chain = arm_chain(arm)
+        # Most differences for a Jacobian leave the arm as it is.
+        self._hand = functools.lru_cache(maxsize=8)(functools.partial(_hand_poses, arm))
         self._corners = marker_corners(marker.size)
         names = [f"{joint} offset" for joint in self.joint_names]
         names += [f"{joint} slack" for joint in self.joint_names]
@@ -135,8 +138,7 @@ class MarkerModel:
 
     def marker_places(self, arm_joints: Vector) -> Vector:
         """p_TM (N, 3) [m] of the marker by the model, at the arm's joints (N, 5) [rad]."""
-        p_TH, q_TH = self._chain.hand(arm_joints)
-        R_TH = Rotation.from_quat(q_TH, scalar_first=True).as_matrix()
+        p_TH, R_TH = self._hand(arm_joints.tobytes())
         return np.asarray(p_TH + R_TH @ self.marker.pose().translation())
 
     def offsets(self, parameters: Vector) -> Vector:
@@ -180,8 +182,7 @@ class MarkerModel:
         """
         # A motor that has turned its joint one way is half of the slack ahead of it.
         truly = joints - self.offsets(parameters) - 0.5 * approach * self.slacks(parameters)
-        p_TH, q_TH = self._chain.hand(truly[:, 2:])
-        R_TH = Rotation.from_quat(q_TH, scalar_first=True).as_matrix()
+        p_TH, R_TH = self._hand(truly[:, 2:].tobytes())
         X_HM = self.marker_pose(parameters)
         R_TM = R_TH @ X_HM.rotation().matrix()
         p_TM = p_TH + R_TH @ X_HM.translation()
@@ -197,3 +198,9 @@ class MarkerModel:
         R_CM, p_CM = self.marker_poses(parameters, camera, joints, approach)
         p_CK = np.einsum("nij,kj->nki", R_CM, self._corners) + p_CM[:, None]
         return self.camera(parameters, camera).intrinsics.project(p_CK)
+
+
+def _hand_poses(arm: str, joints: bytes) -> tuple[Vector, Vector]:
+    """p_TH (N, 3) [m] and R_TH (N, 3, 3) of an arm, at the bytes of its joints (N, 5) [rad]."""
+    p_TH, q_TH = arm_chain(arm).hand(np.frombuffer(joints).reshape(-1, 5))
+    return p_TH, Rotation.from_quat(q_TH, scalar_first=True).as_matrix()

@@ -47,6 +47,8 @@ _CANDIDATES = 120
 """Postures to choose from; drawing ends with so many, ..."""
 _BATCH, _BATCHES = 2000, 20
 """... or after so many draws: their number at a time, and how often."""
+_SPARE = (0, 2, 5, 10, 20, 40)
+"""Postures to choose from besides, where the arm does not get from one to another."""
 _STEP = 1e-3
 """Step of differences, in standard deviations of the priors."""
 _PIXEL = 1.0
@@ -96,8 +98,12 @@ def choose_postures(
         postures += [drawn[k] for k in np.flatnonzero(seen) if room.is_free(drawn[k])]
         if len(postures) >= _CANDIDATES:
             break
-    chosen = _most_informative(_informations(marker_model, postures), count)
-    ordered = room.ordered([postures[k] for k in chosen])
+    chosen = _most_informative(_informations(marker_model, postures), len(postures))
+    ordered: list[CalibrationPosture] = []
+    for spare in _SPARE:
+        ordered = room.ordered([postures[k] for k in chosen[: count + spare]], count)
+        if len(ordered) == count:
+            break
     if len(ordered) < count:
         raise PepperDrakeError(
             f"only {len(ordered)} postures show the marker to a camera where nothing touches, and "
@@ -211,14 +217,15 @@ class _Room:
             checker = self._bare_checker
         return bool(checker.CheckEdgeCollisionFree(self._positions(one), self._positions(other)))
 
-    def ordered(self, postures: list[CalibrationPosture]) -> list[CalibrationPosture]:
-        """The postures one after the other, the nearest that can be got to next.
+    def ordered(self, postures: list[CalibrationPosture], count: int) -> list[CalibrationPosture]:
+        """So many postures one after the other, the nearest that can be got to next.
 
         Those that cannot be got to are left out; so is what cannot be left again to the start.
         """
         begin = self._start[self._moving]
-        here, order, left = begin, [], list(postures)
-        while left:
+        here, left = begin, list(postures)
+        order: list[CalibrationPosture] = []
+        while left and len(order) < count:
             left.sort(key=lambda posture: float(np.abs(posture.before - here).max()))
             for posture in left:
                 if self.is_clear_between(here, posture.before):
