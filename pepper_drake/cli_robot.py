@@ -7,7 +7,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.models.robot_calibration import RobotCalibration, calibration_of
 from pepper_drake.models.robot_wear import ROBOTS, RobotWear
 from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_faults
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 
 
 def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> None:

@@ -29,7 +29,7 @@ from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.systems.faults.fault import parse_faults
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.guiding.external_force import ForcePulse
 
 _PUSH_DURATION = 0.5

@@ -36,7 +36,7 @@ from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.systems.faults.fault import parse_faults
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.web.drake_page import offline_meshcat
 
 Array = npt.NDArray[np.float64]

@@ -29,7 +29,8 @@ from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
-from pepper_drake.systems.faults.fault_injector import FaultSet, Role
+from pepper_drake.systems.faults.fault_memory import Role
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.body_pose import BodyPose
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource

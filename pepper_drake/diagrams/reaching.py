@@ -35,7 +35,7 @@ from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, Rea
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
-from pepper_drake.systems.faults.fault_injector import Role
+from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, slowed_latency
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.reach_supervisor import ReachSupervisor

@@ -13,7 +13,8 @@ from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.robot_calibration import RobotCalibration
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.perception.cameras.camera import HeadCamera, moved_camera
-from pepper_drake.systems.faults.fault_injector import FaultSet, Role
+from pepper_drake.systems.faults.fault_memory import Role
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.robot.base_velocity_controller import BaseVelocityController
 from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
 from pepper_drake.systems.robot.measurement_guard import MeasurementGuard

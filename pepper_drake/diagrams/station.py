@@ -47,7 +47,7 @@ from pepper_drake.perception.cameras.noise import NO_DEPTH_NOISE, ColorNoise, De
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import STEREO_CLOUD
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
 from pepper_drake.systems.sensing.async_renderer import AsyncRenderer

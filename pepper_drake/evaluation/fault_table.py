@@ -10,7 +10,7 @@ from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.models.scene import load_scene
 from pepper_drake.results.reach_report import ReachReport
 from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_fault, sensible_faults
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 
 STARTS = ("0", "reach")
 """From the start on, and from the moment when the arm starts."""

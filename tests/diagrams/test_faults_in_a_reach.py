@@ -17,7 +17,7 @@ from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.models.scene import load_scene
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.systems.faults.fault import parse_fault
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 
 pytestmark = pytest.mark.render
 

@@ -12,7 +12,7 @@ from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.robot_calibration import JointCalibration, RobotCalibration
 from pepper_drake.models.robot_wear import RobotWear, WearSizes
 from pepper_drake.systems.faults.fault import parse_faults
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 
 START = {"LShoulderPitch": 1.4, "RShoulderPitch": 1.4}
 
