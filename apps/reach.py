@@ -163,7 +163,8 @@ def make_parser() -> ArgumentParser:
 def chosen_scenario(options: Namespace) -> Scenario:
     """The scenario that the options name, with what they change of it."""
     scenario = scenario_of(options)
-    if options.scene is not None or options.random_scene is not None:
+    named = (options.scene, options.random_scene, options.family)
+    if any(name is not None for name in named):
         scenario.scene = chosen_scene(options)
     scenario.scene = prepare_scene(scenario.scene, arm=options.arm, motion=options.goal_motion)
     if options.coupling is not None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pepper_drake.diagrams.factory import prepare_scene
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import Scene, load_scene
+from pepper_drake.models.scene_families import family_scene
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class Case:
         robot: "ideal", or "worn" for the used robot of the seed.
         faults: Signals that fail, as SIGNAL:KIND@START[+DURATION].
         calibration: File with the robot's calibration; `{seed}` in it stands for the seed.
+        family: Family of the random scene; a table with loose things on it if left out.
     """
 
     seed: int
@@ -31,6 +33,7 @@ class Case:
     robot: str = "ideal"
     faults: tuple[str, ...] = ()
     calibration: str | None = None
+    family: str | None = None
 
     def build(self) -> Scene:
         """Returns the scene.
@@ -38,7 +41,9 @@ class Case:
         Raises:
             InputError: There is no such scene.
         """
-        if self.scene is None:
+        if self.family is not None:
+            scene = family_scene(self.family, self.seed)
+        elif self.scene is None:
             scene = random_scene(self.seed, moving=self.moving)
         else:
             scene = load_scene(self.scene)
@@ -47,7 +52,9 @@ class Case:
     @property
     def name(self) -> str:
         """A name for files: `random_17`, `moving_17`, `table_seed_3`, `random_17_left_up`."""
-        if self.scene is None:
+        if self.family is not None:
+            name = f"{self.family}_{self.seed}"
+        elif self.scene is None:
             name = f"{'moving' if self.moving else 'random'}_{self.seed}"
         else:
             stem = self.scene.rpartition("/")[2].removesuffix(".yaml")
@@ -64,6 +71,8 @@ class Case:
         which = (
             ["--random-scene", str(self.seed)] if self.scene is None else ["--scene", self.scene]
         )
+        if self.family is not None:
+            which = ["--family", self.family, *which]
         options = [*which, "--seed", str(self.seed)]
         if self.moving:
             options.append("--moving")
