@@ -143,8 +143,8 @@ class HeadPerception(Diagram):
     The inputs are a station's ports. `scan_enabled` (1): see `GazeController`. Outputs: X_WO of the
     goal object, whether it is known (1), since when it was seen, and since when its estimate made
     no sense [s]; the age of the newest colour image [s]; the obstacles and where moving ones will
-    be soon, in W and in T (PointCloud); time, age [s] and fault of the last depth image; HeadYaw and HeadPitch [rad] (2); whether a
-    colour camera is to take images (1).
+    be soon, in W and in T (PointCloud); time, age [s] and fault of the last depth image; HeadYaw
+    and HeadPitch [rad] (2); whether a colour camera is to take images (1).
 
     Without cameras the goal's true pose is known and there are no obstacles.
     """
