@@ -224,3 +224,15 @@ def test_the_safety_monitor_hears_how_near_the_arm_is_only_where_a_coupling_is_v
             port.HasValue(port.get_system().GetMyContextFromRoot(reaching.CreateDefaultContext()))
             == hears
         )
+
+
+def test_only_what_the_robot_itself_goes_near_to_stops_it():
+    reaching = make_reaching("free", "right")
+    sources = reaching.connection_map()
+    for watch, name in (
+        (reaching.body_watch, "body_clearance"),
+        (reaching.seen_clearance, "clearance"),
+    ):
+        heard = reaching.safety.GetInputPort(name).get_index()
+        port = watch.GetOutputPort("approach_clearance").get_index()
+        assert sources[reaching.safety, heard] == (watch, port)
