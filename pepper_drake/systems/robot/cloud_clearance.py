@@ -85,10 +85,10 @@ class CloudClearance(LeafSystem):
             self._shapes.distances(postures, field.eval(context)).tolist()
             for field in (self._field, self._predicted_field)
         )
-        approached = own_approach_clearance(*seen, self._lookahead)
+        approached = own_approach_clearance(seen[0], seen[1], self._lookahead)
         clearance = min(seen)
         if predicted[0] > 0.0:
-            expected = own_approach_clearance(*predicted, self._lookahead)
+            expected = own_approach_clearance(predicted[0], predicted[1], self._lookahead)
             approached, clearance = min(approached, expected), min(clearance, expected)
         discrete_state.set_value(self._clearance, [clearance])
         discrete_state.set_value(self._approach, [approached])
