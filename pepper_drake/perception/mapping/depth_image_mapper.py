@@ -15,19 +15,9 @@ from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
     update_tracker,
 )
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
-from pepper_drake.perception.mapping.obstacle_map import (
-    ExcludedSolids,
-    ObstacleParameters,
-    update_obstacles,
-)
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters, update_obstacles
 from pepper_drake.perception.mapping.obstacle_memory import ObstacleMemory
-from pepper_drake.perception.mapping.solids import RobotSolids, Solid
-
-_LAG = 0.3
-"""Age [s] that the pose of a moving object may have: half between images, half in filters."""
-
-_LARGEST_LAG_MARGIN = 0.06
-"""Most that the margin around a moving object grows [m]."""
+from pepper_drake.perception.mapping.solids import ExcludedSolids, RobotSolids, Solid
 
 _MOVED, _TURNED = 0.002, 0.004
 """A frame has moved when it moved or turned by this, m and rad."""
@@ -143,7 +133,9 @@ class DepthImageMapper:
                 ExcludedSolids(self.robot.solids, poses, cloud.robot_margin, keep_known_voxels=True)
             )
         if X_WO is not None and self.object_solids:
-            margin = cloud.object_margin + min(_LAG * image.object_speed, _LARGEST_LAG_MARGIN)
+            margin = cloud.object_margin + min(
+                cloud.object_lag * image.object_speed, cloud.largest_object_lag
+            )
             poses = [X_WO] * len(self.object_solids)
             excluded.append(ExcludedSolids(self.object_solids, poses, margin))
         return excluded

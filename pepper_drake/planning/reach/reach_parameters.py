@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from pepper_drake.errors import InputError
 from pepper_drake.planning.collision.clearance_table import ClearanceTable
+from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
 
 
 @dataclass
@@ -72,6 +73,7 @@ class ReachPlannerParams:
     clearance: ClearanceTable = field(default_factory=ClearanceTable)
     tolerance: GoalTolerances = field(default_factory=GoalTolerances)
     following: FollowingErrors = field(default_factory=FollowingErrors)
+    support_surface: SupportSurfaceParams = field(default_factory=SupportSurfaceParams)
     hand_x: float = 0.26
     """Preferred goal of the hand ahead of the torso frame [m], if the demonstration's own end is
     not within the arm's reach (because it was recorded in another frame)."""
