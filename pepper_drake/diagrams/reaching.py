@@ -326,8 +326,11 @@ class Reaching(Diagram):
         self._connect(wish, self.safety, "joint_position_command")
         self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
         if self.config.planner.collision_checked and coupled:
-            self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
-            self._connect(self.body_watch.GetOutputPort("clearance"), self.safety, "body_clearance")
+            for watch, name in (
+                (self.seen_clearance, "clearance"),
+                (self.body_watch, "body_clearance"),
+            ):
+                self._connect(watch.GetOutputPort("approach_clearance"), self.safety, name)
         builder.ExportInput(self.safety.reset_input, "reset")
         self._connect(self.controller.GetOutputPort("limp"), self.safety, "limp")
         for name in ("measurement_age", "missing_joint"):
@@ -407,7 +410,7 @@ class Reaching(Diagram):
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
             "mode": self.supervisor.GetOutputPort("mode"),
-            "seen_clearance": self.seen_clearance.get_output_port(),
+            "seen_clearance": self.seen_clearance.GetOutputPort("clearance"),
             "body_clearance": self.body_watch.GetOutputPort("clearance"),
         }
         if station.HasOutputPort("ground_truth.query"):
