@@ -125,6 +125,12 @@ def make_parser() -> ArgumentParser:
         "report has it",
     )
     parser.add_argument(
+        "--accept-unknown",
+        action="store_true",
+        help="go even where the arm would pass space that the depth camera has not seen; without "
+        "it such space is looked at first, and the reach refused if it stays unseen",
+    )
+    parser.add_argument(
         "--push",
         type=float,
         nargs=3,
@@ -187,6 +193,7 @@ def chosen_scenario(options: Namespace) -> Scenario:
     scenario.station.obstacle_motion_ports |= options.moving
     scenario.avoid_obstacles &= not options.no_avoidance
     scenario.planner.collision_checked &= not options.unvetted
+    scenario.planner.unseen.accept |= options.accept_unknown
     scenario.gentle |= options.gentle
     scenario.check()
     return scenario

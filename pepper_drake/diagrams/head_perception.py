@@ -119,6 +119,7 @@ class HeadPerception(Diagram):
         - head_position
         - torso_pose
         - scan_enabled (optional)
+        - look_at (optional)
         - camera_top.image, .time_stamp, .pose
         - camera_bottom.image, .time_stamp, .pose
         - camera_depth.image, .time_stamp, .pose, .position
@@ -136,15 +137,18 @@ class HeadPerception(Diagram):
         - cloud_time
         - cloud_age
         - cloud_fault
+        - space (with cameras)
         - head_position_command
         - camera_top.enabled
         - camera_bottom.enabled
 
-    The inputs are a station's ports. `scan_enabled` (1): see `GazeController`. Outputs: X_WO of the
+    The inputs are a station's ports. `scan_enabled` (1) and `look_at` (3): see
+    `GazeController`. Outputs: X_WO of the
     goal object, whether it is known (1), since when it was seen, and since when its estimate made
     no sense [s]; the age of the newest colour image [s]; the obstacles and where moving ones will
-    be soon, in W and in T (PointCloud); time, age [s] and fault of the last depth image; HeadYaw
-    and HeadPitch [rad] (2); whether a colour camera is to take images (1).
+    be soon, in W and in T (PointCloud); time, age [s] and fault of the last depth image; `space`,
+    what was seen (SeenSpace); HeadYaw and HeadPitch [rad] (2); whether a colour camera is to take
+    images (1).
 
     Without cameras the goal's true pose is known and there are no obstacles.
     """
@@ -183,7 +187,8 @@ class HeadPerception(Diagram):
         builder.ExportInput(self._gaze.GetInputPort("X_WT"), "torso_pose")
         if self._has_cameras:
             builder.ConnectInput("torso_pose", self._cloud_source.GetInputPort("X_WT"))
-        builder.ExportInput(self._gaze.GetInputPort("scan_enabled"), "scan_enabled")
+        for name in ("scan_enabled", "look_at"):
+            builder.ExportInput(self._gaze.GetInputPort(name), name)
         builder.ExportInput(self._gaze.GetInputPort("head_position"), "head_position")
         builder.ExportOutput(
             self._gaze.GetOutputPort("head_position_command"), "head_position_command"
@@ -260,6 +265,7 @@ class HeadPerception(Diagram):
             builder.Connect(goal[name], source.GetInputPort(target))
         cloud = self._guarded_cloud(source, station.config.faults)
         builder.Connect(cloud["cloud"], self._gaze.GetInputPort("cloud"))
+        builder.ExportOutput(source.GetOutputPort("space"), "space")
         for ports, names in ((goal, _GOAL), (cloud, _CLOUD)):
             for port, name in names.items():
                 builder.ExportOutput(ports[port], name)

@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
 from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
+from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 
@@ -38,6 +39,7 @@ class Observation:
         predicted_cloud: (Q, 3) where moving obstacles near the goal will be, in W [m].
         cloud_time: Capture time of the last depth image in the cloud [s]; not finite before it.
         cloud_fault: Why the last depth image was not used.
+        space: Free, occupied and unknown space; None where all is known, without cameras.
         goal_valid: Whether there is an estimate of the goal object's pose.
         goal_age: Time since the goal object's marker was last seen [s].
         image_age: Age of the newest colour image that could be looked at [s].
@@ -61,6 +63,7 @@ class Observation:
     predicted_cloud: Vector = field(default_factory=_no_points)
     cloud_time: float = -np.inf
     cloud_fault: DepthFault = DepthFault.NONE
+    space: SeenSpace | None = None
     goal_valid: bool = True
     goal_age: float = 0.0
     image_age: float = 0.0

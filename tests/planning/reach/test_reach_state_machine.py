@@ -121,6 +121,30 @@ def test_a_reach_that_the_planner_refuses_never_starts(status, when):
         assert one.state.places == TIMING.places
 
 
+def unseen_plan():
+    region = np.full((20, 3), [1.0, -0.3, 0.8])
+    return replace(plan(PlanStatus.NOT_SEEN, "not seen"), unseen=region)
+
+
+def test_what_was_not_seen_is_looked_at_before_the_arm_starts():
+    one = Supervised(ScriptedPlanner(reach=unseen_plan())).until(ReachMode.SETTLING)
+    one.advance(1.0)
+    np.testing.assert_allclose(one.state.look_at, [1.0, -0.3, 0.8])
+    assert not one.was_active
+    one.planner.reach = plan()
+    one.until(ReachMode.REACHING)
+    assert np.isnan(one.state.look_at).all()
+
+
+def test_what_stays_unseen_is_not_passed():
+    one = Supervised(ScriptedPlanner(reach=unseen_plan())).until(ReachMode.SETTLING)
+    settling = one.state.since
+    one.failed("not_seen", limit=30.0)
+    assert one.state.places == TIMING.places  # From elsewhere it might be seen.
+    assert one.state.since - settling > TIMING.places * TIMING.unseen_timeout
+    assert not one.was_active
+
+
 def test_a_base_that_does_not_arrive():
     assert not Supervised().set(base_arrived=False).failed("drive_failed").was_active
 
