@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.planning.ik.command_check import StopReason, stop_sentence
 from pepper_drake.planning.reach.likely_cause import likely_cause
 from pepper_drake.planning.reach.observation import Observation
@@ -97,24 +96,20 @@ class _Supervision:
         if state.mode == ReachMode.LOOKING:
             return None
         if observation.goal_age > timing.goal_lost:
-            return state.fail(
-                time, "goal_lost", f"the goal's marker was not seen for {timing.goal_lost:g} s"
-            )
+            message = f"the goal's marker was not seen for {timing.goal_lost:g} s"
+            return self._unseen(state, "goal_lost", message)
         if observation.cloud_age > timing.cloud_lost:
-            return state.fail(time, "cloud_missing", self._cloud_message())
+            return state.fail(time, "cloud_missing", self._observation.cloud_message)
         if state.mode == ReachMode.REACHING and time - state.started > timing.reach_timeout:
             message = f"the hand had not arrived {timing.reach_timeout:g} s after the arm started"
             return self._fail(state, "timeout", message)
         return None
 
-    def _cloud_message(self) -> str:
-        """Returns why there is no cloud, as a sentence."""
-        fault, age = self._observation.cloud_fault, self._observation.cloud_age
-        if fault != DepthFault.NONE:
-            return FAULT_SENTENCES[fault]
-        if np.isinf(age):
-            return "the depth camera gave no image of the scene"
-        return f"the depth camera gave no image for {age:.1f} s"
+    def _unseen(self, state: ReachState, reason: str, message: str) -> ReachState:
+        """Returns the state that failed as the goal is not seen: without images it cannot be."""
+        if self._observation.image_age > self._timing.images_lost:
+            reason, message = "images_missing", self._observation.image_message
+        return state.fail(self._time, reason, message)
 
     def take_effect(self, state: ReachState) -> ReachState:
         """Returns the state after all computations that are over by now."""
@@ -166,7 +161,7 @@ class _Supervision:
         if not self._observation.goal_valid:
             if time - state.since > timing.goal_timeout:
                 message = f"no marker of the goal object was seen in {timing.goal_timeout:g} s"
-                return state.fail(time, "goal_not_seen", message)
+                return self._unseen(state, "goal_not_seen", message)
             return state
         if np.isnan(state.goal_seen_since):
             return replace(state, goal_seen_since=time)
@@ -174,7 +169,7 @@ class _Supervision:
             return state
         if self._observation.cloud_age > timing.cloud_timeout:
             if time - state.goal_seen_since > timing.goal_timeout:
-                return state.fail(time, "cloud_missing", self._cloud_message())
+                return state.fail(time, "cloud_missing", self._observation.cloud_message)
             return state
         return self._place_base(state)
 
