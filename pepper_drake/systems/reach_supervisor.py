@@ -62,7 +62,7 @@ class ReachSupervisor(LeafSystem):
         - goal_valid
         - goal_age
         - goal_position
-        - image_age (optional)
+        - image_ages (optional)
         - cloud
         - cloud_time
         - cloud_fault (optional)
@@ -90,9 +90,9 @@ class ReachSupervisor(LeafSystem):
         - progress
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
-    hand's goal in T [m]; `image_age` (1) of the newest colour image [s]; `cloud` (PointCloud in W)
-    and `cloud_time` (1), capture time of its last image [s], not finite before the first;
-    `cloud_fault` (1), a `DepthFault`; `predicted_cloud` (PointCloud in W), predicted positions of
+    hand's goal in T [m]; `image_ages` (2) of the top and the bottom camera's newest images [s];
+    `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last image [s],
+    not finite before the first; `cloud_fault` (1), a `DepthFault`; `predicted_cloud` (PointCloud in W), predicted positions of
     moving obstacles; `space`, abstract SeenSpace, what was seen of all places, taken for known
     everywhere if left out; `joint_position` (15) [rad];
     `base_pose` (3) [m, rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive
@@ -145,7 +145,7 @@ class ReachSupervisor(LeafSystem):
             ("goal_position", 3),
             ("cloud_time", 1),
             ("cloud_fault", 1),
-            ("image_age", 1),
+            ("image_ages", 2),
             ("joint_position", len(BODY_JOINTS)),
             ("base_pose", 3),
             ("desired_position", 3),
@@ -258,7 +258,9 @@ class ReachSupervisor(LeafSystem):
             goal_valid=scalar("goal_valid") > 0.5,
             goal_age=scalar("goal_age"),
             goal_position=vector("goal_position"),
-            image_age=scalar("image_age") if ports["image_age"].HasValue(context) else 0.0,
+            image_ages=vector("image_ages")
+            if ports["image_ages"].HasValue(context)
+            else np.zeros(2),
             hand_position=np.array(value("hand_pose").translation()),
             measured_arm=measured,
             desired_position=optional("desired_position"),
