@@ -142,13 +142,12 @@ class HeadPerception(Diagram):
         - camera_top.enabled
         - camera_bottom.enabled
 
-    The inputs are a station's ports. `scan_enabled` (1) and `look_at` (3): see
-    `GazeController`. Outputs: X_WO of the
-    goal object, whether it is known (1), since when it was seen, and since when its estimate made
-    no sense [s]; the ages of the colour cameras' newest images [s] (2); the obstacles and where
-    moving ones will be soon, in W and in T (PointCloud); time, age [s] and fault of the last depth
-    image; `space`, what was seen (SeenSpace); HeadYaw and HeadPitch [rad] (2); whether a colour camera is to take
-    images (1).
+    The inputs are a station's ports. `scan_enabled` (1) and `look_at` (3): see `GazeController`.
+    Outputs: X_WO of the goal object, whether it is known (1), since when it was seen, and since
+    when its estimate made no sense [s]; the ages of the colour cameras' newest images [s] (2); the
+    obstacles and where moving ones will be soon, in W and in T (PointCloud); time, age [s] and
+    fault of the last depth image; `space`, what was seen (SeenSpace); HeadYaw and HeadPitch [rad]
+    (2); whether a colour camera is to take images (1).
 
     Without cameras the goal's true pose is known and there are no obstacles.
     """

@@ -91,17 +91,16 @@ class ReachSupervisor(LeafSystem):
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
     hand's goal in T [m]; `image_ages` (2) of the top and the bottom camera's newest images [s];
-    `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last image [s],
-    not finite before the first; `cloud_fault` (1), a `DepthFault`; `predicted_cloud` (PointCloud in W), predicted positions of
-    moving obstacles; `space`, abstract SeenSpace, what was seen of all places, taken for known
-    everywhere if left out; `joint_position` (15) [rad];
-    `base_pose` (3) [m, rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive
-    wants the hand in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at
-    rest where it is measured if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the
-    safety monitor's `StopReason`, and `stop_joint` (1), the index of the joint that it is about or
-    -1; `base_blocked` (1), whether the base waits for something in its way; `command` (1), a
-    `ReachCommand`, REACH if unconnected; `primitive`, abstract MovementPrimitive, is what is
-    performed in place of the planner's own.
+    `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last image [s], not finite
+    before the first; `cloud_fault` (1), a `DepthFault`; `predicted_cloud` (PointCloud in W),
+    predicted positions of moving obstacles; `space`, abstract SeenSpace, what was seen of all
+    places, taken for known everywhere if left out; `joint_position` (15) [rad]; `base_pose` (3) [m,
+    rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive wants the hand in T [m];
+    `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at rest where it is measured
+    if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the safety monitor's `StopReason`,
+    and `stop_joint` (1), the index of the joint that it is about or -1; `base_blocked` (1), whether
+    the base waits for something in its way; `command` (1), a `ReachCommand`, REACH if unconnected;
+    `primitive`, abstract MovementPrimitive, is what is performed in place of the planner's own.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
     `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `look_at` (3), a
