@@ -193,9 +193,11 @@ class Reaching(Diagram):
             builder.ExportInput(self.supervisor.GetInputPort(name), name)
         for name in (
             *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
-            *("cloud_time", "cloud_fault"),
+            *("cloud_time", "cloud_fault", "image_age"),
         ):
             self._connect(self.perception.GetOutputPort(name), self.supervisor, name)
+        if self.perception.HasOutputPort("space"):
+            self._connect(self.perception.GetOutputPort("space"), self.supervisor, "space")
         for output, name in (
             ("joint_position", "joint_position"),
             ("base_pose", "base_pose"),
@@ -204,6 +206,7 @@ class Reaching(Diagram):
             self._connect(station.GetOutputPort(output), self.supervisor, name)
         self.started = self.supervisor.GetOutputPort("started")
         self._connect(self.started, self.perception, "scan_enabled")
+        self._connect(self.supervisor.GetOutputPort("look_at"), self.perception, "look_at")
         self._add_base()
 
     def _add_base(self) -> None:
