@@ -331,6 +331,8 @@ class Reaching(Diagram):
                 (self.body_watch, "body_clearance"),
             ):
                 self._connect(watch.GetOutputPort("approach_clearance"), self.safety, name)
+            predicted = self.seen_clearance.GetOutputPort("predicted_approach_clearance")
+            self._connect(predicted, self.supervisor, "predicted_clearance")
         builder.ExportInput(self.safety.reset_input, "reset")
         self._connect(self.controller.GetOutputPort("limp"), self.safety, "limp")
         for name in ("measurement_age", "missing_joint"):

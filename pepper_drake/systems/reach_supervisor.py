@@ -79,6 +79,7 @@ class ReachSupervisor(LeafSystem):
         - stop_reason
         - stop_joint (optional)
         - base_blocked (optional)
+        - predicted_clearance (optional)
         - command (optional)
         - primitive (optional)
         output_ports:
@@ -99,7 +100,8 @@ class ReachSupervisor(LeafSystem):
     wants the hand in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at
     rest where it is measured if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the
     safety monitor's `StopReason`, and `stop_joint` (1), the index of the joint that it is about or
-    -1; `base_blocked` (1), whether the base waits for something in its way; `command` (1), a
+    -1; `base_blocked` (1), whether the base waits for something in its way; `predicted_clearance`
+    (1), to which the arm's motion leads where moving obstacles are predicted [m]; `command` (1), a
     `ReachCommand`, REACH if unconnected; `primitive`, abstract MovementPrimitive, is what is
     performed in place of the planner's own.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
@@ -156,6 +158,7 @@ class ReachSupervisor(LeafSystem):
             ("stop_reason", 1),
             ("stop_joint", 1),
             ("base_blocked", 1),
+            ("predicted_clearance", 1),
             ("command", 1),
         ):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
@@ -267,6 +270,11 @@ class ReachSupervisor(LeafSystem):
             stop_reason=StopReason(int(scalar("stop_reason"))),
             stop_joint=self._stop_joint(context),
             base_blocked=ports["base_blocked"].HasValue(context) and scalar("base_blocked") > 0.5,
+            predicted_clearance=(
+                scalar("predicted_clearance")
+                if ports["predicted_clearance"].HasValue(context)
+                else np.inf
+            ),
         )
 
     def _stop_joint(self, context: Context) -> str:

@@ -52,6 +52,8 @@ class Observation:
         stop_reason: Why the safety monitor stopped the robot.
         stop_joint: Name of the joint that this is about, "" for none.
         base_blocked: Whether the base waits because something stands in its way.
+        predicted_clearance: Clearance to which the arm's own motion leads at once, to where moving
+            obstacles are predicted [m].
     """
 
     time: float
@@ -76,6 +78,7 @@ class Observation:
     stop_reason: StopReason = StopReason.NONE
     stop_joint: str = ""
     base_blocked: bool = False
+    predicted_clearance: float = np.inf
 
     @property
     def p_WO(self) -> Vector:
