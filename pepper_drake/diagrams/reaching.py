@@ -193,7 +193,7 @@ class Reaching(Diagram):
             builder.ExportInput(self.supervisor.GetInputPort(name), name)
         for name in (
             *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
-            *("cloud_time", "cloud_fault", "image_age"),
+            *("cloud_time", "cloud_fault", "image_ages"),
         ):
             self._connect(self.perception.GetOutputPort(name), self.supervisor, name)
         if self.perception.HasOutputPort("space"):

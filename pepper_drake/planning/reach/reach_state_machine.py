@@ -107,7 +107,7 @@ class _Supervision:
 
     def _unseen(self, state: ReachState, reason: str, message: str) -> ReachState:
         """Returns the state that failed as the goal is not seen: without images it cannot be."""
-        if self._observation.image_age > self._timing.images_lost:
+        if self._observation.image_ages.max() > self._timing.images_lost:
             reason, message = "images_missing", self._observation.image_message
         return state.fail(self._time, reason, message)
 
