@@ -12,6 +12,8 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --set planner.clearance.want=0.02
   reach.py --scenario out/reach/scenario.yaml     the same run again
   reach.py --no-avoidance               what happens without the obstacle coupling
+  reach.py --method reactive            the coupling alone bends the movement, nothing is adapted
+  reach.py --method adapted reactive report     the methods beside one another, in methods.png
   reach.py --live                       watch it in a browser, in real time
   reach.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
 
@@ -45,16 +47,21 @@ from pepper_drake.hardware.options import add_link_options, check_station, robot
 from pepper_drake.hardware.preflight import PreflightOptions
 from pepper_drake.hardware.reach_run import HardwareRun, reach_with_robot
 from pepper_drake.models.robot_wear import ROBOTS
+from pepper_drake.reporting.method_figure import MethodRun, draw_methods
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.scene_picture import save_scene_picture
 from pepper_drake.results.folder import INTERRUPTED, whole_results
+from pepper_drake.results.reach_log import ReachLog
+from pepper_drake.results.reach_report import ReachReport
 from pepper_drake.scenario import (
+    METHODS,
     Scenario,
     add_scenario_options,
     build_reaching,
     movement_and_config,
     save_scenario,
     scenario_of,
+    use_method,
 )
 from pepper_drake.web.drake_page import open_meshcat
 
@@ -104,6 +111,17 @@ def make_parser() -> ArgumentParser:
         metavar="MOTION",
         help="move the goal object 8 cm once the arm starts: up, aside, away; or a file with rows "
         "of time x y z (s and m, offsets in the world frame)",
+    )
+    parser.add_argument(
+        "--method",
+        nargs="+",
+        choices=METHODS,
+        metavar="METHOD",
+        help="how it gets around obstacles. adapted: the movement is bent by the barrier, and "
+        "adapted for the whole arm where that is not enough (default); reactive: the barrier "
+        "alone; report: the report's method, equations 2.4 to 2.8 with LWR and 40 basis functions, "
+        "unchecked. Several: each is run, with a goal that stays and one that moves up, and "
+        "methods.png shows them beside one another",
     )
     parser.add_argument(
         "--coupling",
@@ -164,6 +182,8 @@ def chosen_scenario(options: Namespace) -> Scenario:
     if options.scene is not None or options.random_scene is not None:
         scenario.scene = chosen_scene(options)
     scenario.scene = prepare_scene(scenario.scene, arm=options.arm, motion=options.goal_motion)
+    if options.method:
+        use_method(scenario, options.method[0])
     if options.coupling is not None:
         scenario.scene.coupling = options.coupling
     if options.seed is not None:
@@ -192,8 +212,44 @@ def main() -> int:
     options = cli.parse(make_parser())
     is_robot = check_station(options, SIMULATED_ONLY)
     cli.quiet_libraries()
+    if options.method and options.coupling:
+        raise InputError("--method names its own coupling; leave --coupling out")
+    several = len(options.method or ()) > 1
+    if several and (is_robot or options.live or options.goal_motion):
+        raise InputError(
+            "several methods are run in simulation: leave out --station, --live and "
+            "--goal-motion, or give one method"
+        )
     if is_robot:
         return reach_with_hardware(options)
+    if several:
+        return compare_methods(options)
+    return reach(options)
+
+
+def compare_methods(options: Namespace) -> int:
+    """Reaches by several methods, the goal at rest and displaced, and draws them in one picture."""
+    runs: dict[str, dict[str, MethodRun]] = {"still": {}, "goal_up": {}}
+    folder, methods, motions = options.output, options.method, {"still": None, "goal_up": "up"}
+    for which, motion in motions.items():
+        for method in dict.fromkeys(methods):
+            options.method, options.goal_motion = [method], motion
+            options.output = folder / f"{method}_{which}"
+            if not options.quiet:
+                print(f"{method}, {'the goal moves up' if motion else 'the goal stays'}:")
+            if reach(options) == cli.EXIT_INTERRUPTED:
+                return cli.EXIT_INTERRUPTED
+            log = ReachLog.load(options.output / "log.npz")
+            runs[which][method] = MethodRun(log, ReachReport.load(options.output / "report.json"))
+    scene = runs["still"][methods[0]].report.scene
+    draw_methods(runs["still"], runs["goal_up"], scene).savefig(folder / "methods.png", dpi=110)
+    if not options.quiet:
+        print(f"The methods beside one another: {folder / 'methods.png'}")
+    return cli.EXIT_DONE
+
+
+def reach(options: Namespace) -> int:
+    """Reaches once, in simulation, and writes the results."""
     scenario = chosen_scenario(options)
     reaching = build_reaching(scenario)
     with open_meshcat(page=options.live, host=options.host) as (meshcat, url):

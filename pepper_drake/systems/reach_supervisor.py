@@ -82,6 +82,7 @@ class ReachSupervisor(LeafSystem):
         - started
         - base_goal
         - mode
+        - movement_origin
         - progress
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
@@ -97,7 +98,8 @@ class ReachSupervisor(LeafSystem):
     performed in place of the planner's own.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
-    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `progress`, the whole
+    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`;
+    `movement_origin` (1), the `Origin` of the movement that is performed; `progress`, the whole
     `ReachState`.
     State: `ReachState` (abstract), every `timing.time_step`.
     """
@@ -166,6 +168,7 @@ class ReachSupervisor(LeafSystem):
         self._declare_output("started", 1, lambda now: [now.has_started], state)
         self._declare_output("base_goal", 3, lambda now: now.base_goal, state)
         self._declare_output("mode", 1, lambda now: [now.mode], state)
+        self._declare_output("movement_origin", 1, lambda now: [now.performed_origin], state)
         self.DeclareAbstractOutputPort(
             "progress",
             lambda: Value[object](ReachState()),

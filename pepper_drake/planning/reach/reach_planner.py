@@ -126,6 +126,11 @@ class ReachPlanner:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
         return remaining_clearance(self._evaluator, plan, observation)
 
+    def simulate_taught(self, observation: Observation) -> ReachPlan:
+        """Returns the plan of the movement as it was taught, coupling included, not adapted."""
+        evaluator = self._evaluator
+        return evaluator.evaluate(evaluator.scenes(observation), self.demonstrated)
+
     def demonstrated_path(self, count: int = 200) -> Vector:
         """Returns the hand's demonstrated path (count, 3), from its own start to its goal [m]."""
         primitive = self.demonstrated.primitive
