@@ -15,6 +15,18 @@ ROOT = Path(__file__).parents[1]
 MODELS = ROOT / "pepper_drake" / "models"
 
 
+_CALIBRATION = """robot: worn, seed 3
+date: '2026-11-28T23:15:00+00:00'
+reason: routine
+joints:
+  RElbowRoll: {offset: 0.004, offset_sigma: 0.0001, slack: 0.017, slack_sigma: 0.0002}
+cameras:
+  camera_top: {position: [0.001, 0.0, -0.002], rotation: [0.01, 0.0, 0.002], focal: 1.004}
+residuals: {position_before: 0.008, position_after: 0.0003, postures: 20, images: 21}
+held: [RWristYaw offset]
+"""
+
+
 @dataclass(frozen=True)
 class Format:
     """A format: how a good file is made, and how one is read.
@@ -41,6 +53,7 @@ def formats() -> dict[str, Format]:
     from pepper_drake.models.motion import load_path, path_trajectory
     from pepper_drake.models.obj_files import check_obj
     from pepper_drake.models.pad_script import load_pad_script
+    from pepper_drake.models.robot_calibration import load_calibration
     from pepper_drake.models.scene import load_scene
     from pepper_drake.optimization.cost import load_cost
     from pepper_drake.optimization.history import History
@@ -130,6 +143,7 @@ def formats() -> dict[str, Format]:
         "session": Format(
             copy(MODELS / "sessions" / "story.yaml"), lambda path: load_script(str(path))
         ),
+        "calibration": Format(text("calibration.yaml", _CALIBRATION), load_calibration),
         "cost": Format(text("cost.yaml", "hand_to_goal: 1.0\njerk: 1e-3\nrating: 0\n"), load_cost),
         "primitive": Format(primitive, lambda path: MovementPrimitive.load(path).rollout()),
         "rhythmic": Format(rhythmic, RhythmicPrimitive.load),
@@ -294,6 +308,7 @@ def _write_run(folder: Path) -> None:
         "object_offset_m": np.zeros((rows, 0)),
         "cloud_torso_m": np.ones((20, 3)),
         "demonstration_m": np.ones((20, 3)),
+        "taught_path_torso_m": np.ones((20, 3)),
     }
     np.savez_compressed(folder / "log.npz", **arrays)
     save_scene(load_scene("free"), folder / "scene.yaml")

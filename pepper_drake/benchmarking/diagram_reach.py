@@ -28,6 +28,7 @@ from pepper_drake.models.control_model import (
     body_indices,
     shared_control_model,
 )
+from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
@@ -86,6 +87,7 @@ class DiagramReach:
                 goal_motion_port=case.goal_motion is not None,
                 obstacle_motion_ports=case.moving,
                 wear=RobotWear.draw(case.seed) if case.robot == "worn" else None,
+                calibration=calibration_of(case.calibration, case.robot, case.seed),
                 faults=FaultSet(parse_faults(case.faults), case.seed),
             )
         )
