@@ -65,6 +65,7 @@ from pepper_drake.scenario import (
     scenario_of,
     use_method,
 )
+from pepper_drake.user_code import names_code, register_code
 from pepper_drake.web.drake_page import open_meshcat
 
 RESULTS = (
@@ -127,9 +128,9 @@ def make_parser() -> ArgumentParser:
     )
     parser.add_argument(
         "--coupling",
-        choices=("barrier", "report"),
-        help="how obstacles bend the movement: a barrier, or the report's equation 2.7 "
-        "(default: the scene's)",
+        metavar="NAME",
+        help="how obstacles bend the movement: barrier, report (its equation 2.7), or FILE.py:NAME "
+        "of your own (default: the scene's)",
     )
     parser.add_argument(
         "--no-avoidance", action="store_true", help="leave the obstacle coupling out"
@@ -194,7 +195,9 @@ def chosen_scenario(options: Namespace) -> Scenario:
     if options.method:
         use_method(scenario, options.method[0])
     if options.coupling is not None:
-        scenario.scene.coupling = options.coupling
+        is_code = names_code(options.coupling)
+        name = register_code(options.coupling) if is_code else options.coupling
+        scenario.scene.coupling = name
     if options.seed is not None:
         scenario.seed = options.seed
     if options.demo is not None:

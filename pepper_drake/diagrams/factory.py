@@ -8,7 +8,7 @@ from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.approximators.registry import get_approximator
 from pepper_drake.learning.demonstrations.arm_chain import arm_of
 from pepper_drake.learning.demonstrations.check import refuse_out_of_reach
-from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling, ReportCoupling
+from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling, get_coupling
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS
 from pepper_drake.learning.dmp.primitive import DEFAULT_APPROXIMATOR, DEFAULT_SCALING
 from pepper_drake.learning.dmp.scaling import check_scaling
@@ -34,16 +34,20 @@ _GENTLE_SPEED = 0.15
 
 
 def make_coupling(name: str) -> Coupling | None:
-    """The obstacle coupling by name: "barrier", "report" (equation 2.7) or "none"."""
+    """The hand's obstacle coupling by name, or None for "none".
+
+    It is "barrier", "report" (equation 2.7), or one that was registered.
+
+    Raises:
+        InputError: There is none of that name.
+    """
     if name == "none":
         return None
-    if name == "report":
-        return ReportCoupling()
     if name == "barrier":
         # The sphere is larger than the hand is thin, so near the goal, where the hand's direction
         # is known, obstacles may come closer than it says; the planner checks the true shapes.
         return BarrierCoupling(hand_radius=HAND_RADIUS, goal_margin=0.015, goal_distance=0.08)
-    raise InputError(f'coupling is "{name}"; it must be barrier, report or none')
+    return get_coupling(name)
 
 
 @dataclass

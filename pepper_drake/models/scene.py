@@ -184,7 +184,7 @@ class Scene:
     name: str = ""
     description: str = ""
     arm: str = "right"  # The arm that reaches: left or right.
-    coupling: str = "barrier"  # One of COUPLINGS.
+    coupling: str = "barrier"  # One of COUPLINGS, or FILE.py:NAME of one's own.
     robot: RobotStart = field(default_factory=RobotStart)
     goal: GoalObject = field(default_factory=GoalObject)
     obstacles: list[Obstacle] = field(default_factory=list)
@@ -194,7 +194,7 @@ class Scene:
         """Raises InputError, in one sentence that names the field, if the scene makes no sense."""
         if self.arm not in ARMS:
             raise InputError(f'arm is "{self.arm}"; it must be one of {", ".join(ARMS)}')
-        if self.coupling not in COUPLINGS:
+        if self.coupling not in COUPLINGS and ".py:" not in self.coupling:
             raise InputError(
                 f'coupling is "{self.coupling}"; it must be one of {", ".join(COUPLINGS)}'
             )

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.results.log_files import check_rows, read_arrays
+from pepper_drake.short_repr import short_repr
 
 Vector = npt.NDArray[np.float64]
 
@@ -63,6 +64,8 @@ class ReachLog:
         taught_path_torso_m: (K, 3) the taught primitive's path from where the arm started to the
             goal as it moved, neither bent nor adapted; no rows if the arm did not start.
     """
+
+    __repr__ = short_repr
 
     time_s: Vector
     mode: npt.NDArray[np.int64]

@@ -7,6 +7,7 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.short_repr import short_repr
 
 
 class Origin(IntEnum):
@@ -38,6 +39,8 @@ class Movement:
         id: Number of the movement.
         origin: Where it comes from.
     """
+
+    __repr__ = short_repr
 
     primitive: MovementPrimitive
     coupling: Coupling | None = None

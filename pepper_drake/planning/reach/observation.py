@@ -12,6 +12,7 @@ from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, Dept
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.short_repr import short_repr
 
 Vector = npt.NDArray[np.float64]
 
@@ -53,6 +54,8 @@ class Observation:
         stop_joint: Name of the joint that this is about, "" for none.
         base_blocked: Whether the base waits because something stands in its way.
     """
+
+    __repr__ = short_repr
 
     time: float
     base_pose: Vector
