@@ -47,7 +47,7 @@ def _load(path: Path, name: str) -> Any:
     except Exception as error:
         raise InputError(f"{path}: {type(error).__name__}: {error}") from None
     if not hasattr(module, name):
-        raise InputError(f"{path}: there is no {name} in it")
+        raise InputError(f"{path}: has no {name}")
     return getattr(module, name)
 
 

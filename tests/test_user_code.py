@@ -72,7 +72,7 @@ def test_code_that_a_file_names_is_not_run_unasked(get):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("number", "neither an Approximator"), ("absent", "there is no absent")]
+    ("name", "words"), [("number", "neither an Approximator"), ("absent", "has no absent")]
 )
 def test_what_is_no_part_is_refused(own, name, words):
     with pytest.raises(InputError, match=words):

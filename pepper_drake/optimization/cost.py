@@ -103,7 +103,7 @@ class CostFunction:
 def _function(path: Path, name: str) -> Any:
     function = load_object(f"{path}:{name}")
     if not callable(function):
-        raise InputError(f"{path}: {name} is no function")
+        raise InputError(f"{path}: has no function {name}")
     return function
 
 

@@ -20,7 +20,7 @@ _COLORS = {
 }
 _PANELS = (
     ("first_motion_seconds", "time to first motion [s]", "log"),
-    ("path_length", "way of the hand [m]", "linear"),
+    ("path_length", "hand path length [m]", "linear"),
     ("jerk", "jerk of the hand, rms [m/s³]", "log"),
     ("demonstration_distance", "demonstration_distance, equation 4.1 [m]", "linear"),
     ("clearance", "least clearance, at most 0.1 [m]", "linear"),
