@@ -202,7 +202,7 @@ def strengths(rows: Sequence[ComparisonRow]) -> list[str]:
         won = [award for award, winner in awards.items() if winner == name]
         told = "; ".join([*won, *([_TRAITS[name]] if name in _TRAITS else [])])
         lines.append(
-            f"  {name:17s} {1000 * row.position_distance_median:8.3f} mm,"
+            f"  {name:17s} {1000 * row.position_distance_median:8.2g} mm (4.1),"
             f" {1000 * row.fit_seconds:7.1f} ms with {row.num_basis:2d}"
             + (f": {told}" if told else "")
         )

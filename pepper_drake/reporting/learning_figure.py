@@ -126,7 +126,7 @@ def _draw_joints(
             axes.plot(_times(demo, primitive), np.degrees(demo.joints), color="0.7", lw=4)
     for name, joint in zip(primitive.posture.names, np.degrees(path.joints.T), strict=True):
         axes.plot(path.times, joint, lw=1.2, label=name)
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.06))
     axes.grid(alpha=0.3)
 
 
@@ -139,8 +139,8 @@ def _roll_pitch_yaw(quaternions: Array) -> Array:
 
 def _draw_phase(axes: Axes, path: Path3D) -> None:
     axes.plot(path.times, path.phases, color="k")
-    axes.set(xlabel="time [s]", ylabel="phase x", ylim=(0, 1.05))
-    axes.set_title("the clock: from 1 towards 0", fontsize=10)
+    axes.set(xlabel="time [s]", ylabel="phase x", yscale="log")
+    axes.set_title("phase: falls from 1, as fast as it is large", fontsize=10)
     axes.grid(alpha=0.3)
 
 

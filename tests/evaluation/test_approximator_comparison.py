@@ -5,9 +5,11 @@ import pytest
 
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import (
+    ComparisonRow,
     compare,
     distances,
     markdown_table,
+    strengths,
     trajectory_distance,
 )
 from pepper_drake.learning import Demonstration, MovementPrimitive
@@ -108,7 +110,7 @@ def test_strengths_tell_the_measured_best_of_all_rows():
     )
     (lwr,) = [line for line in lines if line.split()[0] == "lwr"]
     (own,) = [line for line in lines if line.split()[0] == "mine.py:own"]
-    assert "10.000 mm" in lwr
+    assert " 10 mm" in lwr
     assert "with 40" in lwr
     assert "best velocities; quickest to fit; the report's" in lwr
     assert own.endswith("most accurate")
