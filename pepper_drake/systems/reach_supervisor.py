@@ -87,6 +87,7 @@ class ReachSupervisor(LeafSystem):
         - started
         - base_goal
         - mode
+        - movement_origin
         - look_at
         - progress
 
@@ -106,9 +107,9 @@ class ReachSupervisor(LeafSystem):
     planner's own.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
-    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `look_at` (3), a
-    place in W that the head has to look at before the arm starts [m], NaN for none; `progress`, the
-    whole `ReachState`.
+    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `movement_origin` (1), the
+    `Origin` of the movement that is performed; `look_at` (3), a place in W that the head has to
+    look at before the arm starts [m], NaN for none; `progress`, the whole `ReachState`.
     State: `ReachState` (abstract), every `timing.time_step`.
     """
 
@@ -179,6 +180,7 @@ class ReachSupervisor(LeafSystem):
         self._declare_output("started", 1, lambda now: [now.has_started], state)
         self._declare_output("base_goal", 3, lambda now: now.base_goal, state)
         self._declare_output("mode", 1, lambda now: [now.mode], state)
+        self._declare_output("movement_origin", 1, lambda now: [now.performed_origin], state)
         self._declare_output("look_at", 3, lambda now: now.look_at, state)
         self.DeclareAbstractOutputPort(
             "progress",

@@ -12,6 +12,7 @@ from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, Dept
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.short_repr import short_repr
 
 Vector = npt.NDArray[np.float64]
 
@@ -56,6 +57,8 @@ class Observation:
         predicted_clearance: Clearance to which the arm's own motion leads at once, to where moving
             obstacles are predicted [m].
     """
+
+    __repr__ = short_repr
 
     time: float
     base_pose: Vector

@@ -136,6 +136,11 @@ class ReachPlanner:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
         return remaining_clearance(self._evaluator, plan, observation)
 
+    def simulate_taught(self, observation: Observation) -> ReachPlan:
+        """Returns the plan of the movement as it was taught, coupling included, not adapted."""
+        evaluator = self._evaluator
+        return evaluator.evaluate(evaluator.scenes(observation), self.demonstrated)
+
     def _with_unseen(
         self, plan: ReachPlan, scene: PlanningScene, observation: Observation
     ) -> ReachPlan:
