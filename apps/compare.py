@@ -17,6 +17,7 @@ from pepper_drake.evaluation.approximator_comparison import (
     compare,
     markdown_table,
     reproduce_demonstration,
+    strengths,
 )
 from pepper_drake.learning import approximator_names
 from pepper_drake.learning.approximators.registry import get_approximator
@@ -77,6 +78,7 @@ def main() -> int:
         draw_comparison(shown, paths, rows).savefig(folder / "comparison.png", dpi=120)
     if not arguments.quiet:
         print(markdown_table(rows))
+        print("\n".join(strengths(rows)))
         print(f"written to {arguments.output}: table.json, table.md, comparison.png")
     return EXIT_DONE
 

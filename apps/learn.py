@@ -47,6 +47,7 @@ from pepper_drake.learning.dmp.scaling import SCALINGS
 from pepper_drake.reporting.demonstration_figure import draw_demonstration
 from pepper_drake.reporting.learning_figure import draw_learning
 from pepper_drake.results.folder import whole_results
+from pepper_drake.user_code import names_code, register_code
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -58,7 +59,8 @@ def parse_arguments() -> argparse.Namespace:
         "--approximator",
         default=DEFAULT_APPROXIMATOR,
         metavar="NAME",
-        help=f"one of {', '.join(approximator_names())} (default: %(default)s)",
+        help=f"one of {', '.join(approximator_names())}, or FILE.py:NAME of your own"
+        " (default: %(default)s)",
     )
     add(
         "--num-basis",
@@ -207,6 +209,8 @@ def conditioned(demonstrations: list[Demonstration], via: list[list[float]]) -> 
 def main() -> int:
     """Runs the app and returns its exit code."""
     arguments = parse_arguments()
+    if names_code(arguments.approximator):
+        arguments.approximator = register_code(arguments.approximator)
     if arguments.from_floor:
         arguments.frame = "base_footprint"
     if arguments.joints:

@@ -47,7 +47,12 @@ def make_parser() -> ArgumentParser:
         help="the meshcat server to draw into; started if there is none (default: %(default)s)",
     )
     add("--html", type=Path, metavar="FILE", help="write a page instead, into the output folder")
-    add("--video", type=Path, metavar="FILE", help="write a film (.mp4), into the output folder")
+    add(
+        "--video",
+        type=Path,
+        metavar="FILE",
+        help="write a film (.mp4 or .gif), into the output folder",
+    )
     add(
         "--export",
         metavar="FORM",

@@ -13,6 +13,8 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --set planner.clearance.want=0.02
   reach.py --scenario out/reach/scenario.yaml     the same run again
   reach.py --no-avoidance               what happens without the obstacle coupling
+  reach.py --method reactive            the coupling alone bends the movement, nothing is adapted
+  reach.py --method adapted reactive report     the methods beside one another, in methods.png
   reach.py --live                       watch it in a browser, in real time
   reach.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
 
@@ -22,9 +24,10 @@ reached, the report says why; 2: bad input; 130: ended by Ctrl-C or SIGTERM.
 """
 
 import math
+import multiprocessing
 import shutil
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 
 from pepper_drake import cli
@@ -47,17 +50,24 @@ from pepper_drake.hardware.preflight import PreflightOptions
 from pepper_drake.hardware.reach_run import HardwareRun, reach_with_robot
 from pepper_drake.models.robot_calibration import load_calibration
 from pepper_drake.models.robot_wear import ROBOTS
+from pepper_drake.models.scene import COUPLINGS
+from pepper_drake.reporting.method_figure import MethodRun, draw_methods
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.scene_picture import save_scene_picture
 from pepper_drake.results.folder import INTERRUPTED, whole_results
+from pepper_drake.results.reach_log import ReachLog
+from pepper_drake.results.reach_report import ReachReport
 from pepper_drake.scenario import (
+    METHODS,
     Scenario,
     add_scenario_options,
     build_reaching,
     movement_and_config,
     save_scenario,
     scenario_of,
+    use_method,
 )
+from pepper_drake.user_code import names_code, register_code
 from pepper_drake.web.drake_page import open_meshcat
 
 RESULTS = (
@@ -86,6 +96,14 @@ PUSH_DURATION = 0.5
 """How long the hand is pushed [s]."""
 
 
+def coupling_name(text: str) -> str:
+    """Reads the name of a coupling from the command line."""
+    if text not in COUPLINGS and not names_code(text):
+        known = ", ".join(COUPLINGS)
+        raise ArgumentTypeError(f"'{text}' is no coupling; use one of {known}, or FILE.py:NAME")
+    return text
+
+
 def make_parser() -> ArgumentParser:
     """Makes the parser of this app's options."""
     parser = cli.make_parser("reach", __doc__)
@@ -108,10 +126,22 @@ def make_parser() -> ArgumentParser:
         "of time x y z (s and m, offsets in the world frame)",
     )
     parser.add_argument(
+        "--method",
+        nargs="+",
+        choices=METHODS,
+        metavar="METHOD",
+        help="how it gets around obstacles. adapted: the movement is bent by the barrier, and "
+        "adapted for the whole arm where that is not enough (default); reactive: the barrier "
+        "alone; report: the report's method, equations 2.4 to 2.8 with LWR and 40 basis functions, "
+        "unchecked. Several: each is run, with a goal that stays and one that moves up, and "
+        "methods.png shows them beside one another",
+    )
+    parser.add_argument(
         "--coupling",
-        choices=("barrier", "report"),
-        help="how obstacles bend the movement: a barrier, or the report's equation 2.7 "
-        "(default: the scene's)",
+        type=coupling_name,
+        metavar="NAME",
+        help="how obstacles bend the movement: barrier, report (its equation 2.7), or FILE.py:NAME "
+        "of your own (default: the scene's)",
     )
     parser.add_argument(
         "--no-avoidance", action="store_true", help="leave the obstacle coupling out"
@@ -173,8 +203,12 @@ def chosen_scenario(options: Namespace) -> Scenario:
     if any(name is not None for name in named):
         scenario.scene = chosen_scene(options)
     scenario.scene = prepare_scene(scenario.scene, arm=options.arm, motion=options.goal_motion)
+    if options.method:
+        use_method(scenario, options.method[0])
     if options.coupling is not None:
-        scenario.scene.coupling = options.coupling
+        is_code = names_code(options.coupling)
+        name = register_code(options.coupling) if is_code else options.coupling
+        scenario.scene.coupling = name
     if options.seed is not None:
         scenario.seed = options.seed
     if options.demo is not None:
@@ -204,8 +238,53 @@ def main() -> int:
     options = cli.parse(make_parser())
     is_robot = check_station(options, SIMULATED_ONLY)
     cli.quiet_libraries()
+    if options.method and options.coupling:
+        raise InputError("--method names its own coupling; leave --coupling out")
+    several = len(options.method or ()) > 1
+    if several and (is_robot or options.live or options.goal_motion):
+        raise InputError(
+            "several methods are run in simulation: leave out --station, --live and "
+            "--goal-motion, or give one method"
+        )
     if is_robot:
         return reach_with_hardware(options)
+    if several:
+        return compare_methods(options)
+    return reach(options)
+
+
+def compare_methods(options: Namespace) -> int:
+    """Reaches by several methods, the goal at rest and displaced, and draws them in one picture."""
+    runs: dict[str, dict[str, MethodRun]] = {"still": {}, "goal_up": {}}
+    folder, methods, motions = options.output, options.method, {"still": None, "goal_up": "up"}
+    for which, motion in motions.items():
+        for method in dict.fromkeys(methods):
+            options.method, options.goal_motion = [method], motion
+            options.output = folder / f"{method}_{which}"
+            if not options.quiet:
+                print(f"{method}, {'the goal moves up' if motion else 'the goal stays'}:")
+            # A process for each gives its memory back: a diagram with cameras takes a gigabyte.
+            process = multiprocessing.get_context("fork").Process(target=_exit, args=(options,))
+            process.start()
+            process.join()
+            if process.exitcode not in (cli.EXIT_DONE, cli.EXIT_FAILED):
+                return process.exitcode or cli.EXIT_FAILED
+            log = ReachLog.load(options.output / "log.npz")
+            runs[which][method] = MethodRun(log, ReachReport.load(options.output / "report.json"))
+    scene = runs["still"][methods[0]].report.scene
+    draw_methods(runs["still"], runs["goal_up"], scene).savefig(folder / "methods.png", dpi=110)
+    if not options.quiet:
+        print(f"The methods beside one another: {folder / 'methods.png'}")
+    return cli.EXIT_DONE
+
+
+def _exit(options: Namespace) -> None:
+    """Reaches once and exits with its code."""
+    sys.exit(reach(options))
+
+
+def reach(options: Namespace) -> int:
+    """Reaches once, in simulation, and writes the results."""
     scenario = chosen_scenario(options)
     reaching = build_reaching(scenario)
     with open_meshcat(page=options.live, host=options.host) as (meshcat, url):

@@ -67,6 +67,13 @@ def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
         "--seed", type=seed, default=0, help="seed of all randomness (default: %(default)s)"
     )
     parser.add_argument("--quiet", action="store_true", help="print errors only")
+    parser.add_argument(
+        "--code",
+        action="append",
+        default=[],
+        metavar="FILE.py:NAME",
+        help="an approximator or a coupling of your own that a file names; the file is run",
+    )
     return parser
 
 
@@ -94,6 +101,12 @@ def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
         check_writable(options.output)
     except InputError as error:
         raise InputError(f"--output {error}") from None
+    if options.code:
+        # Not before: most commands need none of what it imports.
+        from pepper_drake.user_code import register_code
+
+        for text in options.code:
+            register_code(text)
     return options
 
 

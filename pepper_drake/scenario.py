@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from pepper_drake.diagrams.compliance import ComplianceConfig
-from pepper_drake.diagrams.factory import make_coupling, make_gentle, make_primitive
+from pepper_drake.diagrams.factory import LearningParams, make_coupling, make_gentle, make_primitive
 from pepper_drake.diagrams.head_perception import PerceptionConfig
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
@@ -68,6 +68,8 @@ class Scenario:
     scene: Scene = field(default_factory=lambda: load_scene("table"))
     demonstration: str = ""
     """Folder or file of the demonstration to perform; the one that ships if empty."""
+    learning: LearningParams = field(default_factory=LearningParams)
+    """How the movement is learned from it."""
     avoid_obstacles: bool = True
     """True to let the scene's coupling bend the movement around obstacles."""
     robot: str = "ideal"
@@ -100,6 +102,7 @@ class Scenario:
             InputError: A field makes no sense, or clearances or tolerances are out of order.
         """
         self.scene.check()
+        self.learning.check()
         for checked in (self.planner.clearance, self.planner.tolerance, self.planner.following):
             checked.check()
         if self.push and len(self.push) != 3:
@@ -135,6 +138,35 @@ class Scenario:
         )
 
 
+METHODS = ("adapted", "reactive", "report")
+"""Ways to get around obstacles; see `use_method`."""
+
+
+def use_method(scenario: Scenario, method: str) -> None:
+    """Sets a scenario to one way of getting around obstacles.
+
+    - `adapted`: the taught movement, bent by the barrier; where that is not enough, the whole arm's
+      movement is adapted to what was seen. The default.
+    - `reactive`: the barrier alone bends the taught movement; where that is not enough, the reach
+      is refused.
+    - `report`: the report's own. Equation 2.7 summed over the cloud; locally weighted regression
+      with 40 basis functions, the forcing term scaled by g - y0 (2.5), three angles for the
+      orientation; no check of the arm for collisions.
+
+    Raises:
+        InputError: There is no such method.
+    """
+    if method not in METHODS:
+        raise InputError(f'method is "{method}"; it must be one of {", ".join(METHODS)}')
+    is_report = method == "report"
+    scenario.scene.coupling = "report" if is_report else "barrier"
+    scenario.planner.adapt = method == "adapted"
+    scenario.planner.collision_checked = not is_report
+    scenario.learning = (
+        LearningParams("lwr", 40, "goal", "angles") if is_report else LearningParams()
+    )
+
+
 def movement_and_config(scenario: Scenario) -> tuple[MovementPrimitive, ReachingConfig]:
     """Returns the movement of a scenario, and what its diagram is built from.
 
@@ -143,7 +175,7 @@ def movement_and_config(scenario: Scenario) -> tuple[MovementPrimitive, Reaching
     """
     demonstration = Path(scenario.demonstration) if scenario.demonstration else None
     primitive, config = (
-        make_primitive(demonstration, scenario.scene.arm),
+        make_primitive(demonstration, scenario.scene.arm, scenario.learning),
         scenario.reaching_config(),
     )
     if scenario.gentle:

@@ -308,6 +308,7 @@ def _write_run(folder: Path) -> None:
         "object_offset_m": np.zeros((rows, 0)),
         "cloud_torso_m": np.ones((20, 3)),
         "demonstration_m": np.ones((20, 3)),
+        "taught_path_torso_m": np.ones((20, 3)),
     }
     np.savez_compressed(folder / "log.npz", **arrays)
     save_scene(load_scene("free"), folder / "scene.yaml")

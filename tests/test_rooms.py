@@ -7,10 +7,10 @@ PACKAGE = Path(__file__).parents[1] / "pepper_drake"
 
 FLOORS = (
     ("errors", "_former_names"),
-    ("files", "web"),
+    ("files", "web", "short_repr"),
     ("yaml_files", "array_files"),
     ("learning",),
-    ("models",),
+    ("models", "user_code"),
     ("perception",),
     ("planning",),
     ("systems", "results", "naoqi"),

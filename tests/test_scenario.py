@@ -3,10 +3,19 @@ from pathlib import Path
 
 import pytest
 
+from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.errors import InputError
+from pepper_drake.learning import ReportCoupling
 from pepper_drake.models.scene import load_scene
 from pepper_drake.planning.collision.clearance_table import ClearanceTable
-from pepper_drake.scenario import Scenario, load_scenario, save_scenario
+from pepper_drake.scenario import (
+    METHODS,
+    Scenario,
+    load_scenario,
+    movement_and_config,
+    save_scenario,
+    use_method,
+)
 
 
 def leaves(value, prefix=""):
@@ -97,3 +106,39 @@ def test_the_guide_tells_the_clearances_that_there_are():
     guide = (Path(__file__).parents[1] / "docs" / "howto" / "scenario.md").read_text()
     for f in dataclasses.fields(ClearanceTable):
         assert f"| `{f.name}` | {getattr(ClearanceTable(), f.name):.3f} |" in guide
+
+
+def test_the_reports_method_is_the_reports_equations():
+    chosen = Scenario()
+    use_method(chosen, "report")
+    primitive, config = movement_and_config(chosen)
+    assert (primitive.approximator, primitive.num_basis) == ("lwr", 40)
+    assert primitive.translation.scaling == "goal"
+    assert primitive.orientation.mode == "angles"
+    assert make_coupling(chosen.scene.coupling) == ReportCoupling()
+    assert not config.planner.adapt
+    assert not config.planner.collision_checked
+
+
+def test_methods_differ_in_what_they_are_said_to_differ_in():
+    by_name = {name: Scenario() for name in METHODS}
+    for name, chosen in by_name.items():
+        use_method(chosen, name)
+    assert by_name["adapted"] == Scenario()
+    by_name["reactive"].planner.adapt = True
+    assert by_name["reactive"] == by_name["adapted"]
+    with pytest.raises(InputError, match="adapted, reactive, report"):
+        use_method(Scenario(), "magic")
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("learning.approximator=magic", "'magic' is unknown"),
+        ("learning.orientation=euler", "log_map"),
+        ("learning.num_basis=-1", "0 or more"),
+    ],
+)
+def test_a_wrong_way_to_learn_is_refused(setting, words):
+    with pytest.raises(InputError, match=words):
+        load_scenario(settings=[setting])

@@ -1,13 +1,17 @@
 """From what a person asks for to a scene, a primitive and a coupling that fit together."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
+from pepper_drake.learning.approximators.registry import get_approximator
 from pepper_drake.learning.demonstrations.arm_chain import arm_of
 from pepper_drake.learning.demonstrations.check import refuse_out_of_reach
-from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling, ReportCoupling
+from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling, get_coupling
+from pepper_drake.learning.dmp.orientation import ORIENTATIONS
+from pepper_drake.learning.dmp.primitive import DEFAULT_APPROXIMATOR, DEFAULT_SCALING
+from pepper_drake.learning.dmp.scaling import check_scaling
 from pepper_drake.models.motion import MOTION_DIRECTIONS, goal_motion, load_path
 from pepper_drake.models.pepper import MODELS_DIR
 from pepper_drake.models.scene import Scene
@@ -30,31 +34,75 @@ _GENTLE_SPEED = 0.15
 
 
 def make_coupling(name: str) -> Coupling | None:
-    """The obstacle coupling by name: "barrier", "report" (equation 2.7) or "none"."""
+    """The hand's obstacle coupling by name, or None for "none".
+
+    It is "barrier", "report" (equation 2.7), or one that was registered.
+
+    Raises:
+        InputError: There is none of that name.
+    """
     if name == "none":
         return None
-    if name == "report":
-        return ReportCoupling()
     if name == "barrier":
         # The sphere is larger than the hand is thin, so near the goal, where the hand's direction
         # is known, obstacles may come closer than it says; the planner checks the true shapes.
         return BarrierCoupling(hand_radius=HAND_RADIUS, goal_margin=0.015, goal_distance=0.08)
-    raise InputError(f'coupling is "{name}"; it must be barrier, report or none')
+    return get_coupling(name)
 
 
-def make_primitive(demonstration: Path | None, arm: str) -> MovementPrimitive:
+@dataclass
+class LearningParams:
+    """How a demonstration becomes a primitive; see `MovementPrimitive.fit`."""
+
+    approximator: str = DEFAULT_APPROXIMATOR
+    """How the forcing term is learned: "lwr" is the report's."""
+    num_basis: int = 0
+    """Number of basis functions; 0 to let the demonstration decide. The report has 40."""
+    scaling: str = DEFAULT_SCALING
+    """How the forcing term adapts to start and goal: "goal" is the report's factor g - y0."""
+    orientation: str = "log_map"
+    """Coordinates of the orientation: "angles" are the report's."""
+
+    def check(self) -> None:
+        """Raises InputError unless the names are known and the number is not negative."""
+        get_approximator(self.approximator)
+        check_scaling(self.scaling)
+        if self.orientation not in ORIENTATIONS:
+            raise InputError(
+                f'learning.orientation is "{self.orientation}"; it must be one of '
+                f"{', '.join(ORIENTATIONS)}"
+            )
+        if self.num_basis < 0:
+            raise InputError(f"learning.num_basis is {self.num_basis}; it must be 0 or more")
+
+    def fit(self, demonstration: Demonstration) -> MovementPrimitive:
+        """Learns a primitive."""
+        return MovementPrimitive.fit(
+            demonstration,
+            approximator=self.approximator,
+            num_basis=self.num_basis or None,
+            scaling=self.scaling,
+            orientation=self.orientation,
+        )
+
+
+def make_primitive(
+    demonstration: Path | None, arm: str, learning: LearningParams | None = None
+) -> MovementPrimitive:
     """Learns the primitive that an arm performs.
 
     Args:
         demonstration: A right arm's; the one that ships if left out. What it lacks of orientation
             or joints is taken from the one that ships.
         arm: "left" or "right"; for the left arm the demonstration is mirrored.
+        learning: How it is learned; by default if left out.
 
     Raises:
         InputError: The demonstration cannot be read.
     """
+    learning = learning or LearningParams()
     demo = _for_arm(Demonstration.load(SHIPPED_DEMONSTRATION), arm)
-    shipped = MovementPrimitive.fit(demo)
+    shipped = learning.fit(demo)
     if demonstration is None:
         return shipped
     shown = _for_arm(Demonstration.load(demonstration), arm)
@@ -64,7 +112,7 @@ def make_primitive(demonstration: Path | None, arm: str) -> MovementPrimitive:
             "record a movement"
         )
     refuse_out_of_reach(shown, str(demonstration))
-    own = MovementPrimitive.fit(shown)
+    own = learning.fit(shown)
     # Some joints of an arm are no posture to be near to.
     whole = own.posture is not None and arm_of(own.posture.names) == arm
     return replace(

@@ -22,14 +22,17 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.taught_movement import explain_adaptation, taught_path
 from pepper_drake.diagrams.touch_report import arm_speed, stopping_time, touch_speed
 from pepper_drake.models.control_model import arm_joints, body_indices
 from pepper_drake.models.pepper import JOINT_GROUPS, hand_frame
 from pepper_drake.models.scene import Scene, save_scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points, make_cloud
+from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
 from pepper_drake.results.folder import whole_results
+from pepper_drake.results.performance import measure_performance
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
 from pepper_drake.systems.framework import Diagram, build
@@ -99,10 +102,11 @@ class ReachSimulation:
         self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
         self._fault = ""
         self._is_over = False
-        self._true_rows: tuple[list[Vector], list[Vector]] = ([], [])
+        self._true_rows: list[list[float]] = []
         self._cloud_W: Vector = np.zeros((0, 3))
         self._cloud_T: Vector = np.zeros((0, 3))
         self._cloud_report = CloudReport()
+        self._planned_with: Observation | None = None
 
     @property
     def context(self) -> Context:
@@ -175,6 +179,10 @@ class ReachSimulation:
     def _look_at_cloud(self) -> None:
         """Measures the cloud with which the arm starts, and draws it."""
         reaching, context = self.reaching, self.context
+        root = self.simulator.get_context()
+        supervisor = reaching.supervisor
+        state = supervisor.progress(supervisor.GetMyContextFromRoot(root))
+        self._planned_with = state.planned_with
         perception = reaching.perception
         seen = perception.GetMyContextFromRoot(self.simulator.get_context())
         self._cloud_W = cloud_points(perception.GetOutputPort("cloud").Eval(seen))
@@ -194,17 +202,23 @@ class ReachSimulation:
         times = self.reaching.logs["mode"].FindLog(self.simulator.get_context()).sample_times()
         tau = self._rows("tau")[:, 0]
         coupling = self._rows("coupling") / tau[:, None] ** 2
+        mode = self._rows("mode")[:, 0].astype(np.int64)
+        true = self._true_goal_rows()
+        hand, goal = self._rows("hand_position"), self._rows("goal_position")
         return ReachLog(
             time_s=np.asarray(times),
-            mode=self._rows("mode")[:, 0].astype(np.int64),
+            mode=mode,
+            movement_origin=self._rows("movement_origin")[:, 0].astype(np.int64),
             joint_position_rad=self._rows("joint_position"),
             joint_command_rad=self._rows("joint_command"),
             base_pose_m_m_rad=self._rows("base_pose"),
             object_offset_m=self._object_offsets(),
-            hand_position_torso_m=self._rows("hand_position"),
+            hand_position_torso_m=hand,
             desired_position_torso_m=self._rows("desired_position"),
-            goal_position_torso_m=self._rows("goal_position"),
-            goal_distance_m=np.linalg.norm(np.subtract(*self._true_paths()), axis=1),
+            goal_position_torso_m=goal,
+            goal_distance_m=true[:, 3],
+            orientation_error_rad=true[:, 4],
+            axis_error_rad=true[:, 5],
             phase=self._rows("phase")[:, 0],
             tau_s=tau,
             coupling_m_per_s2=coupling,
@@ -212,6 +226,9 @@ class ReachSimulation:
             seen_clearance_m=np.minimum(self._rows("seen_clearance")[:, 0], 0.1),
             cloud_torso_m=self._cloud_T,
             demonstration_m=reaching.planner.demonstrated_path(),
+            taught_path_torso_m=taught_path(
+                self.reaching.planner.demonstrated.primitive, np.asarray(times), mode, hand, goal
+            ),
         )
 
     def _object_offsets(self) -> Vector:
@@ -233,24 +250,28 @@ class ReachSimulation:
         )
         return X_WH, X_WO @ scene.pre_grasp()
 
-    def _true_paths(self) -> tuple[Vector, Vector]:
-        """The hand's and its goal's true positions in W, (N, 3) each."""
+    def _true_goal_rows(self) -> Vector:
+        """Rows (N, 6): true position of the hand in W, distance to its goal, and two angles.
+
+        These are between their orientations, and between the axes that count [m, rad].
+        """
         plant = self.reaching.station.plant
         plant_context = plant.CreateDefaultContext()
-        hands, goals = self._true_rows
-        for state in self._rows("state")[len(hands) :]:
+        task = self.reaching.scene.goal.pre_grasp
+        for state in self._rows("state")[len(self._true_rows) :]:
             plant.SetPositionsAndVelocities(plant_context, state)
             X_WH, X_WG = self._true_poses(plant_context)
-            hands.append(X_WH.translation())
-            goals.append(X_WG.translation())
-        return np.array(hands), np.array(goals)
+            distance, angle = pose_error(X_WH, X_WG)
+            axis = task.axis_error(X_WH.rotation().inverse() @ X_WG.rotation())
+            self._true_rows.append([*X_WH.translation(), distance, angle, axis])
+        return np.array(self._true_rows).reshape(-1, 6)
 
     def _draw_paths(self) -> None:
         """Draws what the hand did beside what it was shown."""
         moving = np.isin(self._rows("mode")[:, 0], (ReachMode.REACHING, ReachMode.HOLDING))
         if self._options.meshcat is None or not np.any(moving):
             return
-        hand_W = self._true_paths()[0][moving]
+        hand_W = self._true_goal_rows()[moving, :3]
         station = self.reaching.station
         X_WT = station.GetOutputPort("torso_pose").Eval(
             station.GetMyContextFromRoot(self.simulator.get_context())
@@ -288,6 +309,18 @@ class ReachSimulation:
             report.out_of_view_volume = progress.plan.out_of_view
         report.closest_pair = self._closest_pair(log)
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
+        report.final_axis_error = float(log.axis_error_rad[-1])
+        report.axis_tolerance = scene.goal.pre_grasp.tolerance
+        report.performance = measure_performance(log)
+        if self._is_over:
+            started = int(np.argmax(log.time_s >= progress.started))
+            explain_adaptation(
+                report.performance,
+                reaching,
+                self._planned_with,
+                root.Clone(),
+                self._rows("state")[started],
+            )
         perception = reaching.perception
         seen = perception.GetMyContextFromRoot(root)
         if perception.GetOutputPort("goal_valid").Eval(seen)[0]:
@@ -368,6 +401,12 @@ class ReachSimulation:
         elif report.final_position_error is None or report.final_position_error > tolerance:
             report.reason = "not_at_goal"
             report.message = "the hand is farther from the true goal than the robot believes"
+        elif float(report.final_axis_error or 0.0) > self.reaching.scene.goal.pre_grasp.tolerance:
+            report.reason = "turned_away"
+            report.message = (
+                f"the hand's axis is {np.degrees(report.final_axis_error or 0.0):.0f} degrees off, "
+                "more than the scene allows (goal.pre_grasp.tolerance)"
+            )
         elif reason == UNCONFIRMED:
             report.outcome, report.reason, report.message = UNCONFIRMED, reason, message
         else:

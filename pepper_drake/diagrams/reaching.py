@@ -35,6 +35,7 @@ from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, Rea
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
+from pepper_drake.planning.trajectories.trajectory_adapter import AdaptationParams
 from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, slowed_latency
 from pepper_drake.systems.framework import Diagram, build_into
@@ -161,6 +162,8 @@ class Reaching(Diagram):
     def _add_supervisor(self, coupling: Coupling | None) -> None:
         """The supervisor with its planner, and the base that it drives."""
         builder, station = self._builder, self.station
+        pre_grasp = self.scene.goal.pre_grasp
+        axis = pre_grasp.axis
         make_planner = partial(
             ReachPlanner,
             model=station.control_model,
@@ -169,6 +172,9 @@ class Reaching(Diagram):
             coupling=coupling,
             ik=self.config.ik,
             params=self.config.planner,
+            adaptation=AdaptationParams(
+                axis=(axis[0], axis[1], axis[2]), axis_tolerance=pre_grasp.tolerance
+            ),
             goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
         )
         self.planner = make_planner(primitive=self.primitive)
@@ -331,6 +337,8 @@ class Reaching(Diagram):
                 (self.body_watch, "body_clearance"),
             ):
                 self._connect(watch.GetOutputPort("approach_clearance"), self.safety, name)
+            predicted = self.seen_clearance.GetOutputPort("predicted_approach_clearance")
+            self._connect(predicted, self.supervisor, "predicted_clearance")
         builder.ExportInput(self.safety.reset_input, "reset")
         self._connect(self.controller.GetOutputPort("limp"), self.safety, "limp")
         for name in ("measurement_age", "missing_joint"):
@@ -410,6 +418,7 @@ class Reaching(Diagram):
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
             "mode": self.supervisor.GetOutputPort("mode"),
+            "movement_origin": self.supervisor.GetOutputPort("movement_origin"),
             "seen_clearance": self.seen_clearance.GetOutputPort("clearance"),
             "body_clearance": self.body_watch.GetOutputPort("clearance"),
         }

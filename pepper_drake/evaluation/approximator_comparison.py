@@ -163,3 +163,47 @@ def markdown_table(rows: Sequence[ComparisonRow]) -> str:
         for row in rows
     ]
     return "\n".join(lines) + "\n"
+
+
+_TRAITS = {
+    "trajectory": "least squares on the motion itself, one weight each",
+    "trajectory_slopes": "least squares on the motion itself, a line each",
+    "lwr": "the report's: each weight fitted alone, smooth with few basis functions",
+    "lwr_slopes": "as lwr with a line each, so that fewer basis functions do",
+    "rbfn": "all weights fitted together to the forcing term",
+    "gmr": "places its Gaussians where the data are; several demonstrations with their spread",
+    "lwpr": "chooses its number of receptive fields by itself, and learns sample by sample",
+}
+"""What each method is, in a few words."""
+
+
+def strengths(rows: Sequence[ComparisonRow]) -> list[str]:
+    """Returns a line for each approximator: how it did at its best, and what it is good at.
+
+    "most accurate", "best velocities" and "quickest to fit" are measured: of all these rows, by the
+    medians; the rest is what the method is.
+    """
+    lines = ["What each is good at (with the number of basis functions that suits it best):"]
+    names = list(dict.fromkeys(row.approximator for row in rows))
+    best = {
+        name: min(
+            (row for row in rows if row.approximator == name),
+            key=lambda row: row.position_distance_median,
+        )
+        for name in names
+    }
+    awards = {
+        "most accurate": min(names, key=lambda n: best[n].position_distance_median),
+        "best velocities": min(names, key=lambda n: best[n].velocity_distance_median),
+        "quickest to fit": min(names, key=lambda n: best[n].fit_seconds),
+    }
+    for name in names:
+        row = best[name]
+        won = [award for award, winner in awards.items() if winner == name]
+        told = "; ".join([*won, *([_TRAITS[name]] if name in _TRAITS else [])])
+        lines.append(
+            f"  {name:17s} {1000 * row.position_distance_median:8.2g} mm (4.1),"
+            f" {1000 * row.fit_seconds:7.1f} ms with {row.num_basis:2d}"
+            + (f": {told}" if told else "")
+        )
+    return lines

@@ -4,14 +4,30 @@ from pepper_drake.learning.approximators import forcing_regression as forcing_re
 from pepper_drake.learning.approximators import gmr as gmr
 from pepper_drake.learning.approximators import lwpr as lwpr
 from pepper_drake.learning.approximators import trajectory_regression as trajectory_regression
-from pepper_drake.learning.approximators.registry import approximator_names
+from pepper_drake.learning.approximators.registry import (
+    Approximator,
+    ForcingData,
+    ForcingModel,
+    LinearForcingModel,
+    approximator_names,
+    get_approximator,
+    register,
+)
 from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.check import DemonstrationReport, examine
 from pepper_drake.learning.demonstrations.demonstration import TORSO_HEIGHT, Demonstration
 from pepper_drake.learning.demonstrations.demonstration_folder import load_all
 from pepper_drake.learning.dmp.bimanual import BimanualPrimitive
 from pepper_drake.learning.dmp.chain import Chain, Step, plan_chain
-from pepper_drake.learning.dmp.coupling import BarrierCoupling, ReportCoupling, make_coupling
+from pepper_drake.learning.dmp.coupling import (
+    BarrierCoupling,
+    Coupling,
+    CouplingOutput,
+    ReportCoupling,
+    coupling_names,
+    get_coupling,
+    register_coupling,
+)
 from pepper_drake.learning.dmp.joint_primitive import JointPrimitive
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.primitive import MovementPrimitive, Path3D
@@ -34,14 +50,20 @@ from pepper_drake.learning.probabilistic.variability import Spread, variability_
 
 __all__ = [
     "TORSO_HEIGHT",
+    "Approximator",
     "BarrierCoupling",
     "BimanualPrimitive",
     "Chain",
+    "Coupling",
+    "CouplingOutput",
     "Demonstration",
     "DemonstrationReport",
     "DsGmr",
+    "ForcingData",
+    "ForcingModel",
     "GaussianMixture",
     "JointPrimitive",
+    "LinearForcingModel",
     "ModulatedSystem",
     "MovementPrimitive",
     "Path3D",
@@ -56,6 +78,7 @@ __all__ = [
     "TaskParameterizedMixture",
     "align",
     "approximator_names",
+    "coupling_names",
     "examine",
     "fit_ds_gmr",
     "fit_gaussian_mixture",
@@ -63,9 +86,12 @@ __all__ = [
     "fit_promp",
     "fit_rhythmic",
     "fit_task_parameterized",
+    "get_approximator",
+    "get_coupling",
     "load_all",
-    "make_coupling",
     "plan_chain",
+    "register",
+    "register_coupling",
     "start_and_goal",
     "variability_along",
 ]

@@ -99,10 +99,20 @@ class HandPose:
 
     position: list[float] = field(default_factory=list)  # p_OH [m].
     rpy: list[float] = field(default_factory=list)  # R_OH as roll, pitch, yaw [rad].
+    # Axis of the hand in H whose direction counts for the task. Five joints do not reach every
+    # orientation; to close the hand on a cylinder, the palm's normal, -z, must point at it.
+    axis: list[float] = field(default_factory=lambda: [0.0, 0.0, -1.0])
+    tolerance: float = 0.5  # Largest angle of that axis from where it should point [rad].
 
     def pose(self) -> RigidTransform:
         """Returns X_OH."""
         return make_pose(self.position, self.rpy)
+
+    def axis_error(self, R_HG: RotationMatrix) -> float:
+        """Returns the angle [rad] of `axis` from its goal, given the goal's rotation in H."""
+        axis = np.asarray(self.axis)
+        wanted = R_HG.multiply(axis)
+        return float(np.arctan2(np.linalg.norm(np.cross(axis, wanted)), axis @ wanted))
 
 
 @dataclass
@@ -174,7 +184,7 @@ class Scene:
     name: str = ""
     description: str = ""
     arm: str = "right"  # The arm that reaches: left or right.
-    coupling: str = "barrier"  # One of COUPLINGS.
+    coupling: str = "barrier"  # One of COUPLINGS, or FILE.py:NAME of one's own.
     robot: RobotStart = field(default_factory=RobotStart)
     goal: GoalObject = field(default_factory=GoalObject)
     obstacles: list[Obstacle] = field(default_factory=list)
@@ -184,7 +194,7 @@ class Scene:
         """Raises InputError, in one sentence that names the field, if the scene makes no sense."""
         if self.arm not in ARMS:
             raise InputError(f'arm is "{self.arm}"; it must be one of {", ".join(ARMS)}')
-        if self.coupling not in COUPLINGS:
+        if self.coupling not in COUPLINGS and ".py:" not in self.coupling:
             raise InputError(
                 f'coupling is "{self.coupling}"; it must be one of {", ".join(COUPLINGS)}'
             )
@@ -254,6 +264,7 @@ class Scene:
         _mirror_marker(goal.marker)
         if mirror.hand_marker is not None:
             _mirror_marker(mirror.hand_marker)
+        goal.pre_grasp.axis[1] *= -1
         if goal.pre_grasp.position:
             goal.pre_grasp.position[1] *= -1
             goal.pre_grasp.rpy[0::2] = [-angle for angle in goal.pre_grasp.rpy[0::2]]
@@ -370,6 +381,14 @@ def _check_goal(goal: GoalObject) -> None:
     if goal.pre_grasp.position or goal.pre_grasp.rpy:
         _check_vector(goal.pre_grasp.position, 3, "goal.pre_grasp.position", "x, y, z")
         _check_vector(goal.pre_grasp.rpy, 3, "goal.pre_grasp.rpy", "roll, pitch, yaw")
+    _check_vector(goal.pre_grasp.axis, 3, "goal.pre_grasp.axis", "an axis of the hand")
+    if np.linalg.norm(goal.pre_grasp.axis) < 1e-3:
+        raise InputError("goal.pre_grasp.axis has no length; give a direction such as [0, 0, -1]")
+    if not 0.0 < goal.pre_grasp.tolerance <= np.pi:
+        raise InputError(
+            f"goal.pre_grasp.tolerance is {goal.pre_grasp.tolerance:g} rad; it must be above 0 and "
+            "at most pi"
+        )
     check_path(goal.path, "goal.path")
 
 

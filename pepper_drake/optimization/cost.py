@@ -1,9 +1,7 @@
 """A cost as a sum of named terms, and where a user writes one down."""
 
-import importlib.util
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.models.typed_yaml import line_of_field, load_yaml
 from pepper_drake.optimization.cost_terms import TERMS, Task
 from pepper_drake.optimization.outcome import Outcome
+from pepper_drake.user_code import load_object
 
 Array = npt.NDArray[np.float64]
 
@@ -101,17 +100,8 @@ class CostFunction:
         return costs
 
 
-@lru_cache(maxsize=8)
 def _function(path: Path, name: str) -> Any:
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    if spec is None or spec.loader is None:
-        raise InputError(f"{path}: not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise InputError(f"{path}: {type(error).__name__}: {error}") from None
-    function = getattr(module, name, None)
+    function = load_object(f"{path}:{name}")
     if not callable(function):
         raise InputError(f"{path}: has no function {name}")
     return function

@@ -15,6 +15,7 @@ from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.playback.motion import Motion, Signal, Vector
 from pepper_drake.results.folder import INTERRUPTED
 from pepper_drake.results.log_files import check_rows, read_arrays
+from pepper_drake.results.performance import coupling_strength, measure_performance
 from pepper_drake.results.reach_log import ReachLog
 
 LOG, REPORT, SCENE = "log.npz", "report.json", "scene.yaml"
@@ -87,12 +88,13 @@ def _load_run(folder: Path) -> Motion:
         positions=positions,
         scene=scene,
         arm_starts=float(log.time_s[reaching[0]] if len(reaching) else log.time_s[-1]),
-        shown_T=log.demonstration_m,
+        shown_T=log.taught_path_torso_m if len(log.taught_path_torso_m) else log.demonstration_m,
         cloud_T=log.cloud_torso_m,
         stages=_stages(log),
         signals={
             "hand to goal": Signal("mm", 1000 * log.goal_distance_m),
             "clearance": Signal("mm", 1000 * log.clearance_m),
+            "coupling": Signal("m/s²", coupling_strength(log)),
             "phase": Signal("", log.phase),
         },
         figures=_run_figures(log, report),
@@ -130,7 +132,7 @@ def _load_reproduction(folder: Path) -> Motion:
         figures=_report_figures(report)
         | {
             "whole run [s]": float(times[-1]),
-            "way of the hand [m]": float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum()),
+            "hand path length [m]": float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum()),
         },
     )
 
@@ -166,10 +168,14 @@ def _run_figures(log: ReachLog, report: dict[str, Any]) -> dict[str, str | float
     """Figures to compare: of the report, and of the hand's path."""
     moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
     hand, times = log.hand_position_torso_m[moving], log.time_s[moving]
-    figures = _report_figures(report) | {"whole run [s]": float(log.time_s[-1])}
+    performance = measure_performance(log)
+    figures = _report_figures(report) | {"movement": performance.kind.replace("_", " ")}
+    if performance.largest_deviation is not None:
+        figures["farthest from as taught [mm]"] = 1000 * performance.largest_deviation
+    figures["whole run [s]"] = float(log.time_s[-1])
     if len(hand) > 1:
         figures["arm moves [s]"] = float(times[-1] - times[0])
-        figures["way of the hand [m]"] = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
+        figures["hand path length [m]"] = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
     return figures
 
 
@@ -180,6 +186,7 @@ def _report_figures(report: dict[str, Any]) -> dict[str, str | float]:
     scales = {
         "hand to goal [mm]": ("final_position_error", 1000.0),
         "orientation error [deg]": ("final_orientation_error", float(np.degrees(1.0))),
+        "axis that counts [deg]": ("final_axis_error", float(np.degrees(1.0))),
         "least clearance [mm]": ("minimum_clearance", 1000.0),
         "tracking error [mm]": ("tracking_error_rms", 1000.0),
     }
@@ -224,7 +231,7 @@ def _load_demonstration(path: Path, name: str) -> Motion:
         figures={
             "outcome": "demonstration",
             "arm moves [s]": demo.duration,
-            "way of the hand [m]": demo.path_length,
+            "hand path length [m]": demo.path_length,
         },
     )
 
@@ -248,7 +255,7 @@ def _load_primitive(path: Path) -> Motion:
         figures={
             "outcome": "primitive",
             "arm moves [s]": float(rollout.times[-1]),
-            "way of the hand [m]": float(way),
+            "hand path length [m]": float(way),
         },
     )
 

@@ -1,11 +1,12 @@
 """A film of recorded motions: rendered pictures of what Drake's kinematics gives, no simulation."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+import PIL.Image
 from tqdm import tqdm
 
 from pepper_drake.errors import InputError
@@ -17,6 +18,9 @@ Image = npt.NDArray[np.uint8]
 
 _SIZE = (960, 600)
 _SMALL_SIZE = (640, 480)
+_GIF_STRIDE = 3
+"""Frames of a film between pictures of a GIF."""
+_GIF_COLORS = 64
 _INK = (48, 39, 29)
 _SHIFT = 4  # Fractional bits of a point that OpenCV draws.
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -30,36 +34,69 @@ def write_video(runs: Sequence[Frames], path: Path, *, progress: bool = False) -
 
     Args:
         runs: The motions' frames.
-        path: A file that ends in .mp4.
+        path: A file that ends in .mp4, or in .gif for one that web pages show: half as large,
+            with a tenth of a second between pictures.
         progress: Whether to show a progress bar.
 
     Raises:
         InputError: The file cannot be written.
     """
-    if path.suffix.lower() != ".mp4":
-        raise InputError(f'--video is "{path.name}"; it must end in .mp4')
+    kind = path.suffix.lower()
+    if kind not in (".mp4", ".gif"):
+        raise InputError(f'--video is "{path.name}"; it must end in .mp4 or .gif')
     size = _SIZE if len(runs) == 1 else _SMALL_SIZE
     columns = int(np.ceil(np.sqrt(len(runs))))
     rows = -(-len(runs) // columns)
     path.parent.mkdir(parents=True, exist_ok=True)
+    scenes = [_FilmedRun(run, index, size) for index, run in enumerate(runs)]
+    blank = np.full((size[1], size[0], 3), 240, np.uint8)
+
+    def pictures(stride: int) -> Iterator[Image]:
+        for frame in tqdm(
+            range(0, max(len(run.times) for run in runs), stride),
+            desc="filming",
+            unit=" frames",
+            disable=not progress,
+            leave=False,
+        ):
+            tiles = [scene.picture(frame) for scene in scenes]
+            tiles += [blank] * (rows * columns - len(tiles))
+            yield np.vstack(
+                [np.hstack(tiles[k : k + columns]) for k in range(0, len(tiles), columns)]
+            )
+
+    if kind == ".gif":
+        _write_gif(pictures(_GIF_STRIDE), path)
+        return
     film = cv2.VideoWriter(str(path), _CODEC, FRAME_RATE, (size[0] * columns, size[1] * rows), True)
     if not film.isOpened():
         raise InputError(f"{path}: cannot be written; choose another --output")
-    scenes = [_FilmedRun(run, index, size) for index, run in enumerate(runs)]
-    blank = np.full((size[1], size[0], 3), 240, np.uint8)
-    for frame in tqdm(
-        range(max(len(run.times) for run in runs)),
-        desc="filming",
-        unit=" frames",
-        disable=not progress,
-        leave=False,
-    ):
-        tiles = [scene.picture(frame) for scene in scenes]
-        tiles += [blank] * (rows * columns - len(tiles))
-        film.write(
-            np.vstack([np.hstack(tiles[k : k + columns]) for k in range(0, len(tiles), columns)])
-        )
+    for picture in pictures(1):
+        film.write(picture)
     film.release()
+
+
+def _write_gif(pictures: Iterator[Image], path: Path) -> None:
+    """Writes pictures (BGR) as a GIF that begins again at its end.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    small = [
+        PIL.Image.fromarray(
+            cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[:, :, ::-1]
+        ).quantize(_GIF_COLORS, dither=PIL.Image.Dither.NONE)
+        for picture in pictures
+    ]
+    milliseconds = round(1000 * _GIF_STRIDE / FRAME_RATE)
+    # The last picture stays for a while.
+    durations = [milliseconds] * (len(small) - 1) + [1500]
+    try:
+        small[0].save(
+            path, save_all=True, append_images=small[1:], duration=durations, loop=0, optimize=True
+        )
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error}); choose another --output") from None
 
 
 class _FilmedRun:
@@ -83,7 +120,14 @@ class _FilmedRun:
         )
         red, green, blue = (round(255 * value) for value in run_color(index))
         self._color = (blue, green, red)
-        self._way = np.round(self._bystander.project(run.hand_W) * 2**_SHIFT).astype(np.int32)
+        self._shown = self._on_image(run.shown_W)
+        self._way = self._on_image(run.hand_W)
+
+    def _on_image(self, points_W: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
+        """Returns points (N, 3) of the world in the image, (N, 2), as OpenCV draws them."""
+        if not len(points_W):
+            return np.zeros((0, 2), np.int32)
+        return np.round(self._bystander.project(points_W) * 2**_SHIFT).astype(np.int32)
 
     def picture(self, frame: int) -> Image:
         """Returns the picture (height, width, 3) of a frame, or of the last one."""
@@ -93,6 +137,8 @@ class _FilmedRun:
         image = self._bystander.picture(self._positions[frame])
         moved = (time - motion.arm_starts) / max(motion.times[-1] - motion.arm_starts, 1e-9)
         count = round(float(np.clip(moved, 0.0, 1.0)) * len(self._way))
+        if len(self._shown) > 1 and time >= motion.arm_starts:
+            cv2.polylines(image, [self._shown], False, (0, 0, 0), 1, cv2.LINE_AA, shift=_SHIFT)
         if count > 1:
             way = self._way[:count]
             cv2.polylines(image, [way], False, self._color, 2, cv2.LINE_AA, shift=_SHIFT)

@@ -20,10 +20,10 @@ _COLORS = {
 }
 _PANELS = (
     ("first_motion_seconds", "time to first motion [s]", "log"),
-    ("path_length", "way of the hand [m]", "linear"),
+    ("path_length", "hand path length [m]", "linear"),
     ("jerk", "jerk of the hand, rms [m/s³]", "log"),
-    ("demonstration_distance", "demonstration_distance, equation 4.1 [m]", "linear"),
-    ("clearance", "least clearance, at most 0.1 [m]", "linear"),
+    ("demonstration_distance", "distance to the taught path [m], equation 4.1", "linear"),
+    ("clearance", "least clearance [m], cut at 0.1", "linear"),
 )
 
 
@@ -36,7 +36,9 @@ def draw_benchmark(summaries: Sequence[MethodSummary], results: Sequence[MethodR
     """
     figure = Figure(figsize=(14, 7.5), layout="constrained")
     scenes = Scenes.of(results)
-    figure.suptitle(str(scenes))
+    figure.suptitle(
+        f"Which method reaches, and at what price? {scenes}\n(boxes: of the runs that reached)"
+    )
     grid = figure.add_gridspec(2, 3)
     _draw_outcomes(figure.add_subplot(grid[0, 0]), summaries, scenes.share)
     for index, (name, label, scale) in enumerate(_PANELS, start=1):

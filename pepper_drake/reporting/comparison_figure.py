@@ -22,15 +22,17 @@ def draw_comparison(
         rows: Of `compare`.
     """
     figure = Figure(figsize=(13, 8), layout="constrained")
+    figure.suptitle("Which approximator gives a demonstration back best, and how fast?")
     grid = figure.add_gridspec(2, 6)
     colors = {name: f"C{index}" for index, name in enumerate(paths)}
     space = figure.add_subplot(grid[0, :3], projection="3d")
     space.plot(*demonstration.positions.T, color="k", lw=4, alpha=0.25, label="demonstration")
-    space.scatter(*demonstration.positions[:1].T, color="k", s=25)
+    space.plot(*demonstration.positions[:1].T, "o", color="k", mfc="w", ms=7, label="start")
+    space.plot(*demonstration.positions[-1:].T, "*", color="k", ms=11, label="goal")
     for name, path in paths.items():
         space.plot(*path.positions.T, color=colors[name], lw=1.2, label=name)
     space.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    space.set_title(f"{demonstration.name}: shown and given back (dot: start)", fontsize=10)
+    space.set_title(f"{demonstration.name}: shown and given back", fontsize=10)
     space.set_aspect("equal")
     space.locator_params(nbins=4)
     space.legend(fontsize=8, loc="center left", bbox_to_anchor=(-0.45, 0.5))
@@ -42,7 +44,7 @@ def draw_comparison(
         gap = 1000 * np.linalg.norm(given - demonstration.positions, axis=1)
         error.semilogy(times, np.maximum(gap, 1e-6), color=colors[name], lw=1.2)
     error.set(xlabel="time [s]", ylabel="distance to the demonstration [mm]")
-    error.set_title("what the eye cannot see on the left", fontsize=10)
+    error.set_title("the error along the motion, too small to see on the left", fontsize=10)
     error.grid(alpha=0.3)
 
     count = rows[0].demonstrations if rows else 0

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from scipy.spatial.transform import Rotation
 
 from pepper_drake.learning.approximators.gaussian_forcing import GaussianForcing
 from pepper_drake.learning.approximators.local_lines import LocalLines
@@ -33,12 +34,13 @@ def draw_learning(
         demonstrations: What was shown; faint, all but the first without labels.
         path: A rollout of the primitive with its own start, goal and duration.
     """
-    figure = Figure(figsize=(15, 9), layout="constrained")
+    figure = Figure(figsize=(18, 9), layout="constrained")
     figure.suptitle(
-        f"{primitive.name}: {primitive.approximator} with {primitive.num_basis} basis functions,"
-        f" scaling '{primitive.translation.scaling}'"
+        f"Is {primitive.name} given back, and how does it go on to other goals?"
+        f" ({primitive.approximator} with {primitive.num_basis} basis functions,"
+        f" scaling '{primitive.translation.scaling}')"
     )
-    grid = figure.add_gridspec(3, 4)
+    grid = figure.add_gridspec(3, 5)
     _draw_space(figure.add_subplot(grid[:2, :2], projection="3d"), primitive, demonstrations, path)
     for k, name in enumerate(AXES):
         _draw_axis(figure.add_subplot(grid[k, 2]), k, name, primitive, demonstrations, path)
@@ -47,6 +49,8 @@ def draw_learning(
     _draw_forcing(figure.add_subplot(grid[2, 3]), primitive, demonstrations)
     _draw_speed(figure.add_subplot(grid[2, 0]), primitive, demonstrations, path)
     _draw_other_goals(figure.add_subplot(grid[2, 1]), primitive)
+    _draw_orientation(figure.add_subplot(grid[0, 4]), primitive, demonstrations, path)
+    _draw_joints(figure.add_subplot(grid[1:, 4]), primitive, demonstrations, path)
     return figure
 
 
@@ -62,7 +66,7 @@ def _draw_space(
     axes.plot(*path.positions.T, color="k", lw=1.5, label="performed")
     axes.plot(*primitive.start[:, None], "o", color="tab:orange", label="start")
     axes.plot(*primitive.goal[:, None], "*", color="tab:purple", ms=12, label="goal")
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title="the hand's way")
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title="hand path: shown and performed")
     axes.set_aspect("equal")
     # Few ticks on short axes, where they would overlap.
     extent = np.ptp(path.positions, axis=0)
@@ -91,10 +95,52 @@ def _draw_axis(
     axes.grid(alpha=0.3)
 
 
+def _draw_orientation(
+    axes: Axes, primitive: MovementPrimitive, demonstrations: Sequence[Demonstration], path: Path3D
+) -> None:
+    axes.set_title("orientation: shown (gray) and performed", fontsize=10)
+    axes.set(xlabel="time [s]", ylabel="roll, pitch, yaw [degrees]")
+    if path.rotations is None:
+        axes.text(0.5, 0.5, "none was shown", ha="center", transform=axes.transAxes)
+        return
+    for demo in demonstrations:
+        if demo.rotations is not None:
+            axes.plot(_times(demo, primitive), _roll_pitch_yaw(demo.rotations), color="0.7", lw=4)
+    angles = _roll_pitch_yaw(path.rotations)
+    for k, name in enumerate(("roll", "pitch", "yaw")):
+        axes.plot(path.times, angles[:, k], color=_COLORS[k], lw=1.2, label=name)
+    axes.legend(fontsize=8)
+    axes.grid(alpha=0.3)
+
+
+def _draw_joints(
+    axes: Axes, primitive: MovementPrimitive, demonstrations: Sequence[Demonstration], path: Path3D
+) -> None:
+    axes.set_title("joints: shown (gray) and nominal", fontsize=10)
+    axes.set(xlabel="time [s]", ylabel="joint position [degrees]")
+    if path.joints is None or primitive.posture is None:
+        axes.text(0.5, 0.5, "none were shown", ha="center", transform=axes.transAxes)
+        return
+    for demo in demonstrations:
+        if demo.joints is not None:
+            axes.plot(_times(demo, primitive), np.degrees(demo.joints), color="0.7", lw=4)
+    for name, joint in zip(primitive.posture.names, np.degrees(path.joints.T), strict=True):
+        axes.plot(path.times, joint, lw=1.2, label=name)
+    axes.legend(fontsize=8, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.06))
+    axes.grid(alpha=0.3)
+
+
+def _roll_pitch_yaw(quaternions: Array) -> Array:
+    """Returns continuous roll, pitch, yaw (N, 3) [degrees] of unit quaternions (N, 4)."""
+    rotations = Rotation.from_quat(quaternions, scalar_first=True)
+    angles = np.unwrap(rotations.as_euler("xyz"), axis=0)
+    return np.asarray(np.degrees(angles))
+
+
 def _draw_phase(axes: Axes, path: Path3D) -> None:
     axes.plot(path.times, path.phases, color="k")
-    axes.set(xlabel="time [s]", ylabel="phase x", ylim=(0, 1.05))
-    axes.set_title("the clock: from 1 towards 0", fontsize=10)
+    axes.set(xlabel="time [s]", ylabel="phase x", yscale="log")
+    axes.set_title("phase: falls from 1, as fast as it is large", fontsize=10)
     axes.grid(alpha=0.3)
 
 

@@ -10,11 +10,13 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.results.log_files import check_rows, read_arrays
+from pepper_drake.short_repr import short_repr
 
 Vector = npt.NDArray[np.float64]
 
 _COLUMNS: dict[str, int | None] = {
     "mode": None,
+    "movement_origin": None,
     "joint_position_rad": len(BODY_JOINTS),
     "joint_command_rad": len(BODY_JOINTS),
     "base_pose_m_m_rad": 3,
@@ -22,6 +24,8 @@ _COLUMNS: dict[str, int | None] = {
     "desired_position_torso_m": 3,
     "goal_position_torso_m": 3,
     "goal_distance_m": None,
+    "orientation_error_rad": None,
+    "axis_error_rad": None,
     "phase": None,
     "tau_s": None,
     "coupling_m_per_s2": 3,
@@ -38,6 +42,7 @@ class ReachLog:
     Attributes:
         time_s: (N,).
         mode: (N,) the supervisor's `ReachMode`.
+        movement_origin: (N,) the `Origin` of the movement that is performed, 0 for none.
         joint_position_rad: (N, 15) measured, in the order of `BODY_JOINTS`.
         joint_command_rad: (N, 15) what the safety monitor passed on.
         base_pose_m_m_rad: (N, 3) x, y, yaw in W.
@@ -47,6 +52,8 @@ class ReachLog:
         desired_position_torso_m: (N, 3) the primitive's.
         goal_position_torso_m: (N, 3) estimated.
         goal_distance_m: (N,) between the hand and the true pre-grasp position.
+        orientation_error_rad: (N,) angle between the hand and the true pre-grasp orientation.
+        axis_error_rad: (N,) the same for the axis of the hand whose direction counts for the task.
         phase: (N,).
         tau_s: (N,).
         coupling_m_per_s2: (N, 3) the coupling term as an acceleration, C_t / tau^2.
@@ -54,10 +61,15 @@ class ReachLog:
         seen_clearance_m: (N,) the same between the arm and the cloud, as the robot sees it.
         cloud_torso_m: (P, 3) the cloud when the arm started.
         demonstration_m: (M, 3) the demonstrated path.
+        taught_path_torso_m: (K, 3) the taught primitive's path from where the arm started to the
+            goal as it moved, neither bent nor adapted; no rows if the arm did not start.
     """
 
+    __repr__ = short_repr
+
     time_s: Vector
-    mode: Vector
+    mode: npt.NDArray[np.int64]
+    movement_origin: npt.NDArray[np.int64]
     joint_position_rad: Vector
     joint_command_rad: Vector
     base_pose_m_m_rad: Vector
@@ -66,6 +78,8 @@ class ReachLog:
     desired_position_torso_m: Vector
     goal_position_torso_m: Vector
     goal_distance_m: Vector
+    orientation_error_rad: Vector
+    axis_error_rad: Vector
     phase: Vector
     tau_s: Vector
     coupling_m_per_s2: Vector
@@ -73,6 +87,7 @@ class ReachLog:
     seen_clearance_m: Vector
     cloud_torso_m: Vector
     demonstration_m: Vector
+    taught_path_torso_m: Vector
 
     def save(self, path: Path, *, compress: bool = True) -> None:
         """Writes all arrays into one file, compressed unless it is to be fast."""
@@ -87,14 +102,17 @@ class ReachLog:
             InputError: The file is missing, is no log, lacks an array, or one has another shape.
         """
         arrays = read_arrays(path, (f.name for f in fields(cls)))
-        for name in ("cloud_torso_m", "demonstration_m"):
+        for name in ("cloud_torso_m", "demonstration_m", "taught_path_torso_m"):
             points = arrays[name]
             if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.abs(points) < 1e3):
                 raise InputError(f"{path}: {name} must be rows of x y z; record the run again")
         offsets = arrays["object_offset_m"]
         things = offsets.shape[1] // 3 if offsets.ndim == 2 else 1
         check_rows(path, arrays, {**_COLUMNS, "object_offset_m": 3 * things})
-        mode = arrays["mode"]
-        if not np.all((mode >= 0) & (mode < 100) & (mode == np.round(mode))):
-            raise InputError(f"{path}: mode must hold whole numbers; record the run again")
-        return cls(**arrays | {"mode": mode.astype(np.int64)})
+        whole = {name: arrays[name] for name in ("mode", "movement_origin")}
+        for name, values in whole.items():
+            if not np.all((values >= 0) & (values < 100) & (values == np.round(values))):
+                raise InputError(f"{path}: {name} must hold whole numbers; record the run again")
+        mode, origin = (values.astype(np.int64) for values in whole.values())
+        others = {name: array for name, array in arrays.items() if name not in whole}
+        return cls(mode=mode, movement_origin=origin, **others)

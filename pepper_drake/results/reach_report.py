@@ -9,6 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
+from pepper_drake.errors import InputError
+from pepper_drake.files import read_json
+from pepper_drake.results.performance import PerformanceReport
+
 Vector = npt.NDArray[np.float64]
 
 
@@ -43,6 +47,12 @@ class ReachReport:
     """Distance between the hand and the true pre-grasp pose at the end."""
     final_orientation_error: float | None = None
     """Angle between the two. Five joints cannot take every pose: position comes first."""
+    final_axis_error: float | None = None
+    """The same of the hand's axis that counts for the task: the scene's `goal.pre_grasp.axis`."""
+    axis_tolerance: float | None = None
+    """Largest such angle with which the hand counts as at its goal."""
+    performance: PerformanceReport = field(default_factory=PerformanceReport)
+    """Whether the movement was performed as shown, bent or adapted."""
     goal_estimate_error: float | None = None
     """Distance between the estimated and the true pre-grasp position at the end."""
     minimum_clearance: float | None = None
@@ -87,9 +97,25 @@ class ReachReport:
         """Writes the report as JSON; what is not finite becomes null."""
         path.write_text(json.dumps(_finite(asdict(self)), indent=2) + "\n")
 
+    @classmethod
+    def load(cls, path: Path) -> "ReachReport":
+        """Reads what `save` wrote.
+
+        Raises:
+            InputError: The file is missing or is no report of a reach.
+        """
+        data = read_json(path)
+        try:
+            cloud = CloudReport(**data.pop("cloud"))
+            performance = PerformanceReport(**data.pop("performance"))
+            return cls(**data, cloud=cloud, performance=performance)
+        except (AttributeError, KeyError, TypeError):
+            raise InputError(f"{path}: this is no report of a reach; run it again") from None
+
     def summary(self) -> str:
         """A few lines for the terminal."""
         lines = [f"{self.outcome}" + (f": {self.message}" if self.message else "")]
+        lines.extend(self.performance.lines())
         if self.final_position_error is not None:
             lines.append(
                 f"  hand to goal      {1000 * self.final_position_error:6.1f} mm"
@@ -99,6 +125,7 @@ class ReachReport:
                     else ""
                 )
             )
+        lines.extend(self._orientation_lines())
         if self.minimum_clearance is not None:
             lines.append(
                 f"  least clearance   {1000 * self.minimum_clearance:6.1f} mm"
@@ -125,6 +152,22 @@ class ReachReport:
             f" ({self.realtime_factor:.1f} times real time)"
         )
         return "\n".join(lines)
+
+    def _orientation_lines(self) -> list[str]:
+        """How the hand is turned at the end, and why not as asked."""
+        whole, axis, tolerance = (
+            self.final_orientation_error,
+            self.final_axis_error,
+            self.axis_tolerance,
+        )
+        if whole is None or axis is None or tolerance is None:
+            return []
+        return [
+            f"  axis that counts  {np.degrees(axis):6.1f}°"
+            f"    (allowed {np.degrees(tolerance):.0f}°)",
+            f"  whole orientation {np.degrees(whole):6.1f}°    (an arm of five joints cannot take "
+            "every orientation at a position)",
+        ]
 
 
 def _finite(value: Any) -> Any:

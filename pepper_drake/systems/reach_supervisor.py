@@ -79,6 +79,7 @@ class ReachSupervisor(LeafSystem):
         - stop_reason
         - stop_joint (optional)
         - base_blocked (optional)
+        - predicted_clearance (optional)
         - command (optional)
         - primitive (optional)
         output_ports:
@@ -86,6 +87,7 @@ class ReachSupervisor(LeafSystem):
         - started
         - base_goal
         - mode
+        - movement_origin
         - look_at
         - progress
 
@@ -99,13 +101,15 @@ class ReachSupervisor(LeafSystem):
     `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at rest where it is measured
     if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the safety monitor's `StopReason`,
     and `stop_joint` (1), the index of the joint that it is about or -1; `base_blocked` (1), whether
-    the base waits for something in its way; `command` (1), a `ReachCommand`, REACH if unconnected;
-    `primitive`, abstract MovementPrimitive, is what is performed in place of the planner's own.
+    the base waits for something in its way; `predicted_clearance` (1), to which the arm's motion
+    leads where moving obstacles are predicted [m]; `command` (1), a `ReachCommand`, REACH if
+    unconnected; `primitive`, abstract MovementPrimitive, is what is performed in place of the
+    planner's own.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
-    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `look_at` (3), a
-    place in W that the head has to look at before the arm starts [m], NaN for none; `progress`, the
-    whole `ReachState`.
+    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `movement_origin` (1), the
+    `Origin` of the movement that is performed; `look_at` (3), a place in W that the head has to
+    look at before the arm starts [m], NaN for none; `progress`, the whole `ReachState`.
     State: `ReachState` (abstract), every `timing.time_step`.
     """
 
@@ -155,6 +159,7 @@ class ReachSupervisor(LeafSystem):
             ("stop_reason", 1),
             ("stop_joint", 1),
             ("base_blocked", 1),
+            ("predicted_clearance", 1),
             ("command", 1),
         ):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
@@ -175,6 +180,7 @@ class ReachSupervisor(LeafSystem):
         self._declare_output("started", 1, lambda now: [now.has_started], state)
         self._declare_output("base_goal", 3, lambda now: now.base_goal, state)
         self._declare_output("mode", 1, lambda now: [now.mode], state)
+        self._declare_output("movement_origin", 1, lambda now: [now.performed_origin], state)
         self._declare_output("look_at", 3, lambda now: now.look_at, state)
         self.DeclareAbstractOutputPort(
             "progress",
@@ -268,6 +274,11 @@ class ReachSupervisor(LeafSystem):
             stop_reason=StopReason(int(scalar("stop_reason"))),
             stop_joint=self._stop_joint(context),
             base_blocked=ports["base_blocked"].HasValue(context) and scalar("base_blocked") > 0.5,
+            predicted_clearance=(
+                scalar("predicted_clearance")
+                if ports["predicted_clearance"].HasValue(context)
+                else np.inf
+            ),
         )
 
     def _stop_joint(self, context: Context) -> str:

@@ -88,7 +88,7 @@ def test_playing_a_run_back_needs_no_simulation(two_runs, taken):
         ((), "no RUN to play back"),
         (("nowhere", "--html", "page.html"), "nothing to play back; give the folder of a run"),
         ((REACH, "--zmq-url", "6000"), '--zmq-url is "6000"; it must be like tcp://'),
-        ((REACH, "--video", "film.gif"), "it must end in .mp4"),
+        ((REACH, "--video", "film.avi"), "it must end in .mp4 or .gif"),
         ((REACH, "--html", "log.npz/page.html"), "page.html: cannot be written"),
         (("--stop", "--zmq-url", "TAKEN"), "there is no server to stop"),
     ],

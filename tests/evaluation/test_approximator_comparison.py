@@ -5,9 +5,11 @@ import pytest
 
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import (
+    ComparisonRow,
     compare,
     distances,
     markdown_table,
+    strengths,
     trajectory_distance,
 )
 from pepper_drake.learning import Demonstration, MovementPrimitive
@@ -93,3 +95,22 @@ def test_a_broken_demonstration_is_named(tmp_path):
     (tmp_path / "bad.txt").write_text("0 1 2 3\n0.1 1 2 oops\n")
     with pytest.raises(InputError, match=r"bad\.txt, line 2"):
         load_all([tmp_path])
+
+
+def test_strengths_tell_the_measured_best_of_all_rows():
+    def row(name, num_basis, position, velocity, seconds):
+        return ComparisonRow(name, num_basis, 1, 9.0, 9.0, position, velocity, seconds, 0.1)
+
+    lines = strengths(
+        [
+            row("lwr", 20, 0.02, 0.5, 0.001),
+            row("lwr", 40, 0.01, 0.4, 0.002),
+            row("mine.py:own", 40, 0.001, 0.6, 0.1),
+        ]
+    )
+    (lwr,) = [line for line in lines if line.split()[0] == "lwr"]
+    (own,) = [line for line in lines if line.split()[0] == "mine.py:own"]
+    assert " 10 mm" in lwr
+    assert "with 40" in lwr
+    assert "best velocities; quickest to fit; the report's" in lwr
+    assert own.endswith("most accurate")

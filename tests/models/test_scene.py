@@ -2,10 +2,11 @@ import re
 
 import numpy as np
 import pytest
+from pydrake.math import RotationMatrix
 
 from pepper_drake.errors import InputError
 from pepper_drake.models import Obstacle, Scene, load_scene, save_scene
-from pepper_drake.models.scene import SCENES, default_pre_grasp
+from pepper_drake.models.scene import SCENES, HandPose, default_pre_grasp
 from pepper_drake.models.shapes import overlaps
 
 GOOD = """\
@@ -170,3 +171,38 @@ def test_missing_and_empty_files(tmp_path):
         load_scene("tabel")
     with pytest.raises(InputError, match="is empty"):
         load_text(tmp_path, "# nothing\n")
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ("axis: [0, 0]", "goal.pre_grasp.axis has 2 numbers"),
+        ("axis: [0, 0, 0]", "goal.pre_grasp.axis has no length"),
+        ("tolerance: 0", "goal.pre_grasp.tolerance is 0 rad"),
+        ("tolerance: 4", "at most pi"),
+    ],
+)
+def test_an_axis_that_cannot_count_is_refused(tmp_path, fields, words):
+    text = GOOD.replace("obstacles:", f"  pre_grasp: {{{fields}}}\nobstacles:")
+    with pytest.raises(InputError, match=re.escape(words)):
+        load_text(tmp_path, text)
+
+
+def test_a_turn_about_the_axis_that_counts_is_no_error():
+    task = HandPose(axis=[0.0, 0.0, -2.0])
+    assert task.axis_error(RotationMatrix.MakeZRotation(1.2)) == pytest.approx(0.0, abs=1e-9)
+    assert task.axis_error(RotationMatrix.MakeXRotation(0.3)) == pytest.approx(0.3)
+    assert task.axis_error(RotationMatrix.MakeXRotation(np.pi)) == pytest.approx(np.pi)
+
+
+def test_the_axis_of_the_usual_pose_points_at_the_object():
+    for arm, side in (("right", 1.0), ("left", -1.0)):
+        task = default_pre_grasp(arm, 0.033)
+        pointing = task.pose().rotation().multiply(np.array(task.axis))
+        assert pointing[1] * side > 0.99
+
+
+def test_the_mirrored_axis_is_the_other_hands():
+    scene = load_scene("free")
+    scene.goal.pre_grasp.axis = [0.1, 0.2, -0.9]
+    assert scene.mirrored().goal.pre_grasp.axis == [0.1, -0.2, -0.9]

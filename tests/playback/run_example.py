@@ -32,6 +32,7 @@ def make_run(folder, *, lift=0.6, goal_rises=False, seconds=2.0):
     log = ReachLog(
         time_s=times,
         mode=np.where(times < 1.0, ReachMode.LOOKING, ReachMode.REACHING).astype(np.int64),
+        movement_origin=(times >= 1.0).astype(np.int64),
         joint_position_rad=joints,
         joint_command_rad=joints,
         base_pose_m_m_rad=np.tile(BASE_POSE, (count, 1)),
@@ -40,6 +41,8 @@ def make_run(folder, *, lift=0.6, goal_rises=False, seconds=2.0):
         desired_position_torso_m=hand,
         goal_position_torso_m=np.tile(hand[-1], (count, 1)),
         goal_distance_m=0.3 - 0.25 * share,
+        orientation_error_rad=1.0 - 0.9 * share,
+        axis_error_rad=0.5 - 0.4 * share,
         phase=np.exp(-5.0 * share),
         tau_s=np.ones(count),
         coupling_m_per_s2=np.zeros((count, 3)),
@@ -47,6 +50,7 @@ def make_run(folder, *, lift=0.6, goal_rises=False, seconds=2.0):
         seen_clearance_m=np.full(count, 0.06),
         cloud_torso_m=np.array([[0.4, -0.1, 0.0], [0.5, -0.1, 0.0]]),
         demonstration_m=hand[::5],
+        taught_path_torso_m=hand[::5],
     )
     report = {
         "outcome": "reached",

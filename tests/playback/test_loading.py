@@ -28,7 +28,7 @@ def test_a_run_says_what_moved_where_and_what_came_of_it(runs):
     assert motion.positions["BaseX"] == pytest.approx(0.6)
     assert motion.positions["goal_object_z"][-1] == pytest.approx(0.08)
     assert motion.figures["hand to goal [mm]"] == pytest.approx(1.1)
-    assert motion.figures["way of the hand [m]"] == pytest.approx(np.hypot(0.1, 0.2))
+    assert motion.figures["hand path length [m]"] == pytest.approx(np.hypot(0.1, 0.2))
     assert "tracking error [mm]" not in motion.figures, "the report has none"
     assert motion.signals["hand to goal"].values[[0, -1]] == pytest.approx([300.0, 50.0])
 
@@ -92,7 +92,7 @@ def test_a_run_that_never_reached_has_no_way_of_its_hand(run):
     _with_log(run, mode=np.zeros(251, dtype=np.int64))
     motion = load_motion(run)
     assert motion.arm_starts == motion.times[-1]
-    assert "way of the hand [m]" not in motion.figures
+    assert "hand path length [m]" not in motion.figures
 
 
 def test_a_report_may_hold_more_and_other_things(run):
@@ -164,7 +164,7 @@ def test_a_reproduction_moves_its_arm_and_says_when_it_waits(reproduction):
     assert motion.signals["waiting"].values[-1] == 2.0
     assert motion.signals["hand to goal"].values[-1] == pytest.approx(10.0)
     assert motion.figures["hand to goal [mm]"] == pytest.approx(10.0)
-    assert motion.figures["way of the hand [m]"] == pytest.approx(0.1)
+    assert motion.figures["hand path length [m]"] == pytest.approx(0.1)
 
 
 def test_a_reproduction_by_no_arm_is_named(reproduction):

@@ -50,7 +50,7 @@ def test_a_demonstration_is_filmed_without_a_scene(tmp_path):
 
 
 def test_a_film_that_cannot_be_written_is_named(runs, tmp_path):
-    with pytest.raises(InputError, match=r'"film\.avi"; it must end in \.mp4'):
+    with pytest.raises(InputError, match=r'"film\.avi"; it must end in \.mp4 or \.gif'):
         write_video([brief(runs[0], 1)], tmp_path / "film.avi")
     (tmp_path / "folder.mp4").mkdir()
     with pytest.raises(InputError, match="cannot be written; choose another --output"):

@@ -17,6 +17,7 @@ def make_log(modes, count=200):
     return ReachLog(
         time_s=time,
         mode=np.repeat(modes, -(-count // len(modes)))[:count].astype(np.int64),
+        movement_origin=np.repeat([0, 1], -(-count // 2))[:count].astype(np.int64),
         joint_position_rad=rng.normal(size=(count, 15)),
         joint_command_rad=rng.normal(size=(count, 15)),
         base_pose_m_m_rad=np.zeros((count, 3)),
@@ -25,6 +26,8 @@ def make_log(modes, count=200):
         desired_position_torso_m=hand + 0.001,
         goal_position_torso_m=np.tile(hand[-1], (count, 1)),
         goal_distance_m=np.linalg.norm(hand - hand[-1], axis=1),
+        orientation_error_rad=np.linspace(1.0, 0.1, count),
+        axis_error_rad=np.linspace(0.5, 0.05, count),
         phase=np.linspace(1, 0.01, count),
         tau_s=np.full(count, 2.0),
         coupling_m_per_s2=rng.normal(size=(count, 3)),
@@ -32,6 +35,7 @@ def make_log(modes, count=200):
         seen_clearance_m=np.full(count, 0.06),
         cloud_torso_m=rng.uniform(-0.5, 0.5, (50, 3)),
         demonstration_m=hand[::4],
+        taught_path_torso_m=hand[::2],
     )
 
 
@@ -47,7 +51,7 @@ def test_a_log_comes_back_as_it_was_saved(tmp_path):
 
 
 def test_every_array_has_its_unit_in_its_name():
-    without = {"mode", "phase"}
+    without = {"mode", "movement_origin", "phase"}
     units = ("_s", "_m", "_rad", "_m_per_s2")
     assert all(f.name in without or f.name.endswith(units) for f in fields(ReachLog))
 

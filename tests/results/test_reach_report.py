@@ -3,6 +3,8 @@ import json
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from pepper_drake.errors import InputError
+from pepper_drake.results.performance import PerformanceReport
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
 
 
@@ -54,3 +56,23 @@ def test_pose_error_is_distance_and_angle(angle):
     assert distance == pytest.approx(0.05)
     assert error == pytest.approx(abs(angle), abs=1e-7)
     assert pose_error(X_WA @ turn, X_WA) == pytest.approx((distance, error))
+
+
+def test_a_report_comes_back_as_it_was_saved(tmp_path):
+    report = ReachReport(
+        outcome="reached",
+        final_axis_error=0.1,
+        performance=PerformanceReport(kind="bent", largest_coupling=2.0),
+        cloud=CloudReport(points=3),
+    )
+    report.save(tmp_path / "report.json")
+    assert ReachReport.load(tmp_path / "report.json") == report
+    (tmp_path / "report.json").write_text("{}")
+    with pytest.raises(InputError, match="no report of a reach"):
+        ReachReport.load(tmp_path / "report.json")
+
+
+def test_the_summary_says_how_the_hand_is_turned():
+    report = ReachReport(final_orientation_error=0.2, final_axis_error=0.1, axis_tolerance=0.5)
+    for words in ("5.7°", "allowed 29°", "11.5°", "five joints"):
+        assert words in report.summary()

@@ -12,7 +12,7 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.dmp.coupling import make_coupling
+from pepper_drake.learning.dmp.coupling import get_coupling
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
@@ -85,7 +85,7 @@ class Loop:
         )
         goal_port = add(Function(goal)).get_output_port()
         movement = add(
-            Movements(performed or primitive, number, coupling=make_coupling("barrier"))
+            Movements(performed or primitive, number, coupling=get_coupling("barrier"))
         ).get_output_port()
         start_port = add(ConstantVectorSource(primitive.start)).get_output_port()
         systems = [self.translation]

@@ -149,5 +149,8 @@ def get_approximator(name: str) -> Approximator:
         InputError: There is none; the message lists those that there are.
     """
     if name not in _registry:
-        raise InputError(f"approximator: '{name}' is unknown; use one of {', '.join(_registry)}")
+        mend = f"use one of {', '.join(_registry)}"
+        if ".py:" in name:
+            mend = "it is code of somebody's own: name its file with --code FILE.py:NAME"
+        raise InputError(f"approximator: '{name}' is unknown; {mend}")
     return _registry[name]

@@ -17,6 +17,7 @@ from pepper_drake.learning.demonstrations.conditioning import (
     interpolant,
     strays,
 )
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -50,6 +51,8 @@ class Demonstration:
         derivation: How velocities and accelerations came about.
         notes: What was read as what, and what was done to it; for messages.
     """
+
+    __repr__ = short_repr
 
     times: Array
     positions: Array

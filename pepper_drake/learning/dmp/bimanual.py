@@ -29,7 +29,7 @@ from pepper_drake.files import write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
-from pepper_drake.learning.dmp.coupling import Coupling, make_coupling
+from pepper_drake.learning.dmp.coupling import Coupling, get_coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.primitive import DEFAULT_APPROXIMATOR, MovementPrimitive, Path3D
 from pepper_drake.learning.spring import NODES, advance, make_step
@@ -147,7 +147,7 @@ class BimanualPrimitive:
             if isinstance(obstacles, PointCloudDistance)
             else PointCloudDistance(obstacles)
         )
-        chosen = make_coupling(coupling) if isinstance(coupling, str) else coupling
+        chosen = get_coupling(coupling) if isinstance(coupling, str) else coupling
         return self._among(nominal, field, chosen, time_step)
 
     def save(self, folder: str | Path) -> None:

@@ -21,6 +21,7 @@ sliding and phase stopping: it cancels only the excess of inward acceleration, a
 ahead, does not depend on how dense the cloud is, and is silent otherwise.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -239,17 +240,36 @@ class BarrierCoupling:
         return self.stiffness * self.damping**2 / 4.0
 
 
-COUPLINGS = ("barrier", "report")
+_couplings: dict[str, Callable[[], Coupling]] = {
+    "barrier": BarrierCoupling,
+    "report": ReportCoupling,
+}
 
 
-def make_coupling(name: str) -> Coupling:
+def register_coupling(name: str, make: Callable[[], Coupling]) -> None:
+    """Makes a coupling known by its name.
+
+    Args:
+        name: The word that chooses it.
+        make: Makes one with its default constants, such as its class.
+    """
+    _couplings[name] = make
+
+
+def coupling_names() -> tuple[str, ...]:
+    """Returns the names of all couplings."""
+    return tuple(_couplings)
+
+
+def get_coupling(name: str) -> Coupling:
     """Returns the coupling of that name with its default constants.
 
     Raises:
-        InputError: There is none.
+        InputError: There is none; the message lists those that there are.
     """
-    if name == "barrier":
-        return BarrierCoupling()
-    if name == "report":
-        return ReportCoupling()
-    raise InputError(f"coupling: '{name}' is unknown; use one of {', '.join(COUPLINGS)}")
+    if name not in _couplings:
+        mend = f"use one of {', '.join(_couplings)}"
+        if ".py:" in name:
+            mend = "it is code of somebody's own: name its file with --code FILE.py:NAME"
+        raise InputError(f"coupling: '{name}' is unknown; {mend}")
+    return _couplings[name]()

@@ -39,6 +39,7 @@ from pepper_drake.learning.dmp.transformation import (
     learn_attractor,
 )
 from pepper_drake.learning.phase import ALPHA_Z, phase_at, relative_time_at
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -76,6 +77,8 @@ class Path3D:
         joints: (N, J) nominal joints [rad], where the primitive has them.
     """
 
+    __repr__ = short_repr
+
     times: Array
     positions: Array
     velocities: Array
@@ -102,6 +105,8 @@ class MovementPrimitive:
         approximator: The approximator's name.
         name: Of the demonstration.
     """
+
+    __repr__ = short_repr
 
     translation: TransformationModel
     duration: float

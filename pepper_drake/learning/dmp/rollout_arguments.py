@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.dmp.coupling import Coupling, make_coupling
+from pepper_drake.learning.dmp.coupling import Coupling, get_coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 
 Array = npt.NDArray[np.float64]
@@ -82,4 +82,4 @@ def coupling_and_field(
     field = (
         obstacles if isinstance(obstacles, PointCloudDistance) else PointCloudDistance(obstacles)
     )
-    return make_coupling(coupling) if isinstance(coupling, str) else coupling, field
+    return get_coupling(coupling) if isinstance(coupling, str) else coupling, field

@@ -67,3 +67,34 @@ class GoalConfigurations:
             q = np.clip(q + step, self._lower, self._upper)
         error = np.linalg.norm(targets - self._kinematics.poses(q).hand_position, axis=1)
         return q, error <= tolerance
+
+    def well_turned(self, q: Vector, R_TG: Vector, axis: npt.ArrayLike, tolerance: float) -> Vector:
+        """Returns those postures (M, 5) whose hand has an axis (3,) near its goal's; all if none.
+
+        Args:
+            q: The postures [rad].
+            R_TG: (3, 3) the goal's orientation.
+            axis: In H.
+            tolerance: Largest angle between the two [rad].
+        """
+        kept = axis_error(self._kinematics.poses(q).hand_rotation, R_TG, axis) <= tolerance
+        return q[kept] if kept.any() else q
+
+
+def orientation_error(R_TH: Vector, R_TG: Vector) -> Vector:
+    """Angles (M,) [rad] between hand orientations (M, 3, 3) and a wanted one (3, 3)."""
+    trace = np.einsum("mij,ij->m", R_TH, R_TG)
+    return np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
+
+
+def axis_error(R_TH: Vector, R_TG: Vector, axis: npt.ArrayLike) -> Vector:
+    """Angles (M,) [rad] between an axis of hands with orientations (M, 3, 3) and of a goal (3, 3).
+
+    Args:
+        R_TH: The hands' orientations.
+        R_TG: The wanted one.
+        axis: (3,) in H, of any length.
+    """
+    direction = np.asarray(axis, dtype=float)
+    cosine = R_TH @ direction @ (R_TG @ direction) / (direction @ direction)
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))

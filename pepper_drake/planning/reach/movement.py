@@ -1,11 +1,28 @@
 """The movement that the arm performs: decided before it starts, and again while it moves."""
 
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.short_repr import short_repr
+
+
+class Origin(IntEnum):
+    """Origin of a movement."""
+
+    NONE = 0
+    """No movement is performed: the arm rests or waits."""
+    TAUGHT = 1
+    """The movement that was taught; the coupling may bend it."""
+    ADAPTED = 2
+    """The taught movement, adapted to what was seen before the arm started."""
+    DETOUR = 3
+    """The rest of a movement, planned anew on the way."""
+    RETREAT = 4
+    """Back along the path, away from what came."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,12 +37,16 @@ class Movement:
         coupling: The law by which obstacles bend it; None to do without.
         X_OG: The hand's pre-grasp pose in the goal object's frame.
         id: Number of the movement.
+        origin: Where it comes from.
     """
+
+    __repr__ = short_repr
 
     primitive: MovementPrimitive
     coupling: Coupling | None = None
     X_OG: RigidTransform = field(default_factory=RigidTransform)
     id: int = 0
+    origin: Origin = Origin.TAUGHT
 
     def __deepcopy__(self, memo: dict) -> "Movement":
         """Returns itself: Drake copies values that it keeps, and a movement never changes."""

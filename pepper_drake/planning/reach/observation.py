@@ -12,6 +12,7 @@ from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, Dept
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.short_repr import short_repr
 
 Vector = npt.NDArray[np.float64]
 
@@ -53,7 +54,11 @@ class Observation:
         stop_reason: Why the safety monitor stopped the robot.
         stop_joint: Name of the joint that this is about, "" for none.
         base_blocked: Whether the base waits because something stands in its way.
+        predicted_clearance: Clearance to which the arm's own motion leads at once, to where moving
+            obstacles are predicted [m].
     """
+
+    __repr__ = short_repr
 
     time: float
     base_pose: Vector
@@ -77,6 +82,7 @@ class Observation:
     stop_reason: StopReason = StopReason.NONE
     stop_joint: str = ""
     base_blocked: bool = False
+    predicted_clearance: float = np.inf
 
     @property
     def p_WO(self) -> Vector:

@@ -16,7 +16,7 @@ from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.barrier_for_path import fit_barrier_to_path
 from pepper_drake.planning.reach.kinematic_simulation import KinematicSimulator
-from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.movement import Movement, Origin
 from pepper_drake.planning.reach.movement_from_path import (
     fit_primitive_to_joint_path,
     reachable_pre_grasp,
@@ -134,14 +134,17 @@ class ReachEvaluator:
         if path is not None and path.slack > -self.params.clearance.optimise:
             yield self.evaluate(scene, self.movement_along(scene, path), allowance)
 
-    def movement_along(self, scene: PlanningScene, path: AdaptedTrajectory) -> Movement:
+    def movement_along(
+        self, scene: PlanningScene, path: AdaptedTrajectory, origin: Origin = Origin.ADAPTED
+    ) -> Movement:
         """Returns a movement that keeps to a path of the arm's joints."""
         demonstrated = self.demonstrated
         primitive = fit_primitive_to_joint_path(
             self.kinematics, path.joints, path.duration, f"{demonstrated.primitive.name}, adapted"
         )
         X_OG = reachable_pre_grasp(demonstrated.X_OG, scene.X_TO, self.kinematics, path.joints[-1])
-        return Movement(primitive, self.coupling_along(scene, primitive), X_OG)
+        coupling = self.coupling_along(scene, primitive)
+        return Movement(primitive, coupling, X_OG, origin=origin)
 
     def coupling_along(self, scene: PlanningScene, primitive: MovementPrimitive) -> Coupling | None:
         """Returns the demonstrated movement's barrier, fitted so that it lets a primitive pass."""

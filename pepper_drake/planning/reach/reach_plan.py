@@ -12,6 +12,7 @@ from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
+from pepper_drake.short_repr import short_repr
 
 Vector = npt.NDArray[np.float64]
 
@@ -49,6 +50,8 @@ class ReachPlan:
         unseen: (K, 3) the largest unseen region of its swept space, in W [m].
         out_of_view: Volume of its swept space that cannot be seen from where the robot stands [m³].
     """
+
+    __repr__ = short_repr
 
     status: PlanStatus
     message: str

@@ -5,7 +5,7 @@ from enum import Enum
 
 import numpy as np
 
-from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.movement import Movement, Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import ReachPlan
@@ -109,6 +109,13 @@ class ReachState:
     def active_movement(self) -> int:
         """The number of the movement that is performed; 0 for none."""
         return self.movements if self.has_started and not self.braking else 0
+
+    @property
+    def performed_origin(self) -> Origin:
+        """Origin of the movement that is performed."""
+        if not self.active_movement:
+            return Origin.NONE
+        return Origin.TAUGHT if self.movement is None else self.movement.origin
 
     @property
     def has_started(self) -> bool:

@@ -245,6 +245,9 @@ class _Supervision:
             blind = state.blind + self._timing.time_step
             pending = state.pending if state.braking else ()
             return replace(state, braking=True, pending=pending, blind=blind)
+        if observation.predicted_clearance < self._planner.params.clearance.stop:
+            # What is predicted may not come: the arm brakes until another cloud tells more.
+            state = state if state.braking else replace(state, braking=True)
         if plan is None or observation.cloud_time == state.cloud_time:
             return state
         state = replace(state, cloud_time=observation.cloud_time)

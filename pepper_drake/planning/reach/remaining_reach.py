@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
-from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.movement import Movement, Origin
 from pepper_drake.planning.reach.movement_from_path import fit_primitive_to_joint_path
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
@@ -47,7 +47,7 @@ def replan(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation)
         return ReachPlan(
             PlanStatus.NO_CLEAR_PATH, "there is no clear path on", observation.base_pose
         )
-    return evaluator.evaluate(scene, evaluator.movement_along(scene, path))
+    return evaluator.evaluate(scene, evaluator.movement_along(scene, path, Origin.DETOUR))
 
 
 def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation) -> ReachPlan:
@@ -69,7 +69,7 @@ def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observ
     )
     X_OG = scene.X_TO.inverse() @ X_TG
     coupling = evaluator.coupling_along(scene, primitive)
-    return evaluator.evaluate(scene, Movement(primitive, coupling, X_OG))
+    return evaluator.evaluate(scene, Movement(primitive, coupling, X_OG, origin=Origin.RETREAT))
 
 
 def _rest(plan: ReachPlan, observation: Observation) -> Vector:

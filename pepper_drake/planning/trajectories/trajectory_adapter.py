@@ -13,7 +13,7 @@ from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionCh
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.collision.clearance_table import ClearanceTable
 from pepper_drake.planning.ik.differential_ik import conservative_elbow_roll_limits
-from pepper_drake.planning.ik.goal_configurations import GoalConfigurations
+from pepper_drake.planning.ik.goal_configurations import GoalConfigurations, orientation_error
 from pepper_drake.planning.trajectories.joint_trajectories import (
     minimum_duration,
     resampled,
@@ -35,6 +35,8 @@ PLANNED = -1
 
 _LOOKED_AT = 32
 """Number of goal configurations evaluated in a batch."""
+_TURN_SPARE = 0.05
+"""Angle by which the hand's axis may end off its goal posture [rad]."""
 _ROUNDING = 0.001
 """Clearance [m] by which a path may be below that of its start and goal."""
 
@@ -53,6 +55,10 @@ class AdaptationParams:
     """Goal postures per demonstration."""
     turn: float = 0.6
     """Turn of the hand from the wanted goal orientation that costs 1 [rad]."""
+    axis: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    """Axis of the hand whose direction counts for the task, in H."""
+    axis_tolerance: float = 0.5
+    """Angle of that axis from its goal within which goal postures are preferred [rad]."""
     posture: float = 1.0
     """Distance of the joints from the demonstration's end that costs 1 [rad]."""
     object_clearance: float = 0.004
@@ -287,9 +293,11 @@ class TrajectoryAdapter:
         ends = self._demonstrations[:, -1] if ends is None else ends
         p_TG = X_TG.translation()
         starts = np.concatenate((ends, self._postures.near(p_TG, params.starts)))
+        R_TG = X_TG.rotation().matrix()
         q, there = self._postures.solve(p_TG, starts)
         q = q[there]
-        turn = orientation_error(self._kinematics.poses(q).hand_rotation, X_TG.rotation().matrix())
+        q = self._postures.well_turned(q, R_TG, params.axis, params.axis_tolerance - _TURN_SPARE)
+        turn = orientation_error(self._kinematics.poses(q).hand_rotation, R_TG)
         room = np.minimum(q - self._lower, self._upper - q).min(axis=1, initial=np.inf)
         shared = (turn / params.turn) ** 2 + 2.0 * np.maximum(1.0 - room / 0.1, 0.0) ** 2
         away = np.sum((q[:, None] - ends) ** 2, axis=2) / params.posture**2
@@ -317,12 +325,6 @@ class TrajectoryAdapter:
         clearance = np.full(len(q), -np.inf)
         clearance[off_object] = checker.distances(q[off_object])
         return clearance
-
-
-def orientation_error(R_TH: Vector, R_TG: Vector) -> Vector:
-    """Angles (M,) [rad] between hand orientations (M, 3, 3) and a wanted one (3, 3)."""
-    trace = np.einsum("mij,ij->m", R_TH, R_TG)
-    return np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
 
 
 def _different(paths: Vector, cost: Vector, count: int) -> list[int]:

@@ -46,11 +46,11 @@ class ObstacleCoupling(LeafSystem):
     from the hand's centre to the nearest solid, infinite without obstacles and at rest.
 
     Examples:
-        >>> from pepper_drake.learning import make_coupling
+        >>> from pepper_drake.learning import get_coupling
         >>> from pepper_drake.perception.mapping.cloud_points import make_cloud
         >>> system = ObstacleCoupling()
         >>> context = system.CreateDefaultContext()
-        >>> movement = Movement(None, coupling=make_coupling("barrier"), id=1)
+        >>> movement = Movement(None, coupling=get_coupling("barrier"), id=1)
         >>> _ = system.movement_port.FixValue(context, Value[object](movement))
         >>> below = make_cloud(np.array([[0.0, 0.0, -0.06]]))
         >>> _ = system.cloud_port.FixValue(context, Value(below))

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning import BarrierCoupling, PointCloudDistance, ReportCoupling, make_coupling
+from pepper_drake.learning import BarrierCoupling, PointCloudDistance, ReportCoupling, get_coupling
 
 GOAL = np.array([2.0, 0.0, 0.0])
 vectors = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array)
@@ -159,7 +159,7 @@ def test_no_obstacles_no_push():
 
 @pytest.mark.parametrize("name", ["barrier", "report"])
 def test_many_hands_at_once(name):
-    coupling = make_coupling(name)
+    coupling = get_coupling(name)
     rng = np.random.default_rng(0)
     field = PointCloudDistance(rng.uniform(-0.1, 0.1, (40, 3)))
     states = rng.normal(size=(30, 2, 3)) * 0.1
@@ -176,4 +176,4 @@ def test_many_hands_at_once(name):
 
 def test_unknown_coupling():
     with pytest.raises(InputError, match="barrier, report"):
-        make_coupling("spring")
+        get_coupling("spring")

@@ -1,9 +1,14 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics, arm_kinematics
-from pepper_drake.planning.ik.goal_configurations import GoalConfigurations
+from pepper_drake.planning.ik.goal_configurations import (
+    GoalConfigurations,
+    axis_error,
+    orientation_error,
+)
 
 MODEL = shared_control_model()
 LIMITS = MODEL.command_limits(arm_joints("right"))
@@ -57,3 +62,22 @@ def test_each_start_may_have_a_target_of_its_own(postures):
 def test_the_library_is_the_same_each_time(postures):
     again = GoalConfigurations(ArmKinematics(MODEL, "right"), LOWER, UPPER)
     np.testing.assert_array_equal(postures.near(GOAL, 5), again.near(GOAL, 5))
+
+
+def test_angles_of_an_axis_are_those_between_the_turned_axes():
+    hands, goal = Rotation.random(20, random_state=0), Rotation.random(random_state=1)
+    axis = np.array([0.3, -0.4, 1.2])
+    one, other = hands.apply(axis), goal.apply(axis)
+    expected = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), one @ other)
+    np.testing.assert_allclose(axis_error(hands.as_matrix(), goal.as_matrix(), axis), expected)
+    whole = orientation_error(hands.as_matrix(), goal.as_matrix())
+    assert np.all(expected <= whole + 1e-9)
+
+
+def test_postures_turned_well_are_kept_and_all_if_there_are_none(postures):
+    q = postures.near(GOAL, 50)
+    R_TG = arm_kinematics(MODEL, "right").poses(q[:1]).hand_rotation[0]
+    kept = postures.well_turned(q, R_TG, (0, 0, -1), 0.3)
+    assert 1 <= len(kept) < len(q)
+    away = R_TG @ Rotation.from_euler("x", np.pi).as_matrix()
+    assert len(postures.well_turned(q[:1], away, (0, 0, -1), 0.3)) == 1

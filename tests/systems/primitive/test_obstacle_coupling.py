@@ -3,17 +3,17 @@ import pytest
 from pydrake.common.value import Value
 
 from pepper_drake.learning import PointCloudDistance
-from pepper_drake.learning.dmp.coupling import make_coupling
+from pepper_drake.learning.dmp.coupling import get_coupling
 from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
 from tests.systems.motion_example import make_cloud, moving
 
-BARRIER = make_coupling("barrier")
+BARRIER = get_coupling("barrier")
 
 
 def fixed_coupling(points, name="barrier"):
     system = ObstacleCoupling()
     context = system.CreateDefaultContext()
-    system.movement_port.FixValue(context, moving(None, coupling=make_coupling(name)))
+    system.movement_port.FixValue(context, moving(None, coupling=get_coupling(name)))
     if points is not None:
         system.cloud_port.FixValue(context, Value(make_cloud(points)))
     for port, value in (
@@ -33,7 +33,7 @@ def test_coupling_ports_are_the_functions_values(name):
     system, context = fixed_coupling(points, name)
     field = PointCloudDistance(points.astype(np.float32))
     goal = np.array([0.3, 0.0, 0.1])
-    law = make_coupling(name)
+    law = get_coupling(name)
     expected = law.push(
         field,
         np.array([[0.0, 0.0, 0.06], [0.1, 0.0, -0.2]]),

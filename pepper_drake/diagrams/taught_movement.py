@@ -1,0 +1,101 @@
+"""The taught movement beside the one that is performed: its path, and what it would have met."""
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.framework import Context
+
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.control_model import arm_joints
+from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_plan import PlanStatus
+from pepper_drake.results.performance import ADAPTED, PerformanceReport
+
+Vector = npt.NDArray[np.float64]
+
+_STRIDE = 5
+"""Commands of a path between those whose true clearance is asked for."""
+
+
+def taught_path(
+    primitive: MovementPrimitive,
+    times: Vector,
+    mode: npt.NDArray[np.int64],
+    hand: Vector,
+    goal: Vector,
+) -> Vector:
+    """Returns the taught primitive's path (K, 3) to the goal as it moved, not bent, not adapted.
+
+    Args:
+        primitive: As taught.
+        times: (N,) of the rows [s].
+        mode: (N,) the supervisor's `ReachMode`.
+        hand: (N, 3) measured position in T [m].
+        goal: (N, 3) estimated goal of the hand in T [m].
+    """
+    moving = np.flatnonzero(np.isin(mode, (ReachMode.REACHING, ReachMode.HOLDING)))
+    if not len(moving) or not np.isfinite(goal[moving]).all():
+        return np.zeros((0, 3))
+    since, seen = times[moving] - times[moving[0]], goal[moving]
+    still = np.ptp(seen, axis=0).max() < 0.003
+
+    def at(time: float) -> Vector:
+        return np.array([np.interp(time, since, column) for column in seen.T])
+
+    path = primitive.rollout(
+        time_step=primitive.duration / 400,
+        start=hand[moving[0]],
+        goal=seen[-1] if still else at,
+        start_velocity=np.zeros(3),
+    )
+    return path.positions
+
+
+def explain_adaptation(
+    report: PerformanceReport,
+    reaching: Reaching,
+    observation: Observation | None,
+    root: Context,
+    state: Vector,
+) -> None:
+    """Fills in why a movement was not performed as taught: what it would have met.
+
+    Args:
+        report: Of the performance.
+        reaching: The diagram.
+        observation: What was known when the movement was planned.
+        root: A context of the root diagram that may be changed.
+        state: Of the plant when the arm started.
+    """
+    if report.kind != ADAPTED or observation is None:
+        return
+    plan = reaching.planner.simulate_taught(observation)
+    want = reaching.planner.params.clearance.want
+    report.taught_clearance = plan.clearance
+    report.taught_message = plan.message
+    if plan.status == PlanStatus.CLEAR:
+        report.taught_message = (
+            f"the arm would pass what was seen at {1000 * plan.clearance:.0f} mm, less than the "
+            f"{1000 * want:.0f} mm that are wanted"
+        )
+        if plan.clearance >= want:
+            report.taught_message = (
+                "it was not clear, seen from where the robot stood before (from here it would be: "
+                f"{1000 * plan.clearance:.0f} mm)"
+            )
+    if plan.joint_path is None:
+        return
+    plant = reaching.station.plant
+    context = plant.GetMyMutableContextFromRoot(root)
+    columns = [plant.GetJointByName(n).position_start() for n in arm_joints(reaching.scene.arm)]
+    nearest = (np.inf, "")
+    for joints in plan.joint_path[::_STRIDE]:
+        at = state.copy()
+        at[columns] = joints
+        plant.SetPositionsAndVelocities(context, at)
+        query = reaching.GetOutputPort("ground_truth.query").Eval(
+            reaching.GetMyContextFromRoot(root)
+        )
+        nearest = min(nearest, reaching.clearance.closest_pair(query))
+    report.taught_closest_pair = f"{nearest[1]}, {1000 * nearest[0]:.0f} mm" if nearest[1] else ""

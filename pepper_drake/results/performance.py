@@ -1,0 +1,139 @@
+"""How the taught movement was performed: as shown, bent by the coupling, or adapted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from pepper_drake.planning.reach.movement import Origin
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.results.reach_log import ReachLog
+
+Vector = npt.NDArray[np.float64]
+
+AS_SHOWN, BENT, ADAPTED = "as_shown", "bent", "adapted"
+
+_SILENT = 1e-3
+"""A coupling term below this does nothing [m/s²]."""
+
+
+@dataclass
+class PerformanceReport:
+    """How the taught movement was performed. Distances in m, times in s."""
+
+    kind: str = ""
+    """"as_shown", "bent" (by the coupling alone), "adapted" (to what was seen, before the start or
+    on the way); empty if the arm did not start."""
+    taught_message: str = ""
+    """Why it was not performed as taught, as a sentence; empty if it was."""
+    taught_clearance: float | None = None
+    """Least clearance to what was seen that the movement would have had as taught."""
+    taught_closest_pair: str = ""
+    """Link and obstacle that would have come closest, by the true geometry."""
+    mean_deviation: float | None = None
+    """Mean distance of the performed path to the taught one, from the same start to the same goal:
+    of each of its points to the nearest point of the other."""
+    largest_deviation: float | None = None
+    """The largest of these distances."""
+    largest_coupling: float = 0.0
+    """Largest acceleration by the coupling term, |C_t| / tau² [m/s²]."""
+    coupled_seconds: float = 0.0
+    """Time for which the coupling acted."""
+    detours: int = 0
+    """Times that the rest of the movement was planned anew on the way."""
+    retreats: int = 0
+    """Times that the arm withdrew."""
+    waited_seconds: float = 0.0
+    """Time for which the arm braked or stood on its way."""
+    withdrawn_seconds: float = 0.0
+    """Time for which it withdrew, and waited there."""
+
+    def lines(self) -> list[str]:
+        """Returns lines for the terminal: which movement it was, and what the coupling did."""
+        if not self.kind:
+            return []
+        kinds = {
+            AS_SHOWN: "performed as shown",
+            BENT: "the taught one, bent by the coupling alone",
+            ADAPTED: "adapted",
+        }
+        lines = [f"  movement          {kinds[self.kind]}"]
+        if self.kind == ADAPTED and self.taught_message:
+            lines[0] += f": as taught, {self.taught_message}"
+            if self.taught_closest_pair:
+                lines.append(f"                    (closest: {self.taught_closest_pair})")
+        if self.mean_deviation is not None and self.largest_deviation is not None:
+            lines.append(
+                f"  from the taught   {1000 * self.mean_deviation:6.1f} mm on average,"
+                f" {1000 * self.largest_deviation:.1f} mm at most"
+            )
+        if self.coupled_seconds > 0.0:
+            lines.append(
+                f"  coupling          {self.largest_coupling:6.2f} m/s² at most,"
+                f" for {self.coupled_seconds:.1f} s"
+            )
+        else:
+            lines.append("  coupling          silent: nothing came near enough to act")
+        happened = [
+            f"{count} {name}{'s' if count > 1 else ''}"
+            for name, count in (("detour", self.detours), ("retreat", self.retreats))
+            if count
+        ]
+        happened += [
+            f"{what} for {seconds:.1f} s"
+            for what, seconds in (
+                ("stood", self.waited_seconds),
+                ("withdrawn", self.withdrawn_seconds),
+            )
+            if seconds > 0.0
+        ]
+        if happened:
+            lines.append(f"  on the way        {', '.join(happened)}")
+        return lines
+
+
+def is_moving(log: ReachLog) -> npt.NDArray[np.bool_]:
+    """Rows (N,) in which the arm reaches or holds its hand at the goal."""
+    return np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
+
+
+def coupling_strength(log: ReachLog) -> Vector:
+    """Returns |C_t| / tau² (N,) [m/s²]."""
+    return np.asarray(np.linalg.norm(log.coupling_m_per_s2, axis=1))
+
+
+def deviations(path: Vector, taught: Vector) -> Vector:
+    """Returns distances (N,) of the points of a path (N, 3) to the nearest of another (M, 3)."""
+    return np.asarray(cKDTree(taught).query(path)[0])
+
+
+def measure_performance(log: ReachLog) -> PerformanceReport:
+    """Returns how the movement of a log was performed; why it was adapted is not in the log."""
+    moving = is_moving(log)
+    if not moving.any():
+        return PerformanceReport()
+    origin, reaching = log.movement_origin[moving], log.mode[moving] == ReachMode.REACHING
+    step = float(np.median(np.diff(log.time_s)))
+    strength = coupling_strength(log)[moving]
+    acts = (strength > _SILENT) & (origin != Origin.NONE)
+    off = deviations(log.hand_position_torso_m[moving], log.taught_path_torso_m)
+    replaced = np.isin(origin, (Origin.ADAPTED, Origin.DETOUR)).any()
+    bent = BENT if acts.any() else AS_SHOWN
+    return PerformanceReport(
+        kind=ADAPTED if replaced else bent,
+        mean_deviation=float(off.mean()),
+        largest_deviation=float(off.max()),
+        largest_coupling=float(strength.max()),
+        coupled_seconds=step * float(np.count_nonzero(acts)),
+        detours=_begins(origin, Origin.DETOUR),
+        retreats=_begins(origin, Origin.RETREAT),
+        waited_seconds=step * float(np.count_nonzero((origin == Origin.NONE) & reaching)),
+        withdrawn_seconds=step * float(np.count_nonzero(origin == Origin.RETREAT)),
+    )
+
+
+def _begins(origin: npt.NDArray[np.int64], kind: Origin) -> int:
+    """Number of times that movements of one origin began."""
+    is_kind = np.concatenate(([False], origin == kind))
+    return int(np.count_nonzero(np.diff(is_kind.astype(int)) > 0))

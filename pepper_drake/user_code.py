@@ -1,0 +1,74 @@
+"""Parts of one's own, named on the command line as FILE.py:NAME: couplings and approximators.
+
+What is saved names the part by its file's name and its own, never by a folder, and code runs only
+when a command names its file: loading a primitive or a scenario never runs any.
+"""
+
+import importlib.util
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pepper_drake.errors import InputError
+from pepper_drake.learning.approximators.registry import Approximator, register
+from pepper_drake.learning.dmp.coupling import register_coupling
+
+_COUPLING = ("clearance", "push", "zero_beyond")
+"""Methods of a coupling."""
+
+
+def names_code(text: str) -> bool:
+    """True if a text has the form FILE.py:NAME."""
+    return text.rpartition(":")[0].endswith(".py")
+
+
+def load_object(text: str) -> Any:
+    """Returns what FILE.py:NAME names; the file is run.
+
+    Raises:
+        InputError: There is no such file or name, or the file cannot be run.
+    """
+    file, _, name = text.rpartition(":")
+    path = Path(file).resolve()
+    if not path.is_file():
+        raise InputError(f"{file}: no such file; check the path")
+    return _load(path, name)
+
+
+@lru_cache(maxsize=32)
+def _load(path: Path, name: str) -> Any:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path}: not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"{path}: {type(error).__name__}: {error}") from None
+    if not hasattr(module, name):
+        raise InputError(f"{path}: has no {name}")
+    return getattr(module, name)
+
+
+def register_code(text: str) -> str:
+    """Makes a coupling or an approximator of FILE.py:NAME known, and returns its name in files.
+
+    A coupling is a class without arguments, or an object, that follows `learning.Coupling`; an
+    approximator is a `learning.Approximator`.
+
+    Raises:
+        InputError: It cannot be loaded, or is neither.
+    """
+    part = load_object(text)
+    file, _, name = text.rpartition(":")
+    known_as = f"{Path(file).name}:{name}"
+    if isinstance(part, Approximator):
+        register(replace(part, name=known_as))
+    elif all(callable(getattr(part, method, None)) for method in _COUPLING):
+        register_coupling(known_as, part if isinstance(part, type) else lambda: part)
+    else:
+        raise InputError(
+            f"{text} is neither an Approximator nor a coupling with {', '.join(_COUPLING)}"
+        )
+    return known_as

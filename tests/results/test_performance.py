@@ -1,0 +1,64 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pepper_drake.planning.reach.movement import Origin
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.reporting.reach_figures import performance_title
+from pepper_drake.results.performance import ADAPTED, AS_SHOWN, BENT, measure_performance
+from tests.results.test_reach_log import make_log
+
+OFF = 0.03
+
+
+def straight_log(origins, coupling=0.0):
+    """A reach of 2 s along a line, 3 cm beside the taught one, with a constant coupling."""
+    log = make_log([ReachMode.REACHING])
+    origin = np.repeat(origins, len(log.time_s) // len(origins))
+    taught = log.hand_position_torso_m + [0.0, OFF, 0.0]
+    push = np.zeros((len(log.time_s), 3))
+    push[:, 2] = coupling
+    return replace(log, movement_origin=origin, coupling_m_per_s2=push, taught_path_torso_m=taught)
+
+
+@pytest.mark.parametrize(
+    ("origins", "coupling", "kind"),
+    [
+        ([Origin.TAUGHT], 0.0, AS_SHOWN),
+        ([Origin.TAUGHT], 2.0, BENT),
+        ([Origin.ADAPTED], 0.0, ADAPTED),
+        ([Origin.ADAPTED], 2.0, ADAPTED),
+        ([Origin.TAUGHT, Origin.DETOUR], 2.0, ADAPTED),
+        ([Origin.TAUGHT, Origin.RETREAT], 0.0, AS_SHOWN),
+    ],
+)
+def test_the_kind_of_a_performance_follows_from_what_was_performed(origins, coupling, kind):
+    performance = measure_performance(straight_log(origins, coupling))
+    assert performance.kind == kind
+    assert performance.largest_coupling == coupling
+    assert performance.coupled_seconds == pytest.approx(2.0 if coupling else 0.0)
+
+
+def test_deviation_is_the_distance_between_the_paths():
+    performance = measure_performance(straight_log([Origin.TAUGHT]))
+    assert performance.mean_deviation == pytest.approx(OFF)
+    assert performance.largest_deviation == pytest.approx(OFF)
+    assert "30 mm" in performance_title(performance)
+
+
+def test_waiting_and_retreats_are_counted():
+    origins = [Origin.TAUGHT, Origin.NONE, Origin.RETREAT, Origin.DETOUR, Origin.RETREAT]
+    performance = measure_performance(straight_log(origins))
+    assert (performance.detours, performance.retreats) == (1, 2)
+    assert performance.waited_seconds == pytest.approx(0.4)
+    assert performance.withdrawn_seconds == pytest.approx(0.8)
+    words = "\n".join(performance.lines())
+    for said in ("1 detour,", "2 retreats", "stood for 0.4 s", "withdrawn for 0.8 s", "silent"):
+        assert said in words
+
+
+def test_an_arm_that_did_not_start_performed_nothing():
+    performance = measure_performance(make_log([ReachMode.LOOKING]))
+    assert performance.kind == ""
+    assert performance.lines() == []

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from pepper_drake.diagrams.factory import make_coupling
+from pepper_drake.errors import InputError
+from pepper_drake.learning import Demonstration, MovementPrimitive, get_approximator, get_coupling
+from pepper_drake.user_code import names_code, register_code
+
+OWN = """\
+from dataclasses import dataclass
+
+import numpy as np
+
+from pepper_drake.learning import BarrierCoupling, CouplingOutput, get_approximator
+
+
+class Upward(BarrierCoupling):
+    def push(self, field, state, acceleration, goal, goal_clearance, tau):
+        up = np.zeros(state.shape[:-2] + (3,))
+        up[..., 2] = 0.5 * tau * tau
+        distance = field.distance(state[..., 0, :])
+        return CouplingOutput(up, np.zeros(state.shape[:-2]), distance)
+
+    def zero_beyond(self, state, acceleration):
+        return np.full(state.shape[:-2], np.inf)
+
+
+mine = get_approximator("lwr")
+number = 3
+"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(OWN)
+    return path
+
+
+def line():
+    s = np.linspace(0.0, 1.0, 101)
+    blend = 10 * s**3 - 15 * s**4 + 6 * s**5
+    return Demonstration.from_positions(2.0 * s, blend[:, None] * [0.2, 0.1, 0.0])
+
+
+def test_a_coupling_of_ones_own_bends_a_movement(own, tmp_path):
+    name = register_code(f"{own}:Upward")
+    assert name == "own.py:Upward"
+    assert make_coupling(name) == get_coupling(name)
+    primitive = MovementPrimitive.fit(line())
+    far = np.array([[5.0, 0.0, 0.0]])
+    bent = primitive.rollout(obstacles=far, coupling=name)
+    plain = primitive.rollout()
+    assert bent.positions[50, 2] - plain.positions[50, 2] > 0.01
+
+
+def test_a_primitive_names_the_approximator_of_ones_own_without_its_folder(own, tmp_path):
+    name = register_code(f"{own}:mine")
+    primitive = MovementPrimitive.fit(line(), approximator=name)
+    primitive.save(tmp_path / "primitive.yaml")
+    text = (tmp_path / "primitive.yaml").read_text()
+    assert "own.py:mine" in text
+    assert str(tmp_path) not in text
+    again = MovementPrimitive.load(tmp_path / "primitive.yaml")
+    np.testing.assert_array_equal(again.weights, primitive.weights)
+
+
+@pytest.mark.parametrize("get", [get_approximator, get_coupling])
+def test_code_that_a_file_names_is_not_run_unasked(get):
+    with pytest.raises(InputError, match=r"--code FILE\.py:NAME"):
+        get("unheard.py:of")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("number", "neither an Approximator"), ("absent", "has no absent")]
+)
+def test_what_is_no_part_is_refused(own, name, words):
+    with pytest.raises(InputError, match=words):
+        register_code(f"{own}:{name}")
+
+
+def test_a_missing_file_and_a_broken_one_are_named(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        register_code(f"{tmp_path}/none.py:x")
+    (tmp_path / "broken.py").write_text("1 / 0\n")
+    with pytest.raises(InputError, match="ZeroDivisionError"):
+        register_code(f"{tmp_path}/broken.py:x")
+
+
+def test_names_of_code_are_told_from_others():
+    assert names_code("a/b.py:c")
+    assert not names_code("barrier")
+    assert not names_code("scene.yaml")
+
+
+def test_objects_of_many_numbers_have_a_short_text(tmp_path):
+    demo = line()
+    primitive = MovementPrimitive.fit(demo)
+    for one in (demo, primitive, primitive.rollout()):
+        assert len(repr(one)) < 500, repr(one)
+        assert repr(one).startswith(type(one).__name__)
