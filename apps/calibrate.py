@@ -9,6 +9,7 @@ hand, its top towards the fingers; where exactly is found, too.
 
   calibrate.py --robot worn --seed 3          the used robot of seed 3
   reach.py --robot worn --seed 3 --calibration out/calibrate/calibration.yaml
+  calibrate.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
   calibrate.py --robot worn --arm left --postures 12 --reason "new left wrist"
 
 Results: calibration.yaml, calibration.json. Exit code 0: calibrated; 1: the marker was seen too
@@ -32,12 +33,15 @@ from pepper_drake.diagrams.calibration_run import (
 )
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
+from pepper_drake.hardware.calibration_run import calibrate_robot
+from pepper_drake.hardware.options import add_link_options, check_station, robot_access
+from pepper_drake.hardware.preflight import PreflightOptions
+from pepper_drake.hardware.reach_run import HardwareRun
 from pepper_drake.models.robot_calibration import (
     RobotCalibration,
     save_calibration,
     simulated_robot,
 )
-from pepper_drake.models.robot_wear import ROBOTS
 from pepper_drake.models.scene import HandMarker
 from pepper_drake.perception.calibration.marker_calibration import (
     FEWEST_POSTURES,
@@ -57,11 +61,12 @@ def make_parser() -> ArgumentParser:
     parser = cli.make_parser("calibrate", __doc__)
     parser.add_argument(
         "--robot",
-        choices=ROBOTS,
+        metavar="ideal|worn|ADDRESS",
         default="worn",
-        help="the simulated robot: worn, with the errors that the seed draws, or ideal "
-        "(default: %(default)s)",
+        help="with --station naoqi the address of a Pepper, as tcp://192.168.1.10:9559; simulated, "
+        "ideal or worn: with the errors that the seed draws (default: %(default)s)",
     )
+    add_link_options(parser)
     parser.add_argument(
         "--arm",
         choices=("left", "right"),
@@ -127,7 +132,10 @@ def main() -> int:
     options = cli.parse(make_parser())
     cli.quiet_libraries()
     params = chosen_params(options)
-    config = StationConfig(seed=options.seed, wear=chosen_wear(options))
+    is_robot = check_station(options, {})
+    robot = (
+        robot_access(options).address if is_robot else simulated_robot(options.robot, options.seed)
+    )
     with (
         cli.stop_on_interrupt() as should_stop,
         tqdm(
@@ -137,14 +145,25 @@ def main() -> int:
             disable=options.quiet or not sys.stderr.isatty(),
         ) as bar,
     ):
-        result = calibrate_simulated(
-            params, config, on_look=lambda _: bar.update(), should_stop=should_stop
-        )
+        if is_robot:
+            run = HardwareRun(
+                robot_access(options),
+                PreflightOptions(disable_life=options.disable_life),
+                should_stop,
+                lambda line: None if options.quiet else tqdm.write(line),
+                clock_rate=options.clock_rate,
+            )
+            result = calibrate_robot(params, options.seed, run, lambda _: bar.update())
+        else:
+            config = StationConfig(seed=options.seed, wear=chosen_wear(options))
+            result = calibrate_simulated(
+                params, config, on_look=lambda _: bar.update(), should_stop=should_stop
+            )
     if result is None:
         return cli.EXIT_INTERRUPTED
     calibration = robot_calibration(
         result.estimate,
-        robot=simulated_robot(options.robot, options.seed),
+        robot=robot,
         arm=params.arm,
         reason=options.reason.strip(),
         date=datetime.now(UTC),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -129,7 +130,7 @@ class CalibrationDrive(Diagram):
         station: Simulated or real.
     """
 
-    def __init__(self, station: PepperStation, motion: CalibrationMotion) -> None:
+    def __init__(self, station: Diagram, motion: CalibrationMotion) -> None:
         """Makes the diagram.
 
         Args:
@@ -138,7 +139,10 @@ class CalibrationDrive(Diagram):
         """
         super().__init__()
         builder = DiagramBuilder()
-        self.station: PepperStation = builder.AddNamedSystem("station", station)
+        # A real robot's station has the same ports, less those of the truth.
+        self.station: PepperStation = builder.AddNamedSystem(
+            "station", cast(PepperStation, station)
+        )
         commands = builder.AddNamedSystem(
             "commands",
             TrajectorySource(PiecewisePolynomial.FirstOrderHold(motion.times, motion.positions.T)),

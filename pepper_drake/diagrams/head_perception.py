@@ -129,7 +129,7 @@ class HeadPerception(Diagram):
         - goal_valid
         - goal_age
         - goal_gap
-        - image_age
+        - image_ages
         - cloud
         - cloud_torso
         - predicted_cloud
@@ -142,13 +142,12 @@ class HeadPerception(Diagram):
         - camera_top.enabled
         - camera_bottom.enabled
 
-    The inputs are a station's ports. `scan_enabled` (1) and `look_at` (3): see
-    `GazeController`. Outputs: X_WO of the
-    goal object, whether it is known (1), since when it was seen, and since when its estimate made
-    no sense [s]; the age of the newest colour image [s]; the obstacles and where moving ones will
-    be soon, in W and in T (PointCloud); time, age [s] and fault of the last depth image; `space`,
-    what was seen (SeenSpace); HeadYaw and HeadPitch [rad] (2); whether a colour camera is to take
-    images (1).
+    The inputs are a station's ports. `scan_enabled` (1) and `look_at` (3): see `GazeController`.
+    Outputs: X_WO of the goal object, whether it is known (1), since when it was seen, and since
+    when its estimate made no sense [s]; the ages of the colour cameras' newest images [s] (2); the
+    obstacles and where moving ones will be soon, in W and in T (PointCloud); time, age [s] and
+    fault of the last depth image; `space`, what was seen (SeenSpace); HeadYaw and HeadPitch [rad]
+    (2); whether a colour camera is to take images (1).
 
     Without cameras the goal's true pose is known and there are no obstacles.
     """
@@ -256,7 +255,7 @@ class HeadPerception(Diagram):
             reader = source if camera == "camera_depth" else estimator
             for port, name in ports.items():
                 builder.ExportInput(reader.GetInputPort(name), f"{camera}.{port}")
-        builder.ExportOutput(estimator.GetOutputPort("image_age"), "image_age")
+        builder.ExportOutput(estimator.GetOutputPort("image_ages"), "image_ages")
         goal = self._guarded_goal(estimator, station.config.faults)
         for name in ("object_pose", "valid", "age", "velocity"):
             builder.Connect(goal[name], self._gaze.GetInputPort(name))
@@ -313,7 +312,9 @@ class HeadPerception(Diagram):
         one = constant("one", ConstantVectorSource([1.0]))
         nothing = constant("no_obstacles", ConstantValueSource(Value(PointCloud())))
         builder.ExportOutput(one, "goal_valid")
-        for name in ("goal_age", "goal_gap", "image_age", "cloud_age", "cloud_fault"):
+        never_old = constant("fresh_images", ConstantVectorSource([0.0, 0.0]))
+        builder.ExportOutput(never_old, "image_ages")
+        for name in ("goal_age", "goal_gap", "cloud_age", "cloud_fault"):
             builder.ExportOutput(zero, name)
         # There is always a new image of nothing.
         times = PiecewisePolynomial.FirstOrderHold([0.0, _EVER], [[0.0, _EVER]])

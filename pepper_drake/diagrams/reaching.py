@@ -199,7 +199,7 @@ class Reaching(Diagram):
             builder.ExportInput(self.supervisor.GetInputPort(name), name)
         for name in (
             *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
-            *("cloud_time", "cloud_fault", "image_age"),
+            *("cloud_time", "cloud_fault", "image_ages"),
         ):
             self._connect(self.perception.GetOutputPort(name), self.supervisor, name)
         if self.perception.HasOutputPort("space"):
@@ -337,6 +337,8 @@ class Reaching(Diagram):
                 (self.body_watch, "body_clearance"),
             ):
                 self._connect(watch.GetOutputPort("approach_clearance"), self.safety, name)
+            predicted = self.seen_clearance.GetOutputPort("predicted_approach_clearance")
+            self._connect(predicted, self.supervisor, "predicted_clearance")
         builder.ExportInput(self.safety.reset_input, "reset")
         self._connect(self.controller.GetOutputPort("limp"), self.safety, "limp")
         for name in ("measurement_age", "missing_joint"):

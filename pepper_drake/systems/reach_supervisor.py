@@ -62,7 +62,7 @@ class ReachSupervisor(LeafSystem):
         - goal_valid
         - goal_age
         - goal_position
-        - image_age (optional)
+        - image_ages (optional)
         - cloud
         - cloud_time
         - cloud_fault (optional)
@@ -79,6 +79,7 @@ class ReachSupervisor(LeafSystem):
         - stop_reason
         - stop_joint (optional)
         - base_blocked (optional)
+        - predicted_clearance (optional)
         - command (optional)
         - primitive (optional)
         output_ports:
@@ -91,18 +92,19 @@ class ReachSupervisor(LeafSystem):
         - progress
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
-    hand's goal in T [m]; `image_age` (1) of the newest colour image [s]; `cloud` (PointCloud in W)
-    and `cloud_time` (1), capture time of its last image [s], not finite before the first;
-    `cloud_fault` (1), a `DepthFault`; `predicted_cloud` (PointCloud in W), predicted positions of
-    moving obstacles; `space`, abstract SeenSpace, what was seen of all places, taken for known
-    everywhere if left out; `joint_position` (15) [rad];
-    `base_pose` (3) [m, rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive
-    wants the hand in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at
-    rest where it is measured if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the
-    safety monitor's `StopReason`, and `stop_joint` (1), the index of the joint that it is about or
-    -1; `base_blocked` (1), whether the base waits for something in its way; `command` (1), a
-    `ReachCommand`, REACH if unconnected; `primitive`, abstract MovementPrimitive, is what is
-    performed in place of the planner's own.
+    hand's goal in T [m]; `image_ages` (2) of the top and the bottom camera's newest images [s];
+    `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last image [s], not finite
+    before the first; `cloud_fault` (1), a `DepthFault`; `predicted_cloud` (PointCloud in W),
+    predicted positions of moving obstacles; `space`, abstract SeenSpace, what was seen of all
+    places, taken for known everywhere if left out; `joint_position` (15) [rad]; `base_pose` (3) [m,
+    rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive wants the hand in T [m];
+    `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at rest where it is measured
+    if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the safety monitor's `StopReason`,
+    and `stop_joint` (1), the index of the joint that it is about or -1; `base_blocked` (1), whether
+    the base waits for something in its way; `predicted_clearance` (1), to which the arm's motion
+    leads where moving obstacles are predicted [m]; `command` (1), a `ReachCommand`, REACH if
+    unconnected; `primitive`, abstract MovementPrimitive, is what is performed in place of the
+    planner's own.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
     `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `movement_origin` (1), the
@@ -146,7 +148,7 @@ class ReachSupervisor(LeafSystem):
             ("goal_position", 3),
             ("cloud_time", 1),
             ("cloud_fault", 1),
-            ("image_age", 1),
+            ("image_ages", 2),
             ("joint_position", len(BODY_JOINTS)),
             ("base_pose", 3),
             ("desired_position", 3),
@@ -157,6 +159,7 @@ class ReachSupervisor(LeafSystem):
             ("stop_reason", 1),
             ("stop_joint", 1),
             ("base_blocked", 1),
+            ("predicted_clearance", 1),
             ("command", 1),
         ):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
@@ -260,7 +263,9 @@ class ReachSupervisor(LeafSystem):
             goal_valid=scalar("goal_valid") > 0.5,
             goal_age=scalar("goal_age"),
             goal_position=vector("goal_position"),
-            image_age=scalar("image_age") if ports["image_age"].HasValue(context) else 0.0,
+            image_ages=vector("image_ages")
+            if ports["image_ages"].HasValue(context)
+            else np.zeros(2),
             hand_position=np.array(value("hand_pose").translation()),
             measured_arm=measured,
             desired_position=optional("desired_position"),
@@ -269,6 +274,11 @@ class ReachSupervisor(LeafSystem):
             stop_reason=StopReason(int(scalar("stop_reason"))),
             stop_joint=self._stop_joint(context),
             base_blocked=ports["base_blocked"].HasValue(context) and scalar("base_blocked") > 0.5,
+            predicted_clearance=(
+                scalar("predicted_clearance")
+                if ports["predicted_clearance"].HasValue(context)
+                else np.inf
+            ),
         )
 
     def _stop_joint(self, context: Context) -> str:

@@ -250,6 +250,9 @@ def test_only_what_the_robot_itself_goes_near_to_stops_it():
         heard = reaching.safety.GetInputPort(name).get_index()
         port = watch.GetOutputPort("approach_clearance").get_index()
         assert sources[reaching.safety, heard] == (watch, port)
+    heard = reaching.supervisor.GetInputPort("predicted_clearance").get_index()
+    port = reaching.seen_clearance.GetOutputPort("predicted_approach_clearance").get_index()
+    assert sources[reaching.supervisor, heard] == (reaching.seen_clearance, port)
 
 
 def test_the_planners_simulation_gives_the_whole_diagrams_commands():

@@ -225,17 +225,26 @@ def _refuse_other_lenses(entries: Mapping[str, Any], where: str) -> None:
             "are read."
         )
     for name in ("binning_x", "binning_y"):
-        if float(entries.get(name) or 0) > 1:
+        if _number(entries, name, where) > 1:
             raise InputError(
                 f"{where}: {name} is {entries[name]}: calibrate the images as they are taken."
             )
     window = entries.get("roi")
     if isinstance(window, Mapping):
-        offsets = [float(window.get(name) or 0) for name in ("x_offset", "y_offset")]
+        offsets = [_number(window, name, where) for name in ("x_offset", "y_offset")]
         if any(offsets):
             raise InputError(
                 f"{where}: its images are a part of the sensor's (roi); give whole ones."
             )
+
+
+def _number(entries: Mapping[str, Any], name: str, where: str) -> float:
+    """An entry that is one number; 0 if it is missing or empty."""
+    value = entries.get(name) or 0.0
+    numbers = _numbers(value if isinstance(value, str | list) else [value])
+    if numbers is None or numbers.size != 1:
+        raise InputError(f"{where}: {name} must be a number.")
+    return float(numbers[0])
 
 
 def _distortion(entries: Mapping[str, Any], where: str) -> npt.NDArray[np.float64]:

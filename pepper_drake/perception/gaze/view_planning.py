@@ -26,6 +26,10 @@ Vector = npt.NDArray[np.float64]
 
 _NEAREST = 0.3
 """Distance [m] to the depth camera below which a point does not even show by what it occludes."""
+_BORDER = 0.15
+"""Share of half the image in which a depth camera often measures nothing."""
+_EDGE = 0.03
+"""Around what hides something, a depth camera tells nothing either [m]."""
 _MOST = 4.0
 """Age [s] beyond which a view point's urgency does not grow."""
 
@@ -71,10 +75,21 @@ def surroundings(p_TP: npt.ArrayLike, side: float) -> Vector:
     return np.asarray(p_TP + VIEW_POINTS @ axes)
 
 
-def visible(camera: HeadCamera, head: npt.ArrayLike, places: Vector) -> npt.NDArray[np.bool_]:
-    """Which places (N, 3) of the torso frame are in a depth camera's image at head angles (2,)."""
+def visible(
+    camera: HeadCamera, head: npt.ArrayLike, places: Vector, border: float = 0.0
+) -> npt.NDArray[np.bool_]:
+    """Which places (N, 3) of the torso frame are in a depth camera's image at head angles (2,).
+
+    Args:
+        camera: The camera.
+        head: Head angles [rad].
+        places: In the torso frame [m].
+        border: Share of half the image along its border that does not count.
+    """
     X_TC = camera_pose(camera, head)
     p_C = (places - X_TC.translation()) @ X_TC.rotation().matrix()
+    # What is nearer to the axis by this is that much nearer to the middle of the image.
+    p_C[:, :2] /= 1.0 - border
     return np.asarray((p_C[:, 2] > _NEAREST) & camera.intrinsics.sees(p_C))
 
 
@@ -87,12 +102,47 @@ def head_grid() -> Vector:
     )
 
 
-def within_possible_view(camera: HeadCamera, places: Vector) -> npt.NDArray[np.bool_]:
-    """Which places (N, 3) of the torso frame some head angles bring into a camera's image."""
-    seen = np.zeros(len(places), dtype=bool)
+def within_possible_view(
+    camera: HeadCamera,
+    places: Vector,
+    hiding: tuple[Vector, Vector] | None = None,
+    baseline: float = 0.0,
+) -> npt.NDArray[np.bool_]:
+    """Which places some head angles bring into a camera's image, off its border and not hidden.
+
+    Args:
+        camera: A depth camera.
+        places: (N, 3) in the torso frame [m].
+        hiding: Centres (S, 3) in the torso frame and radii (S,) of spheres that hide what is behind
+            them [m], such as the robot's own arms; none if left out.
+        baseline: Distance of the camera from its projector [m]: what hides a place from the light
+            hides it as well, on whichever side that is; 0 if it needs none.
+
+    Returns:
+        (N,).
+    """
+    shown = np.zeros(len(places), dtype=bool)
     for head in head_grid():
-        seen[~seen] = visible(camera, head, places[~seen])
-    return seen
+        left = np.flatnonzero(~shown)
+        left = left[visible(camera, head, places[left], border=_BORDER)]
+        if hiding is not None and len(left):
+            X_TC = camera_pose(camera, head)
+            for origin in (0.0,) if baseline == 0.0 else (0.0, baseline, -baseline):
+                p_TO = X_TC @ np.array([origin, 0.0, 0.0])
+                left = left[~_is_hidden(p_TO, places[left], *hiding)]
+        shown[left] = True
+    return shown
+
+
+def _is_hidden(
+    p_TO: Vector, places: Vector, centers: Vector, radii: Vector
+) -> npt.NDArray[np.bool_]:
+    """Which places (N, 3) lie behind spheres (S,), as seen from a point (3,)."""
+    ray = places - p_TO
+    along = np.clip((centers - p_TO) @ ray.T / np.sum(ray**2, axis=1), 0.0, 1.0)
+    nearest = p_TO + along[..., None] * ray
+    distance = np.linalg.norm(nearest - centers[:, None], axis=2)
+    return np.asarray((distance < radii[:, None] + _EDGE).any(axis=0))
 
 
 def best_view(camera: HeadCamera, p_TP: Vector) -> Vector:

@@ -13,6 +13,7 @@ from pepper_drake.perception.mapping.dynamic_obstacles import (
     NewPoints,
     TrackedObstacle,
     associate,
+    last_seen_of_things,
     predict_occupancy,
 )
 from pepper_drake.perception.mapping.near_field_occlusion import (
@@ -131,7 +132,7 @@ def update_tracker(
         )
         above = places[places[:, 2] > table + parameters.near_field.on_table]
         things = associate(things, come, view, memory, approach, above)
-    voxels = voxels.select(~(is_visitor & (view.time - voxels.hit_times > approach.visit)))
+    voxels = _without_departed(voxels, is_visitor, view.time, approach)
     hidden, times = watch.hidden
     still = (view.time - times < parameters.near_field.kept) & ~view.sees_free_space(hidden, memory)
     hidden = np.concatenate((hidden[still], veil))
@@ -181,6 +182,23 @@ def reset_while_driving(
         hole_parameters=parameters.holes,
     )
     return DynamicObstacleTracker(behind=behind, holes=holes)
+
+
+def _without_departed(
+    voxels: VoxelMap,
+    is_visitor: npt.NDArray[np.bool_],
+    time: float,
+    parameters: ApproachParameters,
+) -> VoxelMap:
+    """The map without what came, of which no part was seen for long: most likely it has gone."""
+    visitors = np.flatnonzero(is_visitor)
+    seen = voxels.hit_times[visitors]
+    if not np.any(time - seen > parameters.visit):
+        return voxels
+    seen = last_seen_of_things(voxels.positions[visitors], seen, parameters)
+    kept = np.ones(len(is_visitor), dtype=bool)
+    kept[visitors] = time - seen <= parameters.visit
+    return voxels.select(kept)
 
 
 def _kept(

@@ -53,7 +53,7 @@ class ApproachParameters:
         likely: What moves is thought to become at least as fast as this [m/s].
         onward: For how long what was lost from sight is supposed to have gone on [s].
         memory: How long what was lost from sight is supposed to be there [s].
-        visit: How long what came is supposed to be where it is not seen any more [s].
+        visit: How long what came is supposed to be where no part of it is seen any more [s].
         contradicted: With this share of where it was seen to be empty, a thing has gone.
         alike: Surfaces that are the same lie at most so far apart, by half of their points [m].
         sluggishness: Weight of resting against one point's moving, where its shape does not tell.
@@ -319,12 +319,37 @@ def _thinned(points: Points, spacing: float) -> npt.NDArray[np.int64]:
     return np.asarray(np.unique(voxel_keys(points, spacing), return_index=True)[1])
 
 
+def last_seen_of_things(
+    points: Points, times: npt.NDArray[np.float64], parameters: ApproachParameters
+) -> npt.NDArray[np.float64]:
+    """When each point's thing was last seen, whichever part of it that was (N,) [s].
+
+    A hand whose forearm is in view has not gone, though a camera is blind for what is near to it.
+
+    Args:
+        points: (N, 3) of things [m].
+        times: When each was last seen itself (N,) [s].
+        parameters: The gap between things.
+    """
+    if not len(points):
+        return times
+    labels = _thing_labels(points, parameters.gap)
+    latest = np.full(labels.max() + 1, -np.inf)
+    np.maximum.at(latest, labels, times)
+    return np.asarray(latest[labels])
+
+
+def _thing_labels(points: Points, gap: float) -> npt.NDArray[np.int32]:
+    """The number (N,) of the thing that each point belongs to."""
+    one, other = cKDTree(points).query_pairs(gap, output_type="ndarray").T
+    near = coo_array((np.ones(len(one), np.int8), (one, other)), (len(points), len(points)))
+    return np.asarray(connected_components(near, directed=False)[1])
+
+
 def _clusters(points: Points, parameters: ApproachParameters) -> list[npt.NDArray[np.int64]]:
     """The indices of the points of each thing, without those of too few."""
     if len(points) < parameters.least_points:
         return []
-    one, other = cKDTree(points).query_pairs(parameters.gap, output_type="ndarray").T
-    near = coo_array((np.ones(len(one), np.int8), (one, other)), (len(points), len(points)))
-    labels = connected_components(near, directed=False)[1]
+    labels = _thing_labels(points, parameters.gap)
     sizes = np.bincount(labels)
     return [np.flatnonzero(labels == k) for k in np.flatnonzero(sizes >= parameters.least_points)]

@@ -36,6 +36,11 @@ class BodyClearance:
         self._frames = [model.plant.GetFrameByName(name) for name in self._spheres.link_names]
         self._context = model.create_context()
 
+    @property
+    def radii(self) -> Vector:
+        """Radii (S,) of the spheres [m]."""
+        return self._spheres.radii
+
     def centers(self, joint_position: Vector) -> Vector:
         """Centres (S, 3) of the spheres in the base frame B for `BODY_JOINTS` angles (15,) [m]."""
         context = self._context.Clone()

@@ -43,7 +43,8 @@ class Observation:
         space: Free, occupied and unknown space; None where all is known, without cameras.
         goal_valid: Whether there is an estimate of the goal object's pose.
         goal_age: Time since the goal object's marker was last seen [s].
-        image_age: Age of the newest colour image that could be looked at [s].
+        image_ages: (2,) age of the top and the bottom camera's newest image that could be looked
+            at [s]; while the goal is seen, one of them takes none.
         goal_position: (3,) the hand's goal in T [m].
         hand_position: (3,) the hand as measured, in T [m].
         measured_arm: (5,) the arm's joints as measured [rad]; None if that is not compared.
@@ -53,6 +54,8 @@ class Observation:
         stop_reason: Why the safety monitor stopped the robot.
         stop_joint: Name of the joint that this is about, "" for none.
         base_blocked: Whether the base waits because something stands in its way.
+        predicted_clearance: Clearance to which the arm's own motion leads at once, to where moving
+            obstacles are predicted [m].
     """
 
     __repr__ = short_repr
@@ -69,7 +72,7 @@ class Observation:
     space: SeenSpace | None = None
     goal_valid: bool = True
     goal_age: float = 0.0
-    image_age: float = 0.0
+    image_ages: Vector = field(default_factory=lambda: np.zeros(2))
     goal_position: Vector = field(default_factory=lambda: np.zeros(3))
     hand_position: Vector = field(default_factory=lambda: np.zeros(3))
     measured_arm: Vector | None = None
@@ -79,6 +82,7 @@ class Observation:
     stop_reason: StopReason = StopReason.NONE
     stop_joint: str = ""
     base_blocked: bool = False
+    predicted_clearance: float = np.inf
 
     @property
     def p_WO(self) -> Vector:
@@ -103,9 +107,10 @@ class Observation:
 
     @property
     def image_message(self) -> str:
-        """Since when there is no colour image that could be looked at, as a sentence."""
-        cameras = "the colour camera that looks for the goal gave no image that is one"
-        return cameras if np.isinf(self.image_age) else f"{cameras} for {self.image_age:.1f} s"
+        """Which colour camera gave no image that could be looked at, as a sentence."""
+        age, camera = float(self.image_ages.max()), int(np.argmax(self.image_ages))
+        words = f"the {('top', 'bottom')[camera]} camera gave no image that is one"
+        return words if np.isinf(age) else f"{words} for {age:.1f} s"
 
     @property
     def goal_distance(self) -> float:

@@ -184,7 +184,7 @@ class ReachTiming:
     clearance_lost: float = 0.003
     """A plan with less than the clearance `replan` is made anew when it has lost this much [m]."""
     images_lost: float = 2.0
-    """Age of the newest colour image from which on a goal is not seen for want of images [s]."""
+    """Age of a colour camera's newest image from which on a goal is unseen for want of it [s]."""
     cloud_timeout: float = 0.5
     """Age of the last depth image at which arm and base stop [s]; images come every 0.2 s."""
     cloud_lost: float = 2.0

@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.models.control_model import CommandLimits, ControlModel
 from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.base_placement import BasePlacement, BasePlacementPlanner
 from pepper_drake.planning.reach.movement import Movement
@@ -30,6 +31,9 @@ from pepper_drake.planning.trajectories.trajectory_adapter import AdaptationPara
 __all__ = ["PlanStatus", "ReachPlan", "ReachPlanner", "ReachPlannerParams"]
 
 Vector = npt.NDArray[np.float64]
+
+_AROUND_CAMERA = ("Head", "Neck")
+"""Links that turn with the depth camera, and hide nothing from it."""
 
 
 class ReachPlanner:
@@ -82,6 +86,8 @@ class ReachPlanner:
             goal_solids=goal_solids,
         )
         self.base_placement = BasePlacement(model, arm, X_OG, primitive.goal, params)
+        links = [name for name in body_links(model, arm) if name not in _AROUND_CAMERA]
+        self._body = BodyClearance(model, links)
         self._base_planner = BasePlacementPlanner(self._evaluator, self.base_placement)
 
     @property
@@ -145,13 +151,29 @@ class ReachPlanner:
         path = plan.joint_path[:: max(round(params.stride / plan.time_step), 1)]
         X_WT = observation.X_WO @ scene.X_TO.inverse()
         region, out_of_view = unseen_space(
-            self._evaluator.kinematics, path, X_WT, space, observation.time, params
+            self._evaluator.kinematics,
+            path,
+            X_WT,
+            space,
+            observation.time,
+            params,
+            self._body_spheres(observation, X_WT),
         )
         plan = replace(plan, unseen=region, out_of_view=out_of_view)
         if not len(region) or params.accept or not plan.collision_checked:
             return plan
         sentence = unseen_sentence(region, X_WT, params)
         return replace(plan, status=PlanStatus.NOT_SEEN, message=sentence)
+
+    def _body_spheres(
+        self, observation: Observation, X_WT: RigidTransform
+    ) -> tuple[Vector, Vector]:
+        """Centres (S, 3) in T and radii (S,) of spheres on all but head and reaching arm [m]."""
+        x, y, yaw = observation.base_pose
+        X_WB = RigidTransform(RotationMatrix.MakeZRotation(yaw), [x, y, 0.0])
+        X_TB = X_WT.InvertAndCompose(X_WB)
+        centers = self._body.centers(observation.joint_position)
+        return centers @ X_TB.rotation().matrix().T + X_TB.translation(), self._body.radii
 
     def demonstrated_path(self, count: int = 200) -> Vector:
         """Returns the hand's demonstrated path (count, 3), from its own start to its goal [m]."""

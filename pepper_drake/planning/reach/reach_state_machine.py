@@ -107,7 +107,7 @@ class _Supervision:
 
     def _unseen(self, state: ReachState, reason: str, message: str) -> ReachState:
         """Returns the state that failed as the goal is not seen: without images it cannot be."""
-        if self._observation.image_age > self._timing.images_lost:
+        if self._observation.image_ages.max() > self._timing.images_lost:
             reason, message = "images_missing", self._observation.image_message
         return state.fail(self._time, reason, message)
 
@@ -245,6 +245,9 @@ class _Supervision:
             blind = state.blind + self._timing.time_step
             pending = state.pending if state.braking else ()
             return replace(state, braking=True, pending=pending, blind=blind)
+        if observation.predicted_clearance < self._planner.params.clearance.stop:
+            # What is predicted may not come: the arm brakes until another cloud tells more.
+            state = state if state.braking else replace(state, braking=True)
         if plan is None or observation.cloud_time == state.cloud_time:
             return state
         state = replace(state, cloud_time=observation.cloud_time)

@@ -30,15 +30,19 @@ class UnseenSpaceParams:
     """Time between the configurations of the path that are compared [s]."""
     cell: float = 0.03
     """Edge of the cells of which an unseen region is counted [m]."""
-    least_cells: int = 16
-    """Cells of a region that is large enough to hold something: 0.43 litres, a drinking can. Single
-    cells are pixels that measured nothing, and what the edge of the robot's own arm hides."""
+    thickness: float = 0.02
+    """What is unseen is unseen this far to five of six sides, too [m]: along the edges of things
+    the projector's light leaves sheets of a pixel or two in which nothing is measured."""
+    least_cells: int = 8
+    """Cells of a region that is large enough to hold something: 216 cm³, a fist."""
     own_margin: float = 0.02
     """Places this near to where the arm stands now are known to be free: it stands there [m]."""
     out_of_view_is_clear: bool = True
-    """True if space that no head angle shows from where the robot stands, close to its chest,
-    counts as known: whoever starts the robot keeps it clear. How much the arm sweeps of it is
-    reported."""
+    """True if space that no head angle shows from where the robot stands, close to its chest or
+    behind its own shoulder, counts as known: whoever starts the robot keeps it clear. How much the
+    arm sweeps of it is reported."""
+    projector_baseline: float = 0.075
+    """Distance of the depth camera from its projector [m]: its light is hidden by the arm, too."""
     accept: bool = False
     """True to move through unseen space all the same."""
 
@@ -64,6 +68,7 @@ def unseen_space(
     space: SeenSpace,
     time: float,
     params: UnseenSpaceParams,
+    body: tuple[Vector, Vector] | None = None,
 ) -> UnseenSpace:
     """Finds what of a movement's swept space was not seen.
 
@@ -76,6 +81,8 @@ def unseen_space(
         space: What was seen.
         time: Now [s].
         params: What counts as seen, and as large.
+        body: Centres (S, 3) in T and radii (S,) of spheres on the rest of the robot, which hides
+            what is behind it [m].
     """
     centers = kinematics.sphere_centers_at(joint_path)
     radii = np.broadcast_to(kinematics.spheres.radii, centers.shape[:2]).ravel()
@@ -85,9 +92,15 @@ def unseen_space(
     p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
     unseen = np.flatnonzero(space.unseen(p_W, time, oldest=params.oldest))
     unseen = unseen[np.unique(voxel_keys(p_W[unseen], params.cell), return_index=True)[1]]
+    around = p_W[unseen, None] + params.thickness * np.concatenate((np.eye(3), -np.eye(3)))
+    sides = space.unseen(around.reshape(-1, 3), time, oldest=params.oldest).reshape(-1, 6)
+    unseen = unseen[sides.sum(axis=1) >= 5]
     out_of_view = 0.0
     if len(unseen) and params.out_of_view_is_clear:
-        shown = within_possible_view(CAMERA_DEPTH, p_T[unseen])
+        hiding = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
+        if body is not None:
+            hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
+        shown = within_possible_view(CAMERA_DEPTH, p_T[unseen], hiding, params.projector_baseline)
         out_of_view = float(np.count_nonzero(~shown)) * params.cell**3
         unseen = unseen[shown]
     return UnseenSpace(_largest_region(p_W[unseen], params), out_of_view)

@@ -26,13 +26,15 @@ class CloudClearance(LeafSystem):
         output_ports:
         - clearance
         - approach_clearance
+        - predicted_approach_clearance
 
     Inputs: `cloud` and `predicted_cloud`, PointClouds in the torso frame T; `joint_position` (5)
     and `joint_velocity` (5), the arm's [rad, rad/s]. Outputs: `clearance` (1) [m]: the lesser of
-    now and of `lookahead` later at this velocity; `approach_clearance` (1) [m]: that of later, and
-    infinite where the arm's own motion takes none away (`planning.collision.own_approach`). Both
-    are infinite before the first tick, for an empty cloud, and while `active` (1) is 0: an arm at
-    rest has nothing to watch. State: the two, every `time_step`.
+    now and of `lookahead` later at this velocity; `approach_clearance` (1) [m]: that of later to
+    `cloud`, and infinite where the arm's own motion takes none away
+    (`planning.collision.own_approach`); `predicted_approach_clearance` (1) [m]: the same to
+    `predicted_cloud`. All are infinite before the first tick, for an empty cloud, and while
+    `active` (1) is 0: an arm at rest has nothing to watch. State: the three, every `time_step`.
 
     Where moving obstacles are predicted counts when the arm itself is about to go there. An arm
     that is there already, or moves away, is none the safer for being stopped.
@@ -67,17 +69,20 @@ class CloudClearance(LeafSystem):
         self._predicted_field = ObstacleFieldCache(
             self, self.predicted_cloud_input, extension=extension
         )
-        self._clearance = self.DeclareDiscreteState([np.inf])
-        self._approach = self.DeclareDiscreteState([np.inf])
-        self.DeclareStateOutputPort("clearance", self._clearance)
-        self.DeclareStateOutputPort("approach_clearance", self._approach)
+        self._outputs = []
+        for name in ("clearance", "approach_clearance", "predicted_approach_clearance"):
+            self._outputs.append(self.DeclareDiscreteState([np.inf]))
+            self.DeclareStateOutputPort(name, self._outputs[-1])
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        for state, value in zip(self._outputs, self._clearances(context), strict=True):
+            discrete_state.set_value(state, [value])
+
+    def _clearances(self, context: Context) -> tuple[float, float, float]:
+        """The values of the three outputs [m]."""
         if self.active_input.HasValue(context) and not self.active_input.Eval(context)[0]:
-            discrete_state.set_value(self._clearance, [np.inf])
-            discrete_state.set_value(self._approach, [np.inf])
-            return
+            return np.inf, np.inf, np.inf
         now = self.joint_position_input.Eval(context)
         later = now + self._lookahead * self.joint_velocity_input.Eval(context)
         postures = np.stack((now, later))
@@ -85,10 +90,8 @@ class CloudClearance(LeafSystem):
             self._shapes.distances(postures, field.eval(context)).tolist()
             for field in (self._field, self._predicted_field)
         )
-        approached = own_approach_clearance(seen[0], seen[1], self._lookahead)
-        clearance = min(seen)
+        expected = np.inf
         if predicted[0] > 0.0:
             expected = own_approach_clearance(predicted[0], predicted[1], self._lookahead)
-            approached, clearance = min(approached, expected), min(clearance, expected)
-        discrete_state.set_value(self._clearance, [clearance])
-        discrete_state.set_value(self._approach, [approached])
+        approached = own_approach_clearance(seen[0], seen[1], self._lookahead)
+        return min(*seen, expected), approached, expected

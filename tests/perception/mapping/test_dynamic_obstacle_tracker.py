@@ -57,6 +57,22 @@ def test_what_came_is_forgotten_when_it_was_not_seen_for_long():
     assert not is_ball_known(shown(*came, (image(), 0.3 + visit, AWAY))[1])
 
 
+def test_a_part_that_is_not_seen_stays_while_the_rest_of_its_thing_is_seen():
+    """A bar that comes from the side; then its tip is out of the image, and its end is not."""
+    visit = PARAMETERS.approach.visit
+    bar = image()
+    bar[110:130, 60:260] = 800
+    beside = RigidTransform([0.25, 0.0, 0.0])  # Sees the bar's end at +x alone.
+    rest = image()
+    rest[110:130, : 260 - round(0.25 / 0.8 * CAMERA.focal_x)] = 800
+    for last, known in ((rest, True), (image(), False)):
+        _, voxels = shown(
+            (image(), 0.0, X_WC), (bar, 0.2, X_WC), (last, 0.4, beside), (last, 0.5 + visit, beside)
+        )
+        tip = (voxels.positions[:, 0] < -0.2) & (np.abs(voxels.positions[:, 2] - 0.8) < 0.02)
+        assert tip.any() == known
+
+
 def test_what_was_there_from_the_beginning_is_never_forgotten():
     visit = PARAMETERS.approach.visit
     assert is_ball_known(shown((image(800), 0.0, X_WC), (image(), 3 * visit, AWAY))[1])

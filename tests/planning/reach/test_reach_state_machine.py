@@ -410,12 +410,14 @@ def test_the_state_does_not_depend_on_how_long_planning_took():
 
 
 @pytest.mark.parametrize(
-    ("age", "words"), [(np.inf, "gave no image that is one"), (7.0, "for 7.0 s")]
+    ("age", "words"), [(np.inf, "the bottom camera gave no image"), (7.0, "for 7.0 s")]
 )
 def test_a_goal_that_is_not_seen_for_want_of_images_is_said_to_be_that(age, words):
     unseen = {"goal_valid": False, "goal_age": np.inf}
-    one = Supervised().set(**unseen, image_age=age).failed("images_missing")
+    one = Supervised().set(**unseen, image_ages=np.array([0.1, age])).failed("images_missing")
     assert words in one.state.message
     one = Supervised()
     one.until(ReachMode.REACHING)
-    one.set(goal_age=TIMING.goal_lost + 1.0, image_age=age).failed("images_missing")
+    one.set(goal_age=TIMING.goal_lost + 1.0, image_ages=np.array([0.1, age])).failed(
+        "images_missing"
+    )

@@ -264,3 +264,27 @@ def test_a_plan_that_is_not_checked_is_held_against_nothing():
     one.advance(0.3)
     assert one.planner.asked == []
     assert one.state.active_movement == 1
+
+
+def test_an_arm_on_its_way_to_where_something_is_predicted_brakes_and_goes_on_by_a_new_plan():
+    one = on_its_way().look().advance(0.3)
+    assert one.state.active_movement == 1
+    one.set(predicted_clearance=0.001)
+    assert one.step().active_movement == 0  # Within a period of the supervision.
+    one.set(predicted_clearance=np.inf).look()
+    one.advance(LATENCY.plan + 2.0 * STEP)
+    assert one.state.mode == ReachMode.REACHING
+    assert one.state.active_movement == 2
+
+
+def test_an_arm_that_withdraws_to_where_something_is_predicted_seeks_another_place():
+    one = on_its_way(ahead=0.0, ahead_from=0.0).set(predicted_cloud=BESIDE[None]).look()
+    one.advance(LATENCY.plan + STEP)
+    assert one.state.suspended_plan is not None
+    retreats = one.planner.questions().count("plan_retreat")
+    one.set(predicted_clearance=0.001)
+    assert one.step().active_movement == 0
+    one.set(predicted_clearance=np.inf).look().advance(LATENCY.plan + 2.0 * STEP)
+    assert one.planner.questions().count("plan_retreat") > retreats
+    assert one.state.active_movement > 2
+    assert one.state.mode == ReachMode.REACHING

@@ -178,5 +178,7 @@ def test_an_arm_that_all_but_stands_is_not_on_its_way_to_where_something_is_pred
         system.predicted_cloud_input.FixValue(context, cloud_of(points))
         system.joint_velocity_input.FixValue(context, factor * velocity)
         simulator.AdvanceTo(0.01)
-        assert np.isfinite(clearance(system, context)) == counts
-        assert approach(system, context) == clearance(system, context)
+        predicted = system.GetOutputPort("predicted_approach_clearance").Eval(context)[0]
+        assert np.isfinite(predicted) == counts
+        assert predicted == clearance(system, context)
+        assert approach(system, context) == np.inf, "what is only predicted ends no reach"

@@ -169,14 +169,16 @@ def test_faulty_images_change_nothing(bench, X_CM, facing, fault):
 
 def test_the_age_of_images_counts_those_alone_that_can_be_looked_at(bench, X_CM):
     bench.simulator.AdvanceTo(0.1)
-    assert np.isinf(bench.output("image_age")).all()
+    assert np.isinf(bench.output("image_ages")).all()
     bench.see(X_CM, 2, start=0.2)
-    assert bench.output("image_age") == pytest.approx(0.05)
+    assert bench.output("image_ages")[0] == pytest.approx(0.05)
     frozen = bench.picture(X_CM)
     for pixels, time in ((frozen, 0.6), (frozen, 0.8), (frozen[::2, ::2], 1.0)):
         bench.show(pixels, time)
         bench.simulator.AdvanceTo(time + 0.05)
-    assert bench.output("image_age") == pytest.approx(0.45)
+    top, bottom = bench.output("image_ages")
+    assert top == pytest.approx(0.45)
+    assert np.isinf(bottom)
 
 
 def test_noiseless_images_are_used_when_told_so(draw_marker, X_CM):
