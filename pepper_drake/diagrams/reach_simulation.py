@@ -203,12 +203,13 @@ class ReachSimulation:
         tau = self._rows("tau")[:, 0]
         coupling = self._rows("coupling") / tau[:, None] ** 2
         mode = self._rows("mode")[:, 0].astype(np.int64)
+        origin = self._rows("movement_origin")[:, 0].astype(np.int64)
         true = self._true_goal_rows()
         hand, goal = self._rows("hand_position"), self._rows("goal_position")
         return ReachLog(
             time_s=np.asarray(times),
             mode=mode,
-            movement_origin=self._rows("movement_origin")[:, 0].astype(np.int64),
+            movement_origin=origin,
             joint_position_rad=self._rows("joint_position"),
             joint_command_rad=self._rows("joint_command"),
             base_pose_m_m_rad=self._rows("base_pose"),
@@ -227,7 +228,12 @@ class ReachSimulation:
             cloud_torso_m=self._cloud_T,
             demonstration_m=reaching.planner.demonstrated_path(),
             taught_path_torso_m=taught_path(
-                self.reaching.planner.demonstrated.primitive, np.asarray(times), mode, hand, goal
+                self.reaching.planner.demonstrated.primitive,
+                np.asarray(times),
+                mode,
+                origin,
+                hand,
+                goal,
             ),
         )
 

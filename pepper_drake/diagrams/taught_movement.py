@@ -7,6 +7,7 @@ from pydrake.systems.framework import Context
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.control_model import arm_joints
+from pepper_drake.planning.reach.movement import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import PlanStatus
@@ -22,6 +23,7 @@ def taught_path(
     primitive: MovementPrimitive,
     times: Vector,
     mode: npt.NDArray[np.int64],
+    origin: npt.NDArray[np.int64],
     hand: Vector,
     goal: Vector,
 ) -> Vector:
@@ -31,10 +33,12 @@ def taught_path(
         primitive: As taught.
         times: (N,) of the rows [s].
         mode: (N,) the supervisor's `ReachMode`.
+        origin: (N,) the `Origin` of the movement: a retreat has another goal.
         hand: (N, 3) measured position in T [m].
         goal: (N, 3) estimated goal of the hand in T [m].
     """
-    moving = np.flatnonzero(np.isin(mode, (ReachMode.REACHING, ReachMode.HOLDING)))
+    reaching = np.isin(mode, (ReachMode.REACHING, ReachMode.HOLDING))
+    moving = np.flatnonzero(reaching & ~np.isin(origin, (Origin.NONE, Origin.RETREAT)))
     if not len(moving) or not np.isfinite(goal[moving]).all():
         return np.zeros((0, 3))
     since, seen = times[moving] - times[moving[0]], goal[moving]
