@@ -11,12 +11,14 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.gaze.head_aiming import camera_pose
 from pepper_drake.perception.gaze.view_planning import within_possible_view
 from pepper_drake.perception.mapping.seen_space import SeenSpace, describe_place
 from pepper_drake.perception.mapping.voxel_map import voxel_keys
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
 
 Vector = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 
 @dataclass
@@ -41,6 +43,9 @@ class UnseenSpaceParams:
     """True if space that no head angle shows from where the robot stands, close to its chest or
     behind its own shoulder, counts as known: whoever starts the robot keeps it clear. How much the
     arm sweeps of it is reported."""
+    background: float = 4.0
+    """Distance of the floor behind a place up to which it can be seen to be free [m]: where nothing
+    is behind, a depth camera measures nothing, walls or not. Such places are out of view, too."""
     projector_baseline: float = 0.075
     """Distance of the depth camera from its projector [m]: its light is hidden by the arm, too."""
     accept: bool = False
@@ -101,9 +106,19 @@ def unseen_space(
         if body is not None:
             hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
         shown = within_possible_view(CAMERA_DEPTH, p_T[unseen], hiding, params.projector_baseline)
+        shown &= _is_before_floor(p_W[unseen], X_WT, params.background)
         out_of_view = float(np.count_nonzero(~shown)) * params.cell**3
         unseen = unseen[shown]
     return UnseenSpace(_largest_region(p_W[unseen], params), out_of_view)
+
+
+def _is_before_floor(p_W: Vector, X_WT: RigidTransform, farthest: float) -> Mask:
+    """Which places (N, 3) the depth camera sees against the floor, z = 0, within a distance [m]."""
+    p_WC = X_WT @ camera_pose(CAMERA_DEPTH, (0.0, 0.0)).translation()
+    off = p_W - p_WC
+    # The ray through a place meets the floor at this multiple of the place's distance.
+    stretch = p_WC[2] / np.maximum(-off[:, 2], 1e-9)
+    return np.asarray(stretch * np.linalg.norm(off, axis=1) <= farthest)
 
 
 def _largest_region(cells: Vector, params: UnseenSpaceParams) -> Vector:
