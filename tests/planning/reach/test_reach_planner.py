@@ -15,6 +15,7 @@ from pepper_drake.models.control_model import (
 )
 from pepper_drake.models.pepper import posture_positions
 from pepper_drake.models.scene import default_pre_grasp
+from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
