@@ -235,6 +235,7 @@ def _perception_formats() -> dict[str, Format]:
         "camera_info": Format(camera_info, load_intrinsics),
         "camera_yml": Format(file_storage("camera.yml"), load_intrinsics),
         "camera_json": Format(file_storage("camera.json"), load_intrinsics),
+        "camera_xml": Format(file_storage("camera.xml"), load_intrinsics),
         "image": Format(image("photo.png", np.uint8), read_image),
         "depth_image": Format(image("depth.png", np.uint16), read_depth),
         "pcd": Format(cloud("cloud.pcd", pcd), load_cloud),

@@ -2,19 +2,13 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 from pydrake.systems.framework import DiagramBuilder, System
-from pydrake.systems.primitives import MatrixGain
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
 from pepper_drake.models.control_model import ControlModel, arm_joints
-from pepper_drake.planning.ik.differential_ik import (
-    DifferentialIkParams,
-    hand_key,
-    make_differential_ik,
-)
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams, hand_key
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.coupling_sum import CouplingSum
@@ -28,6 +22,7 @@ from pepper_drake.systems.primitive.orientation_transformation_system import (
 from pepper_drake.systems.primitive.phase_stopping_coupling import PhaseStoppingCoupling
 from pepper_drake.systems.primitive.transformation_system import TransformationSystem
 from pepper_drake.systems.robot.arm_command import ArmCommand
+from pepper_drake.systems.robot.arm_differential_ik import ArmDifferentialIk
 from pepper_drake.systems.robot.pose_vectors import PoseVectors
 
 
@@ -167,7 +162,7 @@ class ArmController(Diagram):
             self._connect(system, bus, kind, f"next_{kind}")
         self._posture = add("nominal_posture", NominalPosture())
         self._connect(self._canonical, self._posture, "phase")
-        ik = add("differential_ik", make_differential_ik(model, arm, params))
+        ik = add("differential_ik", ArmDifferentialIk(model, arm, params))
         self._connect(bus, ik, "desired_cartesian_poses")
         self._command = add(
             "arm_command",
@@ -178,16 +173,8 @@ class ArmController(Diagram):
             ),
         )
         self._connect(ik, self._command, commanded_velocity="desired_velocity")
-        # The hand's pose in T depends on the arm's joints alone, so all others may be zero.
-        widen = np.zeros((model.plant.num_positions(), 5))
-        widen[model.position_indices(arm_joints(arm)), range(5)] = 1
-        for source, output, port in (
-            (self._command, "position_command", "position"),
-            (self._posture, "joint_position", "nominal_posture"),
-        ):
-            wide = add(f"ik_{port}", MatrixGain(D=widen))
-            self._builder.Connect(source.GetOutputPort(output), wide.get_input_port())
-            self._builder.Connect(wide.get_output_port(), ik.GetInputPort(port))
+        self._connect(self._command, ik, position_command="position")
+        self._connect(self._posture, ik, joint_position="nominal_posture")
 
     def _export(self) -> None:
         """Exports the ports; `movement` goes to all that perform it."""

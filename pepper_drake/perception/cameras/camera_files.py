@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
@@ -80,10 +80,13 @@ def load_intrinsics(path: str | Path) -> CameraIntrinsics:
 def _read(path: Path) -> dict[str, Any]:
     """Reads a file's entries; matrices become arrays."""
     text = read_text(path, _LARGEST)
-    head = text.lstrip()[:200]
-    is_storage = head.startswith(("%YAML:", "<?xml", "<opencv_storage", '{"opencv'))
-    if is_storage or "opencv-matrix" in text:
-        return _read_file_storage(text, path)
+    if text.lstrip().startswith(("<?xml", "<opencv_storage")):
+        storage = _read_xml_storage(text, path)
+        return {name: _plain(value) for name, value in storage.items()}
+    # A file storage of OpenCV is YAML or JSON but for its first line and the name of its matrices.
+    # OpenCV itself is not asked: its parser crashes on damaged files.
+    text = re.sub(r"^%YAML[: ]1\.[0-9]+", "", text.lstrip(), count=1)
+    text = re.sub(r"!!(?:opencv-matrix|opencv-nd-matrix|map)", "", text)
     root = compose(text, str(path))
     content = None if root is None else construct(root, str(path))
     if not isinstance(content, dict):
@@ -107,32 +110,26 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _read_file_storage(text: str, path: Path) -> dict[str, Any]:
+def _read_xml_storage(text: str, path: Path) -> dict[str, Any]:
+    """Reads OpenCV's XML: matrices become dictionaries, other entries texts."""
+    refused = InputError(f"{path}: is no XML of a file storage of OpenCV.")
+    if "<!" in text.replace("<!--", ""):  # Declarations may stand for gigabytes.
+        raise refused
     try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        entries = _node_value(storage.root()) if storage.isOpened() else None
-    except (cv2.error, SystemError, RecursionError, UnicodeDecodeError):
-        entries = None
-    if not isinstance(entries, dict):
-        raise InputError(f"{path}: OpenCV cannot read this file storage.")
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, RecursionError):
+        raise refused from None
+    entries: dict[str, Any] = {}
+    for node in root:
+        parts = {part.tag: (part.text or "").strip() for part in node}
+        if "data" not in parts:
+            entries[node.tag] = (node.text or "").strip()
+            continue
+        sizes = [parts.get(name, "") for name in ("rows", "cols")]
+        whole = all(size.isascii() and size.isdigit() and len(size) < 7 for size in sizes)
+        rows, columns = (int(size) for size in sizes) if whole else (None, None)
+        entries[node.tag] = {"rows": rows, "cols": columns, "data": parts["data"]}
     return entries
-
-
-def _node_value(node: cv2.FileNode) -> Any:
-    if node.isMap():
-        try:
-            matrix = node.mat()
-        except cv2.error:
-            matrix = None
-        if matrix is not None:
-            return matrix
-        names: list[str] = node.keys()
-        return {name: _node_value(node.getNode(name)) for name in names}
-    if node.isSeq():
-        return [_node_value(node.at(k)) for k in range(node.size())]
-    if node.isInt() or node.isReal():
-        return node.real()
-    return node.string()
 
 
 def _numbers(value: Any) -> npt.NDArray[np.float64] | None:

@@ -7,6 +7,7 @@ a hundred times faster than a loop over contexts. Vectors come with their three 
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +42,22 @@ class _Joint:
     R: tuple[_Terms, ...] | None
     p: _Terms
     axis: tuple[int, float]
+
+
+class ArmChain(NamedTuple):
+    """An arm's five joints and its hand as plain arrays, for compiled code.
+
+    Attributes:
+        rotations: (6, 3, 3) of each joint's frame in its parent link, then of the hand in its link.
+        positions: (6, 3) their origins there [m].
+        axis_numbers: (5,) which coordinate axis each joint turns about.
+        senses: (5,) 1 or -1.
+    """
+
+    rotations: Vector
+    positions: Vector
+    axis_numbers: npt.NDArray[np.int64]
+    senses: Vector
 
 
 class ArmPoses:
@@ -100,6 +117,7 @@ class ArmKinematics:
     Attributes:
         arm: "left" or "right".
         spheres: The arm's spheres, upper arm to hand.
+        chain: The same kinematics as arrays.
     """
 
     def __init__(self, model: ControlModel, arm: str) -> None:
@@ -109,12 +127,14 @@ class ArmKinematics:
         self._joints: list[_Joint] = []
         self._link_after: list[int | None] = []
         names = arm_link_names(arm)
+        poses: list[RigidTransform] = []
         for name in arm_joints(arm):
             joint: RevoluteJoint = plant.GetJointByName(name)
             X_PF = joint.frame_on_parent().GetFixedPoseInBodyFrame()
             X_CM = joint.frame_on_child().GetFixedPoseInBodyFrame()
             if not X_CM.IsNearlyIdentity(1e-12):
                 raise ValueError(f"{name}: its link's frame is not that of the joint")
+            poses.append(X_PF)
             ((number, sense),) = _terms(joint.revolute_axis())
             self._joints.append(
                 _Joint(
@@ -125,6 +145,13 @@ class ArmKinematics:
             self._link_after.append(names.index(child) if child in names else None)
         X_LH = plant.GetFrameByName(hand_frame(arm)).GetFixedPoseInBodyFrame()
         self._hand = _columns(X_LH.rotation().matrix()), _terms(X_LH.translation())
+        poses.append(X_LH)
+        self.chain = ArmChain(
+            np.array([X.rotation().matrix() for X in poses]),
+            np.array([X.translation() for X in poses]),
+            np.array([joint.axis[0] for joint in self._joints]),
+            np.array([joint.axis[1] for joint in self._joints]),
+        )
 
     def poses(self, joints: Vector) -> ArmPoses:
         """Link poses of the arm at joints (M, 5) [rad]."""

@@ -107,6 +107,22 @@ def conservative_elbow_roll_limits(arm: str) -> tuple[float, float]:
     return max(lower for lower, _ in ranges), min(upper for _, upper in ranges)
 
 
+def arm_joint_limits(model: ControlModel, arm: str, params: DifferentialIkParams) -> JointLimits:
+    """Limits of the plant's joints (18) that the arm's inverse kinematics keeps."""
+    rated = JointLimits(model.plant)
+    lower, upper = rated.position_lower(), rated.position_upper()
+    elbow_roll = model.position_indices(arm_joints(arm))[3]
+    lower[elbow_roll], upper[elbow_roll] = conservative_elbow_roll_limits(arm)
+    return JointLimits(
+        position_lower=lower,
+        position_upper=upper,
+        velocity_lower=params.speed_fraction * rated.velocity_lower(),
+        velocity_upper=params.speed_fraction * rated.velocity_upper(),
+        acceleration_lower=rated.acceleration_lower(),
+        acceleration_upper=rated.acceleration_upper(),
+    )
+
+
 def make_differential_ik(
     model: ControlModel, arm: str, params: DifferentialIkParams
 ) -> DifferentialInverseKinematicsSystem:
@@ -127,18 +143,7 @@ def make_differential_ik(
 
     indices = model.position_indices(arm_joints(arm))
     mask = DofMask([k in indices for k in range(model.plant.num_positions())])
-    rated = JointLimits(model.plant)
-    lower, upper = rated.position_lower(), rated.position_upper()
-    elbow_roll = indices[3]
-    lower[elbow_roll], upper[elbow_roll] = conservative_elbow_roll_limits(arm)
-    limits = JointLimits(
-        position_lower=lower,
-        position_upper=upper,
-        velocity_lower=params.speed_fraction * rated.velocity_lower(),
-        velocity_upper=params.speed_fraction * rated.velocity_upper(),
-        acceleration_lower=rated.acceleration_lower(),
-        acceleration_upper=rated.acceleration_upper(),
-    )
+    limits = arm_joint_limits(model, arm, params)
 
     recipe = dik.Recipe()
     recipe.AddIngredient(

@@ -4,21 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BusValue
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel, arm_joints
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
 from pepper_drake.planning.ik.command_limits import limit_joint_command
-from pepper_drake.planning.ik.differential_ik import (
-    DifferentialIkParams,
-    feedforward_poses,
-    hand_key,
-    make_differential_ik,
-)
+from pepper_drake.planning.ik.compiled_ik import CompiledIk
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams, feedforward_poses
 from pepper_drake.planning.reach.movement import Movement
 
 Vector = npt.NDArray[np.float64]
@@ -68,12 +61,10 @@ class KinematicSimulator:
         settle: float,
     ) -> None:
         self._kinematics, self._params, self._settle = kinematics, ik, settle
-        self._ik = make_differential_ik(model, kinematics.arm, ik)
+        self._ik = CompiledIk(model, kinematics.chain, kinematics.arm, ik)
         names = arm_joints(kinematics.arm)
         self.limits = model.command_limits(names, speed_fraction=ik.speed_fraction)
         self.time_step = ik.time_step
-        self._indices = model.position_indices(names)
-        self._num_positions = model.plant.num_positions()
 
     def roll_out(
         self,
@@ -122,35 +113,19 @@ class KinematicSimulator:
 
         They end with the path, or when the arm stands within half a tolerance [m] of its end.
         """
-        ik = self._ik
-        context = ik.CreateDefaultContext()
-        position_port = ik.get_input_port_position()
-        nominal_port = ik.get_input_port_nominal_posture()
-        poses_port = ik.get_input_port_desired_cartesian_poses()
-        velocity_port = ik.get_output_port()
-        key, gain = hand_key(self._kinematics.arm), self._params.tracking_gain
         p, R = path.positions, path.rotations
-        asked_p, asked_R = feedforward_poses(p[:-1], p[1:], R[:-1], R[1:], gain)
-        q = np.zeros(self._num_positions)
-        nominal = q.copy()
+        asked_p, asked_R = feedforward_poses(
+            p[:-1], p[1:], R[:-1], R[1:], self._params.tracking_gain
+        )
         joints, velocity = start
         commands = np.empty((len(path.positions), 5))
         commands[0] = joints
-        # The inputs' values are written in place, which saves making three of them every tick.
-        position = position_port.FixValue(context, q)
-        posture = nominal_port.FixValue(context, nominal)
-        poses = poses_port.FixValue(context, Value(BusValue()))
         for n in range(1, len(commands)):
-            q[self._indices] = joints
-            nominal[self._indices] = path.joints[n - 1]
-            pose = RigidTransform(Quaternion(asked_R[n - 1]), asked_p[n - 1])
-            poses.GetMutableData().get_mutable_value().Set(key, Value(pose))
-            position.GetMutableData().get_mutable_value().SetFromVector(q)
-            posture.GetMutableData().get_mutable_value().SetFromVector(nominal)
+            wished = self._ik.velocity(joints, path.joints[n - 1], asked_p[n - 1], asked_R[n - 1])
             joints, velocity = limit_joint_command(
                 joints,
                 velocity,
-                velocity_port.Eval(context),
+                wished,
                 limits=self.limits,
                 time_step=self._params.time_step,
             )

@@ -192,7 +192,7 @@ class ReachEvaluator:
                 f"the arm would come {1000 * clearance:.0f} mm near to what was seen, "
                 f"less than {1000 * params.clearance.start:.0f} mm"
             )
-        elif movement is not self.demonstrated and self._touches_object(scene, joint_path):
+        elif collision_checked and self._touches_object(scene, joint_path):
             status = PlanStatus.NO_CLEAR_PATH
             message = "the arm would touch the goal object"
         return ReachPlan(

@@ -285,6 +285,16 @@ def test_without_adaptation_the_hand_is_bent_around_it_more_closely(right_primit
     assert plan.movement is reactive.demonstrated
 
 
+def test_no_movement_is_clear_that_runs_into_the_goal_object(planner, monkeypatch):
+    """The one that was shown neither: bent by the barrier it may come from above."""
+    scene = object_at()
+    assert stand(planner, scene).movement is planner.demonstrated
+    monkeypatch.setattr(
+        ArmCollisionChecker, "object_distances", lambda self, q: np.full(len(q), -0.01)
+    )
+    assert stand(planner, scene).status != PlanStatus.CLEAR
+
+
 def test_where_nothing_is_in_the_way_the_movement_stays_the_one_that_was_shown(planner):
     plan = stand(planner, object_at())
     assert plan.movement is planner.demonstrated
