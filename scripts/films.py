@@ -20,7 +20,7 @@ FILMS: dict[str, list[str]] = {
     "teaching": ["record.py", "--guide", "reach"],
     "reaching": ["reach.py", "--scene", "table", "--no-recording"],
     "moved_goal": ["reach.py", "--scene", "free", "--goal-motion", "up", "--no-recording"],
-    "arm_coming_in": ["reach.py", "--random-scene", "606", "--moving", "--no-recording"],
+    "arm_coming_in": ["reach.py", "--random-scene", "607", "--moving", "--no-recording"],
 }
 
 
