@@ -7,7 +7,7 @@ from pydrake.systems.framework import Context
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.control_model import arm_joints
-from pepper_drake.planning.reach.movement import Origin
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import PlanStatus

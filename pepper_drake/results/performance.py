@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
-from pepper_drake.planning.reach.movement import Origin
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.reach_log import ReachLog
 
@@ -105,6 +104,8 @@ def coupling_strength(log: ReachLog) -> Vector:
 
 def deviations(path: Vector, taught: Vector) -> Vector:
     """Returns distances (N,) of the points of a path (N, 3) to the nearest of another (M, 3)."""
+    from scipy.spatial import cKDTree  # Playing back has to start at once.
+
     return np.asarray(cKDTree(taught).query(path)[0])
 
 

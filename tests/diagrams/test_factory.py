@@ -17,7 +17,7 @@ def test_couplings_have_names():
     assert isinstance(make_coupling("barrier"), BarrierCoupling)
     assert isinstance(make_coupling("report"), ReportCoupling)
     assert make_coupling("none") is None
-    with pytest.raises(InputError, match="barrier, report or none"):
+    with pytest.raises(InputError, match="'magic' is unknown; use one of barrier, report"):
         make_coupling("magic")
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.diagrams.taught_movement import taught_path
-from pepper_drake.planning.reach.movement import Origin
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_mode import ReachMode
 
 PRIMITIVE = make_primitive(None, "right")

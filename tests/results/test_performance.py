@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pepper_drake.planning.reach.movement import Origin
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.reporting.reach_figures import performance_title
 from pepper_drake.results.performance import ADAPTED, AS_SHOWN, BENT, measure_performance

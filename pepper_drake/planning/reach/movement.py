@@ -1,28 +1,13 @@
 """The movement that the arm performs: decided before it starts, and again while it moves."""
 
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.short_repr import short_repr
-
-
-class Origin(IntEnum):
-    """Origin of a movement."""
-
-    NONE = 0
-    """No movement is performed: the arm rests or waits."""
-    TAUGHT = 1
-    """The movement that was taught; the coupling may bend it."""
-    ADAPTED = 2
-    """The taught movement, adapted to what was seen before the arm started."""
-    DETOUR = 3
-    """The rest of a movement, planned anew on the way."""
-    RETREAT = 4
-    """Back along the path, away from what came."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,11 +16,12 @@ from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.barrier_for_path import fit_barrier_to_path
 from pepper_drake.planning.reach.kinematic_simulation import KinematicSimulator
-from pepper_drake.planning.reach.movement import Movement, Origin
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.movement_from_path import (
     fit_primitive_to_joint_path,
     reachable_pre_grasp,
 )
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.planning_scene import PlanningScene, PlanningSceneBuilder
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, quality

@@ -5,7 +5,8 @@ from enum import Enum
 
 import numpy as np
 
-from pepper_drake.planning.reach.movement import Movement, Origin
+from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import ReachPlan

@@ -4,8 +4,9 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
-from pepper_drake.planning.reach.movement import Movement, Origin
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.movement_from_path import fit_primitive_to_joint_path
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, RemainingClearance

@@ -1,0 +1,18 @@
+"""Origin of a movement that is performed."""
+
+from enum import IntEnum
+
+
+class Origin(IntEnum):
+    """Origin of a movement."""
+
+    NONE = 0
+    """No movement is performed: the arm rests or waits."""
+    TAUGHT = 1
+    """The movement that was taught; the coupling may bend it."""
+    ADAPTED = 2
+    """The taught movement, adapted to what was seen before the arm started."""
+    DETOUR = 3
+    """The rest of a movement, planned anew on the way."""
+    RETREAT = 4
+    """Back along the path, away from what came."""
