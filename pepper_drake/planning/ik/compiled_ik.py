@@ -1,10 +1,10 @@
 """The arm's differential inverse kinematics, compiled and solved exactly.
 
 The program is that of `differential_ik.make_differential_ik`, Drake's system, term by term; the
-tests hold it against that system and against another solver. Drake solves it by OSQP, to about a
-hundredth of a small velocity, and makes program, contexts and solver anew every tick. Here its
-minimum is found to rounding, in microseconds. numba keeps what it compiled beside this file, or in
-$NUMBA_CACHE_DIR.
+tests hold it against that system and against another solver. Drake solves it by OSQP, which without
+an active bound is content with a gradient of a thousandth of its terms, and makes program, contexts
+and solver anew every tick. Here its minimum is found to rounding, in microseconds. numba keeps what
+it compiled beside this file, or in $NUMBA_CACHE_DIR.
 """
 
 from typing import NamedTuple
