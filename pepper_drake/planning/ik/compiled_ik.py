@@ -1,10 +1,10 @@
 """The arm's differential inverse kinematics, compiled and solved exactly.
 
 The program is that of `differential_ik.make_differential_ik`, Drake's system, term by term; the
-tests hold it against that system and against another solver. Drake solves it by OSQP, to about a
-hundredth of a small velocity, and makes program, contexts and solver anew every tick. Here its
-minimum is found to rounding, in microseconds. numba keeps what it compiled beside this file, or in
-$NUMBA_CACHE_DIR.
+tests hold it against that system and against another solver. Drake solves it by OSQP, which without
+an active bound is content with a gradient of a thousandth of its terms, and makes program, contexts
+and solver anew every tick. Here its minimum is found to rounding, in microseconds. numba keeps what
+it compiled beside this file, or in $NUMBA_CACHE_DIR.
 """
 
 from typing import NamedTuple
@@ -171,14 +171,16 @@ def solve_box_qp(H: Vector, g: Vector, low: Vector, high: Vector) -> Vector:
     """
     n = len(g)
     side = np.zeros(n, dtype=np.int64)  # -1 on the lower bound, 1 on the upper, 0 free.
-    while True:
+    v = np.zeros(n)
+    # Rounding at a degenerate minimum could go round in circles: the number of sets is the limit.
+    for _ in range(3**n):
         A, b = H.copy(), g.copy()
         for i in range(n):
             if side[i] != 0:
                 A[i, :] = 0.0
                 A[i, i] = 1.0
                 b[i] = low[i] if side[i] < 0 else high[i]
-        v = np.linalg.solve(A, b)
+        v = np.linalg.solve(A, b).astype(np.float64)
         for i in range(n):
             if side[i] != 0:
                 v[i] = b[i]  # Without what elimination rounded.
@@ -194,7 +196,8 @@ def solve_box_qp(H: Vector, g: Vector, low: Vector, high: Vector) -> Vector:
             if changed:
                 break
         if not changed:
-            return v
+            break
+    return np.minimum(np.maximum(v, low), high)
 
 
 @njit(cache=True)

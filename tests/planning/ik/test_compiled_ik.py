@@ -114,8 +114,8 @@ def test_velocities_are_those_of_the_stated_program_and_of_drakes_system(arm):
     rows = MODEL.position_indices(arm_joints(arm))
     limits = arm_joint_limits(MODEL, arm, PARAMS)
     rng = np.random.default_rng(4)
-    differences = []
-    for far in [3e-3, 0.3, 3e-3] * 8:
+    polished = []
+    for far in [3e-3, 0.3] * 20:
         q = rng.uniform(limits.position_lower()[rows], limits.position_upper()[rows])
         nominal = q + rng.normal(scale=0.1, size=5)
         X_TH = kinematics.hand_pose(q + rng.normal(scale=far, size=5))
@@ -133,12 +133,17 @@ def test_velocities_are_those_of_the_stated_program_and_of_drakes_system(arm):
         system.get_input_port_nominal_posture().FixValue(context, posture)
         system.get_input_port_desired_cartesian_poses().FixValue(context, Value(bus))
         by_drake = system.get_output_port().Eval(context)
-        differences.append(np.abs(by_drake - found).max())
+        if np.any((found <= low + 1e-9) | (found >= high - 1e-9)):
+            polished.append(np.abs(by_drake - found).max())
+        else:  # OSQP is content with a gradient of a thousandth of its terms: eps_rel.
+            slope = np.abs(H @ by_drake - g).max()
+            assert slope < 1e-3 * max(np.abs(H @ by_drake).max(), np.abs(g).max())
         # OSQP stops early now and then, never below the minimum.
         within = np.clip(by_drake, low, high)
         assert 0.5 * found @ H @ found - g @ found <= 0.5 * within @ H @ within - g @ within + 1e-9
-    # OSQP polishes its answer only where a bound is active: there both are the same.
-    assert np.quantile(differences, 0.25) < 1e-6
+    # With an active bound OSQP polishes its answer, and then both are the same.
+    assert len(polished) > 4
+    assert np.median(polished) < 1e-7
 
 
 def test_a_number_that_is_none_is_refused():
