@@ -104,9 +104,8 @@ def coupling_strength(log: ReachLog) -> Vector:
 
 def deviations(path: Vector, taught: Vector) -> Vector:
     """Returns distances (N,) of the points of a path (N, 3) to the nearest of another (M, 3)."""
-    from scipy.spatial import cKDTree  # Playing back has to start at once.
-
-    return np.asarray(cKDTree(taught).query(path)[0])
+    # A few hundred points: a tree would take longer to import than this takes.
+    return np.linalg.norm(path[:, None] - taught, axis=2).min(axis=1)
 
 
 def measure_performance(log: ReachLog) -> PerformanceReport:
