@@ -24,9 +24,14 @@ from pepper_drake.planning.ik.differential_ik import hand_key
 from pepper_drake.planning.reach.kinematic_simulation import ArmState, KinematicSimulator
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.reach_parameters import PlanningLatency, ReachTiming
+from pepper_drake.planning.reach.reach_parameters import (
+    PlanningLatency,
+    ReachPlannerParams,
+    ReachTiming,
+)
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import ReachState
+from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 
 
 def make_reaching(name, arm):
@@ -109,6 +114,8 @@ def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
     config = ReachingConfig(
         station=StationConfig(seed=355, obstacle_motion_ports=True),
         timing=ReachTiming(latency=latency),
+        # A look at what was not seen would let the person's arm go by.
+        planner=ReachPlannerParams(unseen=UnseenSpaceParams(accept=True)),
     )
     coupling = make_coupling(scene.coupling)
     reaching = Reaching(scene, make_primitive(None, scene.arm), coupling, config)
