@@ -16,6 +16,7 @@ class Dialog(Extractor):
         self._tell = log
         self._loaded: dict[str, str] = {}
         self._active: list[str] = []
+        self._has_files = False
         self._concepts: dict[tuple[str, str], list[str]] = {}
         self._user_data: dict[tuple[int, str], str] = {}
         keep_settings(
@@ -40,7 +41,8 @@ class Dialog(Extractor):
         )
 
     def load_topic(self, path: str) -> str:
-        """Takes a topic's file on the robot; returns the topic's name."""
+        """Takes a topic's file on the robot; returns the topic's name, as its file is called."""
+        self._has_files = True
         return self._load(topic_name(path))
 
     def load_topic_content(self, content: str) -> str:
@@ -50,7 +52,7 @@ class Dialog(Extractor):
     def unload_topic(self, topic: str) -> None:
         """Forgets a topic."""
         self._known(topic)
-        del self._loaded[topic]
+        self._loaded.pop(topic, None)
         if topic in self._active:
             self._active.remove(topic)
 
@@ -191,5 +193,6 @@ class Dialog(Extractor):
         return topic
 
     def _known(self, topic: str) -> None:
-        if topic not in self._loaded:
+        # A file is on the client's side or nowhere: the name that it gives its topic is not known.
+        if topic not in self._loaded and not self._has_files:
             raise ValueError(f"topic {topic!r} is not loaded")
