@@ -1,4 +1,4 @@
-"""Record a demonstration, in simulation, in one of the ways to teach an arm a movement.
+"""Record a demonstration, in simulation or on a robot, in one of the ways to teach an arm.
 
   --way guided    a person leads the limp arm by the hand, along a script of via points
   --way joints    a person drags the arm's joints, one after the other
@@ -17,6 +17,9 @@ and --recover makes it a finished demonstration.
   record.py --way marker --guide mine.yaml    its fields scale and yaw say how the person's
                                               motion becomes the arm's
   record.py --recover out/record              keep what an interrupted recording left
+  record.py --station naoqi --robot tcp://192.168.1.10:9559 --arm right
+      a real Pepper, or a served one: its arm goes limp, and you lead it by the hand until you
+      press the chest button, touch the head or the other hand's back, or Ctrl-C
 """
 
 import argparse
@@ -44,6 +47,8 @@ from pepper_drake.diagrams.recording import (
     record_joints,
     record_pad,
 )
+from pepper_drake.hardware.options import add_link_options, check_station, robot_access
+from pepper_drake.hardware.robot_recording import RobotRecordOptions, record_robot
 from pepper_drake.learning import Demonstration
 from pepper_drake.learning.demonstrations.recording import recover
 from pepper_drake.models.guide import GUIDES, load_guide
@@ -62,6 +67,13 @@ SHIPPED = {
     "marker": MARKER_SCRIPTS,
 }
 """The names of the scripts that ship, by the way to teach; the first is the default."""
+SIMULATED_ONLY: dict[str, object] = {
+    "way": "guided",
+    "guide": None,
+    "live": False,
+    "recover": None,
+}
+"""Options that a robot does not take, and their defaults."""
 
 
 def main() -> int:
@@ -92,10 +104,53 @@ def main() -> int:
         metavar="DIR",
         help="finish the recording that was interrupted in this folder, and do nothing else",
     )
+    parser.add_argument(
+        "--robot", default="ideal", metavar="ADDRESS", help="address of a robot: --station naoqi"
+    )
+    add_link_options(parser)
     arguments = parse(parser)
+    is_robot = check_station(arguments, SIMULATED_ONLY)
+    if is_robot:
+        return record_on_robot(arguments)
     if arguments.recover is not None:
         return keep(arguments.recover, quiet=arguments.quiet)
     return record(arguments)
+
+
+def record_on_robot(arguments: argparse.Namespace) -> int:
+    """Records what a person shows a robot, leading its limp arm."""
+    quiet_libraries()
+    access = robot_access(arguments)
+    arm = arguments.arm or "right"
+    with stop_on_interrupt() as should_stop:
+        recording = record_robot(
+            access,
+            RobotRecordOptions(
+                arguments.output,
+                arm,
+                arguments.disable_life,
+                should_stop,
+                lambda line: None if arguments.quiet else print(line, flush=True),
+                arguments.clock_rate,
+            ),
+        )
+    demonstration = recording.demonstration
+    report = {
+        "outcome": "recorded",
+        "reason": "",
+        "way": "robot",
+        "address": access.address,
+        "ended_by": recording.ended_by or "user",
+        "arm": arm,
+        "samples": recording.samples,
+        "duration": demonstration.duration,
+        "path_length": demonstration.path_length,
+    }
+    with whole_results(arguments.output, ("report.json",)) as folder:
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+    if not arguments.quiet:
+        print(f"recorded: {summary(demonstration)} of the {arm} hand in {arguments.output}")
+    return EXIT_DONE
 
 
 def keep(folder: Path, *, quiet: bool) -> int:

@@ -63,7 +63,10 @@ _REACTION = 0.1
 MOVING = 0.05
 """Rate of a command above which a measurement must change [rad/s]."""
 _CLOCK_KEY = "Device/SubDeviceList/HeadYaw/Position/Sensor/Value"
-_STIFFNESS_PERIOD = 0.5
+_WATCH_PERIOD = 0.25
+TAKEN_OVER = 0.15
+"""Distance of the robot's own command from ours, in two looks, that another program must have
+made [rad]."""
 _SLOWED_SECONDS = 0.5
 _SEGMENT_LENGTH = 0.2
 """Longest way that one moveTo drives [m]: the base of a dead client stops there."""
@@ -128,6 +131,7 @@ class RobotLink:
         self._reading: asyncio.Task[None] | None = None
         self._asked = 0.0
         self._sending: asyncio.Task[None] | None = None
+        self._sent: Vector | None = None
         self._states = self._late = 0
         self._followed = self._clock()
         self._fault: LinkFault | None = None
@@ -161,7 +165,7 @@ class RobotLink:
                     )
                     tasks.append(self._start(reader.run(partial(self._wants, number))))
             tasks += [
-                self._start(self._watch_stiffness()),
+                self._start(self._watch_arm()),
                 self._start(self._drive()),
             ]
             await self._beat()
@@ -251,17 +255,32 @@ class RobotLink:
         self._states += 1
         self._measured.add(Measurement(join_time(stamp[1], stamp[2]), time, positions, base_pose))
 
-    async def _watch_stiffness(self) -> None:
-        """Sees that the arm's motors stay stiff while they are commanded."""
+    async def _watch_arm(self) -> None:
+        """Sees that the commanded arm's motors stay stiff, and that nobody else commands it."""
         names = list(arm_joints(self._config.arm))
+        rows = [self._config.joints.index(name) for name in names]
+        call, foreign = self._transport.call, 0
         while True:
-            await self._time.pause(_STIFFNESS_PERIOD)
-            if int(self._mailbox.command.read()["mode"]) != STREAM:
+            await self._time.pause(_WATCH_PERIOD)
+            if not self._streams():
+                foreign = 0
                 continue
-            stiffnesses = await self._transport.call("ALMotion", "getStiffnesses", names)
+            stiffnesses = await call("ALMotion", "getStiffnesses", names)
             limp = [n for n, s in zip(names, stiffnesses, strict=True) if s < 0.05]
-            if limp and int(self._mailbox.command.read()["mode"]) == STREAM:
+            if limp and self._streams():
                 raise LinkFault("stiffness_lost", ", ".join(limp))
+            commanded = np.array(await call("ALMotion", "getAngles", names, False))
+            if self._sent is None or self._holding or not self._streams():
+                foreign = 0
+                continue
+            far = np.abs(commanded - self._sent[rows]) > TAKEN_OVER
+            foreign = foreign + 1 if far.any() else 0
+            if foreign > 1:
+                who = [n for n, is_far in zip(names, far, strict=True) if is_far]
+                raise LinkFault("taken_over", ", ".join(who))
+
+    def _streams(self) -> bool:
+        return int(self._mailbox.command.read()["mode"]) == STREAM
 
     def _slow(self, value: Any) -> None:
         self._slowed_until = self._clock() + _SLOWED_SECONDS
@@ -324,6 +343,7 @@ class RobotLink:
         self._send(within_limits(self._config.joints, here, self._limits), HOLD_FRACTION)
 
     def _send(self, targets: Vector, fraction: float) -> None:
+        self._sent = targets
         self._sending = self._start(
             self._transport.call(
                 "ALMotion",

@@ -1,12 +1,10 @@
 """The link's process, and the station's side of it."""
 
 import asyncio
-import multiprocessing
 import signal
 import time
 from multiprocessing.process import parent_process
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +16,7 @@ from pepper_drake.hardware.link_fault import LINK_FAULTS, LinkFault
 from pepper_drake.hardware.mailbox import END, HAND_OVER, HOLD, Mailbox, MailboxNames
 from pepper_drake.hardware.preflight import PreflightOptions, check_robot
 from pepper_drake.hardware.transport import RobotAccess, make_transport
+from pepper_drake.robot_server.child_process import ChildProcess
 
 _START_SECONDS = 30.0
 _END_SECONDS = 5.0
@@ -66,7 +65,7 @@ async def _watch_parent(link: RobotLink) -> None:
     link.end()
 
 
-class LinkProcess:
+class LinkProcess(ChildProcess):
     """A robot behind a process; a context manager that ends it.
 
     Attributes:
@@ -86,24 +85,8 @@ class LinkProcess:
         """
         self.mailbox = Mailbox()
         self.clock = LinkClock(config.clock_rate)
-        self._process = multiprocessing.get_context("spawn").Process(
-            target=run_link,
-            args=(access, config, options or PreflightOptions(), self.mailbox.names),
-            name="robot link",
-            daemon=True,
-        )
-        self._process.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
+        arguments = (access, config, options or PreflightOptions(), self.mailbox.names)
+        self.start(run_link, arguments, "robot link")
 
     def wait_until_ready(self) -> None:
         """Waits for the first state.
@@ -153,10 +136,7 @@ class LinkProcess:
         self.command(mode=HOLD)
         self.clock.sleep(0.1)
         self.command(mode=END)
-        self._process.join(_END_SECONDS)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
+        self.end(_END_SECONDS)
         self.mailbox.close()
 
 

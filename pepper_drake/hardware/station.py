@@ -32,6 +32,7 @@ from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.systems.framework import Diagram, LeafSystem, build_into
 from pepper_drake.systems.robot.robot_kinematics import RobotKinematics, head_camera_pose
+from pepper_drake.systems.sensing.camera_model import fill_image
 
 Vector = npt.NDArray[np.float64]
 
@@ -337,13 +338,7 @@ class ReceivedCamera(LeafSystem):
         return EventStatus.Succeeded()
 
     def _calc_image(self, context: Context, output: Value) -> None:
-        pixels = self._get(context).pixels
-        image = output.get_mutable_value()
-        height, width = pixels.shape[:2]
-        if (image.width(), image.height()) != (width, height):
-            image.resize(width, height)
-        if pixels.size:
-            image.mutable_data[:] = pixels
+        fill_image(output.get_mutable_value(), self._get(context).pixels)
 
     def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self._get(context).time)

@@ -1,7 +1,7 @@
 """ALMotion: joints, stiffness, tasks, places of frames; with `BaseMoves` and `MotionSettings`."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -55,6 +55,8 @@ from pepper_drake.robot_server.time_laws import (
     sample_ramp,
 )
 from pepper_drake.robot_server.waiting import Module, until_ended
+
+_T = TypeVar("_T")
 
 _WAKE_SPEED = 0.3
 """Fraction of the largest speed at which the robot wakes up and goes to rest."""
@@ -268,11 +270,19 @@ class Motion(BaseMoves, MotionSettings, Module):
         if measured is None:
             raise ValueError(f"nothing is remembered of time {when:.3f} s")
         x, y, theta = measured[len(JOINTS) :].tolist()
-        try:
-            X = kinematics().transform(name, 1, measured[: len(JOINTS)], (x, y, theta))
-        except UnknownFrameError:
-            raise ValueError(f"there is no joint, effector or sensor {name!r}") from None
+        q = measured[: len(JOINTS)]
+        X = _named(name, lambda: kinematics().transform(name, 1, q, (x, y, theta)))
         return as_transform16(X)
+
+    def get_mass(self, name: str) -> float:
+        """Returns the mass of "Body", of a chain, or of the link that a joint moves [kg]."""
+        return _named(name, lambda: kinematics().mass(name))
+
+    def get_com(self, name: str, frame: int, use_sensors: bool) -> list[float]:
+        """Returns where the mass of `getMass` is in a frame: x, y, z [m]."""
+        q = self.state.positions if use_sensors else self.joints.command
+        base = self.state.base_pose
+        return _named(name, lambda: kinematics().center_of_mass(name, frame, q, base).tolist())
 
     def get_sensor_names(self) -> list[str]:
         """Returns the sensors whose place can be asked."""
@@ -400,11 +410,9 @@ class Motion(BaseMoves, MotionSettings, Module):
                 self.joints.set_stiffness(hand, 0.0)
 
     def _pose(self, name: str, frame: int, use_sensors: bool) -> Any:
-        positions = self.state.positions if use_sensors else self.joints.command
-        try:
-            return kinematics().transform(name, frame, positions, self.state.base_pose)
-        except UnknownFrameError:
-            raise ValueError(f"there is no joint, effector or sensor {name!r}") from None
+        q = self.state.positions if use_sensors else self.joints.command
+        base = self.state.base_pose
+        return _named(name, lambda: kinematics().transform(name, frame, q, base))
 
     def _refuse_cartesian(self, *_: Any) -> None:
         raise ValueError(_NOT_ON_PEPPER)
@@ -419,6 +427,14 @@ class Motion(BaseMoves, MotionSettings, Module):
     set_transform = _refuse_cartesian
     set_transforms = _refuse_cartesian
     change_transform = _refuse_cartesian
+
+
+def _named(name: str, compute: Callable[[], _T]) -> _T:
+    """Computes something of a frame; a ValueError if there is none of that name."""
+    try:
+        return compute()
+    except UnknownFrameError:
+        raise ValueError(f"there is no joint, effector or sensor {name!r}") from None
 
 
 def _resources(names: list[str]) -> frozenset[str]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from pepper_drake.robot_server.extractors import Extractor
 from pepper_drake.robot_server.robot_port import SENSORS
 from pepper_drake.robot_server.waiting import VERSION, Module, RobotTimer
 
@@ -114,6 +115,12 @@ class Ability(Module):
     def get_mode(self) -> str:
         """Returns how it would show."""
         return self._mode
+
+    def add_tags_to_words(self, _tags: Any) -> None:
+        """Takes gestures for words; there are none."""
+
+    def reset_tags_to_words(self) -> None:
+        """Forgets gestures for words."""
 
 
 class BasicAwareness(Ability):
@@ -296,67 +303,12 @@ class RobotModel(Module):
         return False
 
 
-class Sonar(Module):
+class Sonar(Extractor):
     """ALSonar: who wants its values; the values are ALMemory's, where they are simulated."""
 
     def __init__(self) -> None:
-        super().__init__("ALSonar")
-        self._subscribers: dict[str, tuple[int, float]] = {}
-
-    def subscribe(self, name: str, period: int = 100, precision: float = 0.0) -> None:
-        """Asks for values."""
-        self._subscribers[name] = (period, precision)
-
-    def unsubscribe(self, name: str) -> None:
-        """Asks for values no more."""
-        if self._subscribers.pop(name, None) is None:
-            raise ValueError(f"{name!r} has not subscribed")
-
-    def get_subscribers_info(self) -> list[list[Any]]:
-        """Returns who wants values, how often [ms] and how exactly."""
-        return [[name, *wanted] for name, wanted in self._subscribers.items()]
-
-    def get_current_period(self) -> int:
-        """Returns how often values come [ms]."""
-        return min((period for period, _ in self._subscribers.values()), default=100)
-
-    def get_current_precision(self) -> float:
-        """Returns how exact values are."""
-        return max((precision for _, precision in self._subscribers.values()), default=0.0)
-
-    def get_my_period(self, name: str) -> int:
-        """Returns how often one wants values [ms]."""
-        return self._wanted(name)[0]
-
-    def get_my_precision(self, name: str) -> float:
-        """Returns how exactly one wants values."""
-        return self._wanted(name)[1]
-
-    def update_period(self, name: str, period: int) -> None:
-        """Changes how often one wants values [ms]."""
-        self._subscribers[name] = (period, self._wanted(name)[1])
-
-    def update_precision(self, name: str, precision: float) -> None:
-        """Changes how exactly one wants values."""
-        self._subscribers[name] = (self._wanted(name)[0], precision)
-
-    def get_event_list(self) -> list[str]:
-        """Returns the events that sonar raises: none is simulated."""
-        return []
-
-    def get_output_names(self) -> list[str]:
-        """Returns where the values are."""
-        return self.get_memory_key_list()
-
-    def get_memory_key_list(self) -> list[str]:
-        """Returns where the values are."""
         device = "Device/SubDeviceList/Platform/{}/Sonar/Sensor/Value"
-        return [device.format(side) for side in ("Front", "Back")]
-
-    def _wanted(self, name: str) -> tuple[int, float]:
-        if name not in self._subscribers:
-            raise ValueError(f"{name!r} has not subscribed")
-        return self._subscribers[name]
+        super().__init__("ALSonar", keys=[device.format(side) for side in ("Front", "Back")])
 
 
 class Touch(Module):

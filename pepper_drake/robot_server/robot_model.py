@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
 
 from pepper_drake.models.pepper import (
     PEPPER_URDF,
@@ -157,7 +158,7 @@ class Kinematics:
 
     def __init__(self) -> None:
         self._plant = MultibodyPlant(time_step=0.0)
-        model = add_pepper(self._plant)
+        self._model = model = add_pepper(self._plant)
         self._plant.Finalize()
         self._context = self._plant.CreateDefaultContext()
         self._starts = {
@@ -200,6 +201,43 @@ class Kinematics:
         else:
             raise ValueError(f"frame is {frame}; it must be 0 (torso), 1 (world) or 2 (robot)")
         return self._plant.GetFrameByName(link).CalcPose(self._context, reference) @ X_LF
+
+    def mass(self, name: str) -> float:
+        """Returns the mass of "Body", of a chain, or of the link that a joint moves [kg]."""
+        return sum(self._plant.get_body(body).default_mass() for body in self._bodies(name))
+
+    def center_of_mass(
+        self, name: str, frame: int, positions: Vector, base_pose: tuple[float, float, float]
+    ) -> Vector:
+        """Computes where the mass of `mass` is (3,) in a frame [m]; arguments as of `transform`."""
+        X_WF = self.transform("Torso", FRAME_WORLD, positions, base_pose) @ (
+            self.transform("Torso", frame, positions, base_pose).inverse()
+        )
+        bodies = [self._plant.get_body(body) for body in self._bodies(name)]
+        masses = np.array([body.default_mass() for body in bodies])
+        if masses.sum() <= 0.0:
+            raise ValueError(f"{name} has no mass of its own in the model")
+        centers = np.array(
+            [
+                self._plant.EvalBodyPoseInWorld(self._context, body) @ body.default_com()
+                for body in bodies
+            ]
+        )
+        return X_WF.inverse() @ (masses @ centers / masses.sum())
+
+    def _bodies(self, name: str) -> list[BodyIndex]:
+        if name == "Body":
+            return [
+                index
+                for index in self._plant.GetBodyIndices(self._model)
+                if index != self._plant.world_body().index()
+            ]
+        joints = [joint for joint in CHAINS.get(name, (name,)) if joint not in HANDS]
+        if not all(self._plant.HasJointNamed(joint, self._model) for joint in joints):
+            raise UnknownFrameError(name)
+        return [
+            self._plant.GetJointByName(joint, self._model).child_body().index() for joint in joints
+        ]
 
     def _find(self, name: str) -> tuple[str, RigidTransform]:
         if name in _OF_EFFECTORS:

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 from pepper_drake.naoqi.constants import JOINTS, WHEELS
+from pepper_drake.robot_server.extractors import NOTHING_FOUND
 from pepper_drake.robot_server.memory import Memory
 from pepper_drake.robot_server.motion import Motion
 from pepper_drake.robot_server.robot_port import SENSORS
@@ -114,7 +115,7 @@ def install_keys(memory: Memory, motion: Motion) -> None:
     for name in RANGES:
         keys[f"{DEVICES}{name}/Sensor/Value"] = partial(_range, motion, name)
     memory.compute(keys)
-    for key, value in CONSTANTS.items():
+    for key, value in (CONSTANTS | NOTHING_FOUND).items():
         memory.put(key, value)
     for event in _TOUCH_EVENTS.values():
         memory.put(event, 0.0)

@@ -2,6 +2,17 @@
 
 from collections.abc import Callable
 
+from pepper_drake.robot_server.dialog import Dialog
+from pepper_drake.robot_server.extractors import quiet_extractors
+from pepper_drake.robot_server.media_services import (
+    AnimationPlayer,
+    AudioDevice,
+    AudioPlayer,
+    AudioRecorder,
+    Notifications,
+    Recorder,
+    Tablet,
+)
 from pepper_drake.robot_server.memory import Memory
 from pepper_drake.robot_server.motion import Motion
 from pepper_drake.robot_server.plain_services import (
@@ -23,6 +34,16 @@ from pepper_drake.robot_server.sensor_keys import TouchEvents, install_keys
 from pepper_drake.robot_server.service import Service, ServiceFinder
 from pepper_drake.robot_server.signatures import make_service, service_signatures
 from pepper_drake.robot_server.speech import AnimatedSpeech, TextToSpeech
+from pepper_drake.robot_server.store_services import (
+    BehaviorManager,
+    Laser,
+    LogManager,
+    Navigation,
+    PackageManager,
+    PreferenceManager,
+    Recharge,
+    UserSession,
+)
 from pepper_drake.robot_server.tracker import Tracker
 from pepper_drake.robot_server.video import Video
 from pepper_drake.robot_server.waiting import Module, RobotTimer
@@ -78,7 +99,7 @@ class ServedPepper:
             self.memory,
             self.video,
             self._posture,
-            Tracker(self.motion),
+            Tracker(self.motion, log),
             speech,
             AnimatedSpeech(speech),
             life,
@@ -91,6 +112,24 @@ class ServedPepper:
             Sonar(),
             Touch(lambda: self.motion.state.touched),
             Leds(self._timer, log),
+            *quiet_extractors(log),
+            Dialog(log),
+            Tablet(log),
+            AudioPlayer(log),
+            AudioDevice(log),
+            AudioRecorder(log),
+            AnimationPlayer(log),
+            Recorder("ALVideoRecorder"),
+            Recorder("ALPhotoCapture"),
+            Notifications(),
+            PreferenceManager(),
+            PackageManager(),
+            BehaviorManager(),
+            UserSession(),
+            LogManager(),
+            Laser(),
+            Recharge(tell),
+            Navigation(self.motion),
         ]
         install_keys(self.memory, self.motion)
         self.memory.put("robotIsWakeUp", awake)

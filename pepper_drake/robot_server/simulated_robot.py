@@ -3,15 +3,13 @@
 A process, not a thread: beside a simulation in the same interpreter the server would answer late.
 """
 
-import multiprocessing
 import time
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
 from pepper_drake.errors import PepperDrakeError
 from pepper_drake.naoqi.constants import DEPTH
+from pepper_drake.robot_server.child_process import ChildProcess
 from pepper_drake.robot_server.robot_port import (
     SENSORS,
     CameraImage,
@@ -30,9 +28,10 @@ from pepper_drake.robot_server.simulator import (
 
 _START_SECONDS = 120.0
 """The simulator must have its first state by then [s]."""
+_END_SECONDS = 5.0
 
 
-class SimulatedRobot:
+class SimulatedRobot(ChildProcess):
     """A `RobotPort` on a simulator's process; a context manager that ends it."""
 
     def __init__(self, config: SimulatorConfig) -> None:
@@ -49,21 +48,7 @@ class SimulatedRobot:
         names = SharedNames(
             self._state.name, self._command.name, tuple(image.name for image in self._images)
         )
-        self._process = multiprocessing.get_context("spawn").Process(
-            target=simulate, args=(config, names), name="simulator", daemon=True
-        )
-        self._process.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
+        self.start(simulate, (config, names), "simulator")
 
     def wait_until_ready(self) -> None:
         """Waits for the simulator's first state.
@@ -145,9 +130,6 @@ class SimulatedRobot:
     def close(self) -> None:
         """Ends the simulator and lets the shared memory go."""
         self._command.write(stop=True)
-        self._process.join(5.0)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
+        self.end(_END_SECONDS)
         for record in (self._state, self._command, *self._images):
             record.close()

@@ -54,6 +54,7 @@ class TextToSpeech(Module):
         self._voice = "naoenu"
         self._volume = 1.0
         self._parameters = dict(_PARAMETERS)
+        self._dictionary: dict[str, tuple[str, ...]] = {}
 
     async def say(self, text: Any, language: str = "") -> None:
         """Says a text; returns when it has been said or was stopped."""
@@ -144,6 +145,19 @@ class TextToSpeech(Module):
         """Returns the voices."""
         return ["naoenu", "naomnc"]
 
+    def add_to_dictionary(self, *words: str) -> bool:
+        """Takes how a word is pronounced; returns that it was done."""
+        self._dictionary[words[0] if len(words) == 2 else words[1]] = words
+        return True
+
+    def delete_from_dictionary(self, *words: str) -> bool:
+        """Forgets how a word is pronounced; returns whether it was known."""
+        return self._dictionary.pop(words[-1], None) is not None
+
+    def show_dictionary(self) -> None:
+        """Shows how words are pronounced in the log."""
+        self._log(f"pronounces {', '.join(self._dictionary) or 'all words as usual'}")
+
     def enable_notifications(self) -> None:
         """Switches notifications on; they are."""
 
@@ -195,6 +209,15 @@ class AnimatedSpeech(Module):
     def set_body_talk_enabled(self, enabled: bool) -> None:
         """As `setBodyLanguageEnabled`, its former name."""
         self._enabled = enabled
+
+    def declare_animations_package(self, _package: str) -> None:
+        """Takes a package of gestures; none is simulated."""
+
+    def add_tags_to_words(self, _tags: Any) -> None:
+        """Takes gestures for words; none is simulated."""
+
+    def declare_tag_for_animations(self, _tags: Any) -> None:
+        """Takes gestures for tags; none is simulated."""
 
     def is_body_talk_enabled(self) -> bool:
         """As `isBodyLanguageEnabled`, its former name."""

@@ -1,6 +1,7 @@
 """ALTracker: looks and points at a place. It follows no target: nothing is recognised."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,9 @@ _SHOULDER = {"LArm": "LShoulderPitch", "RArm": "RShoulderPitch"}
 class Tracker(Module):
     """ALTracker."""
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, motion: Motion, log: Callable[[str], None]) -> None:
         super().__init__("ALTracker")
+        self._log = log
         self._motion = motion
         self._effector = "None"
         self._mode = "Head"
@@ -113,6 +115,16 @@ class Tracker(Module):
     def unregister_all_targets(self) -> None:
         """Forgets all targets."""
         self._targets.clear()
+
+    def track(self, target: str) -> None:
+        """Would follow a target; it is lost, as `isTargetLost` says: nothing is recognised."""
+        if target not in self._targets:
+            raise ValueError(f"target {target!r} was not registered")
+        self._log(f"ALTracker is to follow {target}; nothing is recognised, and it stays lost")
+
+    def track_event(self, event: str) -> None:
+        """Would follow what an event tells: nothing is recognised."""
+        self._log(f"ALTracker is to follow {event}; nothing is recognised")
 
     def stop_tracker(self) -> None:
         """Stops looking and pointing."""

@@ -3,7 +3,7 @@
 import asyncio
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import asynccontextmanager, contextmanager
 
 from pepper_drake.naoqi.constants import CYCLE
 from pepper_drake.robot_server.robot_port import KinematicRobot
@@ -72,3 +72,31 @@ def served(**options):
         yield robot
     finally:
         robot.stop()
+
+
+@asynccontextmanager
+async def delayed(address, seconds):
+    """Yields an address behind which another one answers later by twice a time [s]."""
+    host, port = address.removeprefix("tcp://").split(":")
+    pumps, writers = set(), []
+
+    async def pump(reader, writer):
+        while data := await reader.read(65536):
+            asyncio.get_running_loop().call_later(seconds, writer.write, data)
+
+    async def accept(reader, writer):
+        there = await asyncio.open_connection(host, int(port))
+        writers.extend((writer, there[1]))
+        for source, sink in ((reader, there[1]), (there[0], writer)):
+            pumps.add(asyncio.ensure_future(pump(source, sink)))
+
+    server = await asyncio.start_server(accept, "127.0.0.1", 0)
+    try:
+        yield f"tcp://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+    finally:
+        server.close()
+        for task in pumps:
+            task.cancel()
+        await asyncio.gather(*pumps, return_exceptions=True)
+        for writer in writers:
+            writer.close()

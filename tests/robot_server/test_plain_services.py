@@ -127,9 +127,12 @@ def test_nothing_is_tracked_and_nobody_is_told_otherwise():
     async def scenario(pepper):
         pepper.call("ALTracker.registerTarget", "RedBall", 0.06)
         assert pepper.call("ALTracker.getRegisteredTargets") == ["RedBall"]
-        with pytest.raises(ServiceError, match=r"^ALTracker::track: not simulated$"):
-            pepper.call("ALTracker.track", "RedBall")
+        pepper.call("ALTracker.track", "RedBall")
+        assert any("it stays lost" in line for line in pepper.lines)
+        assert pepper.call("ALTracker.isTargetLost") is True
         assert pepper.call("ALTracker.isActive") is False
+        with pytest.raises(ServiceError, match=r"^ALTracker::track: .* was not registered$"):
+            pepper.call("ALTracker.track", "Face")
 
     virtual(scenario)
 

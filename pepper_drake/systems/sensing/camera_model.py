@@ -2,6 +2,7 @@
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -260,13 +261,7 @@ class CameraModel(LeafSystem):
         return EventStatus.Succeeded()
 
     def _calc_image(self, context: Context, output: Value) -> None:
-        pixels = self.last_frame(context).image.pixels()
-        image = output.get_mutable_value()
-        height, width = pixels.shape[:2]
-        if (image.width(), image.height()) != (width, height):
-            image.resize(width, height)
-        if pixels.size:
-            image.mutable_data[:] = pixels
+        fill_image(output.get_mutable_value(), self.last_frame(context).image.pixels())
 
     def _calc_time_stamp(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self.last_frame(context).time)
@@ -276,3 +271,12 @@ class CameraModel(LeafSystem):
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self.last_frame(context).position)
+
+
+def fill_image(image: Any, pixels: npt.NDArray[Any]) -> None:
+    """Gives a Drake image pixels (height, width, channels), and their size; none are none."""
+    height, width = pixels.shape[:2]
+    if (image.width(), image.height()) != (width, height):
+        image.resize(width, height)
+    if pixels.size:
+        image.mutable_data[:] = pixels
