@@ -1,0 +1,137 @@
+"""Pepper's description for other programs: the same robot as Drake's, and never out of date."""
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+import yaml
+from pydrake.geometry import Role
+
+from pepper_drake.models.control_model import ControlModel, shared_control_model
+from pepper_drake.models.description import (
+    description_files,
+    disabled_collisions,
+    shaped_links,
+    standard_urdf,
+)
+from pepper_drake.models.pepper import MODELS_DIR, joint_names, set_joint_positions
+from pepper_drake.planning.collision.sphere_file import sphere_yaml
+
+INTEROP = "needs the extra interop"
+FRAMES = ("r_hand_effector", "l_hand_effector", "CameraBottom_optical_frame", "torso")
+COMMITTED = MODELS_DIR / "pepper"
+
+
+@pytest.fixture(scope="module")
+def model() -> ControlModel:
+    return shared_control_model()
+
+
+def random_postures(model: ControlModel, count: int) -> list[dict[str, float]]:
+    rng = np.random.default_rng(16)
+    postures = []
+    for _ in range(count):
+        q = {}
+        for name in joint_names():
+            joint = model.plant.GetJointByName(name)
+            lower = max(joint.position_lower_limits()[0], -3.0)
+            upper = min(joint.position_upper_limits()[0], 3.0)
+            q[name] = float(rng.uniform(lower, upper))
+        postures.append(q)
+    return postures
+
+
+def drake_positions(model: ControlModel, q: dict[str, float]) -> dict[str, np.ndarray]:
+    context = model.create_context()
+    set_joint_positions(model.plant, context, model.model_instance, q)
+    return {name: model.pose(context, name).GetAsMatrix4() for name in FRAMES}
+
+
+def num_shapes(model: ControlModel) -> int:
+    return model.diagram.scene_graph().model_inspector().NumGeometriesWithRole(Role.kProximity)
+
+
+def test_committed_files_are_those_made_from_the_source() -> None:
+    for name, text in (description_files() | {Path("pepper_spheres.yaml"): sphere_yaml()}).items():
+        assert (COMMITTED / name).read_text() == text, f"{name}: run pepper-drake describe"
+
+
+def test_urdf_has_no_tag_but_the_standard_ones(model: ControlModel) -> None:
+    root = ET.fromstring(standard_urdf())
+    assert not [e.tag for e in root.iter() if "}" in e.tag or e.tag == "frame"]
+    assert len(root.findall("link/collision")) == num_shapes(model)
+    children = {e.get("link") for e in root.findall("joint/child")}
+    links = {e.get("name") for e in root.findall("link")}
+    assert links - children == {"odom"}
+    assert children <= links
+
+
+def test_the_pairs_that_are_not_checked_are_drakes(model: ControlModel) -> None:
+    inspector, plant = model.diagram.scene_graph().model_inspector(), model.plant
+    of = {
+        name: inspector.GetGeometries(
+            plant.GetBodyFrameIdOrThrow(plant.GetBodyByName(name).index()), Role.kProximity
+        )[0]
+        for name in shaped_links()
+    }
+    filtered = {
+        (a, b) for a in of for b in of if a < b and inspector.CollisionFiltered(of[a], of[b])
+    }
+    assert {(a, b) for a, b, _ in disabled_collisions()} == filtered
+
+
+def test_spheres_name_links_of_the_urdf() -> None:
+    spheres = yaml.safe_load(sphere_yaml())["collision_spheres"]
+    assert set(spheres) == set(shaped_links())
+    assert all(s["radius"] > 0 for group in spheres.values() for s in group)
+
+
+def test_mujoco_has_drakes_poses_masses_and_shapes(model: ControlModel) -> None:
+    mujoco = pytest.importorskip("mujoco", reason=INTEROP)
+    robot = mujoco.MjModel.from_xml_path(str(COMMITTED / "pepper_mjcf.xml"))
+    data = mujoco.MjData(robot)
+    assert int((robot.geom_contype > 0).sum()) == num_shapes(model)
+    mass = model.plant.CalcTotalMass(model.create_context())
+    assert robot.body_mass.sum() == pytest.approx(mass, rel=1e-9)
+    for q in random_postures(model, 20):
+        for name, value in q.items():
+            data.joint(name).qpos[0] = value
+        mujoco.mj_kinematics(robot, data)
+        for name, X_WF in drake_positions(model, q).items():
+            np.testing.assert_allclose(data.body(name).xpos, X_WF[:3, 3], atol=1e-6)
+            np.testing.assert_allclose(data.body(name).xmat.reshape(3, 3), X_WF[:3, :3], atol=1e-6)
+
+
+def test_pinocchio_has_drakes_poses_and_shapes(model: ControlModel) -> None:
+    pin = pytest.importorskip("pinocchio", reason=INTEROP)
+    path = str(COMMITTED / "pepper_standard.urdf")
+    robot = pin.buildModelFromUrdf(path)
+    shapes = pin.buildGeomFromUrdf(robot, path, pin.GeometryType.COLLISION)
+    assert shapes.ngeoms == num_shapes(model)
+    data = robot.createData()
+    for q in random_postures(model, 20):
+        values = pin.neutral(robot)
+        for name, value in q.items():
+            joint = robot.joints[robot.getJointId(name)]
+            # A continuous joint is stored as cosine and sine.
+            part = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
+            values[joint.idx_q : joint.idx_q + joint.nq] = part
+        pin.framesForwardKinematics(robot, data, values)
+        for name, X_WF in drake_positions(model, q).items():
+            X = data.oMf[robot.getFrameId(name)].homogeneous
+            np.testing.assert_allclose(X, X_WF, atol=1e-6)
+
+
+def test_yourdfpy_has_drakes_poses_and_shapes(model: ControlModel) -> None:
+    yourdfpy = pytest.importorskip("yourdfpy", reason=INTEROP)
+    robot = yourdfpy.URDF.load(
+        str(COMMITTED / "pepper_standard.urdf"), build_collision_scene_graph=True
+    )
+    assert sum(len(link.collisions) for link in robot.robot.links) == num_shapes(model)
+    # Its scene has one mesh for each link that has a shape: none was left out.
+    assert len(robot.collision_scene.geometry) == len(shaped_links())
+    for q in random_postures(model, 20):
+        robot.update_cfg(q)
+        for name, X_WF in drake_positions(model, q).items():
+            np.testing.assert_allclose(robot.get_transform(name), X_WF, atol=1e-6)
