@@ -56,6 +56,7 @@ from pepper_drake.scenario import (
     save_scenario,
     scenario_of,
 )
+from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.drake_page import open_meshcat
 
 RESULTS = (
@@ -196,9 +197,9 @@ def main() -> int:
         return reach_with_hardware(options)
     scenario = chosen_scenario(options)
     reaching = build_reaching(scenario)
-    with open_meshcat(page=options.live, host=options.host) as (meshcat, url):
-        if options.live:
-            print(f"Watch it at {url}", flush=True)
+    with open_meshcat(page=options.live, host=options.host) as (meshcat, page):
+        if page is not None:
+            wait_for_browser(page)
         drawn = options.live or not options.no_recording
         with cli.stop_on_interrupt() as should_stop:
             run = ReachSimulation(

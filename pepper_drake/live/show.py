@@ -34,6 +34,8 @@ Vector = npt.NDArray[np.float64]
 _HINT_PERIOD = 1.0
 _SLOW = 0.8
 """Below this share of real time the page says that it is slow."""
+_WORDS = {Mode.GUIDED: "ready", Mode.RECORDED: "recording"}
+"""Modes that the page names otherwise than scripts do."""
 _LIMP = (Mode.GUIDED, Mode.RECORDED)
 _SIGNAL_PERIOD, _PLOT_PERIOD, _PICTURE_PERIOD = 4, 16, 32
 """Numbers of frames between two samples, two drawings of the plots, and two camera pictures."""
@@ -81,6 +83,7 @@ class LiveApp:
         server.scene.world_axes.visible = False
         server.scene.configure_environment_map(hdri=None)
         server.scene.configure_default_lights(cast_shadow=False)
+        server.scene.add_light_hemisphere("/lights/sky", intensity=2.0)
         self._robot = RobotDrawing(
             server,
             simulation.query().inspector(),
@@ -255,7 +258,9 @@ class LiveApp:
                 X_WH = simulation.torso_pose() @ simulation.hand_pose()
                 page.show_hand(X_WH, visible=False)
             self._show_ghost(page)
-        page.show_status(session.mode.value, session.status, self._describe_pace())
+        page.show_status(
+            _WORDS.get(session.mode, session.mode.value), session.status, self._describe_pace()
+        )
         self._show_signals(page)
         if session.shown != self._listed:
             self._listed = session.shown

@@ -1,7 +1,5 @@
 """One way to tell where a page is, and to wait until somebody looks."""
 
-import contextlib
-import time
 from typing import Protocol
 
 
@@ -18,11 +16,3 @@ def wait_for_browser(page: Page) -> None:
     """Tells a page's address, and waits until somebody has opened it; Ctrl-C ends the program."""
     print(f"Open {page.url} in a browser; it starts then, and Ctrl-C ends it.", flush=True)
     page.wait_for_browser()
-
-
-def stay_open(page: Page) -> None:
-    """Keeps a page as it is until Ctrl-C."""
-    print(f"{page.url} stays open; Ctrl-C ends it.", flush=True)
-    with contextlib.suppress(KeyboardInterrupt):
-        while True:
-            time.sleep(3600.0)

@@ -101,8 +101,10 @@ class DrakePage:
 
 
 @contextlib.contextmanager
-def open_meshcat(*, page: bool, host: str | None = None) -> Iterator[tuple[Meshcat, str]]:
-    """Gives a Meshcat and the address of its page, which is empty where there is none.
+def open_meshcat(
+    *, page: bool, host: str | None = None
+) -> Iterator[tuple[Meshcat, DrakePage | None]]:
+    """Gives a Meshcat and its page, if there is one.
 
     Args:
         page: Whether anybody may look on; if not, nothing listens anywhere.
@@ -113,12 +115,12 @@ def open_meshcat(*, page: bool, host: str | None = None) -> Iterator[tuple[Meshc
     """
     if page:
         with DrakePage(host) as shown:
-            yield shown.meshcat, shown.url
+            yield shown.meshcat, shown
     elif host is not None:
         raise InputError("--host: no page is shown; give --live, too")
     else:
         with offline_meshcat() as meshcat:
-            yield meshcat, ""
+            yield meshcat, None
 
 
 def _loopback_meshcat() -> Meshcat:

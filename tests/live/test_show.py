@@ -46,11 +46,21 @@ def say(page):
         page.url.replace("http:", "ws:"),
         subprotocols=[f"viser-v{viser.__version__}"],
         max_size=None,
+        close_timeout=0.2,  # What it was shown is not read.
     )
 
     def send(kind, **fields):
         socket.send(msgpack.packb({"type": kind, "owner": "", **fields}))
 
+    camera = {"wxyz": [1.0, 0.0, 0.0, 0.0], "position": [1.0, 0.0, 1.0], "fov": 1.0}
+    camera |= {"near": 0.1, "far": 100.0, "image_height": 600, "image_width": 800}
+    camera |= {"look_at": [0.0, 0.0, 0.0], "up_direction": [0.0, 0.0, 1.0]}
+    # A browser counts from when it has told where it looks from.
+    socket.send(msgpack.packb({"type": "ViewerCameraMessage", **camera}))
+    end = time.monotonic() + 20
+    while not page.server.get_clients():
+        assert time.monotonic() < end
+        time.sleep(0.02)
     yield send
     socket.close()
 
@@ -227,6 +237,8 @@ def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, 
         press("Learn")
         step_until(app, lambda: session.primitive is not None)
         pg.get_by_text("Learned a movement").wait_for()
+        for _ in range(20):
+            app.step()
         pg.screenshot(path=kept / "learned.png")
         press("Reach")
         step_until(app, lambda: session.mode in (Mode.REACHING, Mode.STOPPED, Mode.HOLDING))
@@ -247,7 +259,7 @@ def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, 
         press("Save")
         step_until(app, lambda: (tmp_path / "demonstration" / "translation.txt").exists())
         pg.reload()
-        pg.get_by_text("guided").first.wait_for()
+        pg.get_by_text("ready").first.wait_for()
         pg.get_by_role("tab", name="Demonstrations").click()
         pg.get_by_role("cell", name="1", exact=True).wait_for()
         pg.screenshot(path=kept / "reloaded.png")
