@@ -3,6 +3,7 @@
   benchmark.py --scenes 20                    random scenes 0 to 19, all methods
   benchmark.py --scenes 300 --seed 1000 --methods d,f --jobs 2
   benchmark.py --scenes 50 --moving           with an obstacle that moves during the reach
+  benchmark.py --scenes 50 --family bin       the goal stands in an open bin; see --help
   benchmark.py --scene table --scenes 20      one scene, twenty seeds of the noise
   benchmark.py --replay d:17                  one run again, to look at: recording.html
 
@@ -28,6 +29,8 @@ from pepper_drake.benchmarking.methods import METHODS, get_method
 from pepper_drake.benchmarking.summary import MethodSummary, Scenes, markdown_table, summarise
 from pepper_drake.cli_robot import add_robot_options
 from pepper_drake.errors import InputError
+from pepper_drake.models.robot_calibration import calibration_of
+from pepper_drake.models.scene_families import FAMILIES
 from pepper_drake.reporting.benchmark_figure import draw_benchmark
 from pepper_drake.results.folder import whole_results
 from pepper_drake.systems.faults.fault import parse_faults
@@ -46,6 +49,12 @@ def make_parser() -> ArgumentParser:
         "--scene",
         metavar="NAME|FILE",
         help="one scene with many seeds of the noise, and not random scenes",
+    )
+    parser.add_argument(
+        "--family",
+        choices=FAMILIES,
+        metavar="NAME",
+        help=f"random scenes of a family: {', '.join(FAMILIES)}",
     )
     parser.add_argument(
         "--methods",
@@ -82,6 +91,8 @@ def make_case(options: Namespace, seed: int) -> Case:
     """The case of a seed."""
     if options.moving and options.scene is not None:
         raise InputError("--moving is for random scenes; leave --scene out")
+    if options.family is not None and (options.scene is not None or options.moving):
+        raise InputError("--family has its own scenes; leave --scene and --moving out")
     return Case(
         seed,
         options.scene,
@@ -90,6 +101,8 @@ def make_case(options: Namespace, seed: int) -> Case:
         options.goal_motion,
         options.robot,
         tuple(map(str, parse_faults(options.fault))),
+        options.calibration,
+        options.family,
     )
 
 
@@ -97,7 +110,9 @@ def make_tasks(options: Namespace) -> list[Task]:
     """All runs that the options ask for, scene by scene."""
     methods = [get_method(letter) for letter in options.methods.split(",")]
     cases = [make_case(options, options.seed + k) for k in range(options.scenes)]
-    cases[0].build()  # What is wrong with the scene is said before anything runs.
+    for case in cases:  # What is wrong with a file is said before anything runs.
+        calibration_of(case.calibration, case.robot, case.seed)
+    cases[0].build()
     for method in methods:
         method.check()
         if (options.robot != "ideal" or options.fault) and not isinstance(method.run, DiagramReach):

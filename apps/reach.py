@@ -8,6 +8,7 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --goal-motion up             the object moves while the arm is on its way
   reach.py --push 0 0 5                 somebody pushes the hand on its way
   reach.py --robot worn --seed 3        a used robot: slack, offsets, slip, latency
+  reach.py --robot worn --seed 3 --calibration out/calibrate/calibration.yaml
   reach.py --fault depth:stuck@reach    the depth camera's image freezes when the arm starts
   reach.py --set planner.clearance.want=0.02
   reach.py --scenario out/reach/scenario.yaml     the same run again
@@ -44,6 +45,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.hardware.options import add_link_options, check_station, robot_access
 from pepper_drake.hardware.preflight import PreflightOptions
 from pepper_drake.hardware.reach_run import HardwareRun, reach_with_robot
+from pepper_drake.models.robot_calibration import load_calibration
 from pepper_drake.models.robot_wear import ROBOTS
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.scene_picture import save_scene_picture
@@ -124,6 +126,12 @@ def make_parser() -> ArgumentParser:
         "report has it",
     )
     parser.add_argument(
+        "--accept-unknown",
+        action="store_true",
+        help="go even where the arm would pass space that the depth camera has not seen; without "
+        "it such space is looked at first, and the reach refused if it stays unseen",
+    )
+    parser.add_argument(
         "--push",
         type=float,
         nargs=3,
@@ -162,7 +170,8 @@ def make_parser() -> ArgumentParser:
 def chosen_scenario(options: Namespace) -> Scenario:
     """The scenario that the options name, with what they change of it."""
     scenario = scenario_of(options)
-    if options.scene is not None or options.random_scene is not None:
+    named = (options.scene, options.random_scene, options.family)
+    if any(name is not None for name in named):
         scenario.scene = chosen_scene(options)
     scenario.scene = prepare_scene(scenario.scene, arm=options.arm, motion=options.goal_motion)
     if options.coupling is not None:
@@ -173,6 +182,8 @@ def chosen_scenario(options: Namespace) -> Scenario:
         scenario.demonstration = str(options.demo)
     if options.robot in ROBOTS and options.robot != "ideal":
         scenario.robot = options.robot
+    if options.calibration is not None:
+        scenario.calibration = options.calibration
     if options.fault:
         scenario.faults = options.fault
     if options.push is not None:
@@ -183,6 +194,7 @@ def chosen_scenario(options: Namespace) -> Scenario:
     scenario.station.obstacle_motion_ports |= options.moving
     scenario.avoid_obstacles &= not options.no_avoidance
     scenario.planner.collision_checked &= not options.unvetted
+    scenario.planner.unseen.accept |= options.accept_unknown
     scenario.gentle |= options.gentle
     scenario.check()
     return scenario
@@ -230,7 +242,11 @@ def reach_with_hardware(options: Namespace) -> int:
     """Reaches with the robot that the options name."""
     access = robot_access(options)
     scenario = chosen_scenario(options)
+    calibration, scenario.calibration = scenario.calibration, ""  # That is of a simulated robot.
     primitive, config = movement_and_config(scenario)
+    if calibration:
+        config.station.calibration = load_calibration(Path(calibration))
+        config.station.calibration.check_robot(access.address)
     with cli.stop_on_interrupt() as should_stop:
         result = reach_with_robot(
             scenario.scene,

@@ -27,7 +27,12 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from tqdm import tqdm
 
 from pepper_drake import cli
-from pepper_drake.cli_robot import add_robot_options, chosen_faults, chosen_wear
+from pepper_drake.cli_robot import (
+    add_robot_options,
+    chosen_calibration,
+    chosen_faults,
+    chosen_wear,
+)
 from pepper_drake.diagrams.robot_signals import STATION_SIGNALS
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError, PepperDrakeError
@@ -105,6 +110,7 @@ def make_session(options: Namespace) -> LiveSession:
             cameras=not options.no_cameras,
             seed=options.seed,
             wear=chosen_wear(options),
+            calibration=chosen_calibration(options),
             faults=chosen_faults(options, STATION_SIGNALS),
         ),
         movables=[name for name in options.move.split(",") if name],

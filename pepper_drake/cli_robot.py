@@ -4,13 +4,14 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Collection
 
 from pepper_drake.errors import InputError
+from pepper_drake.models.robot_calibration import RobotCalibration, calibration_of
 from pepper_drake.models.robot_wear import ROBOTS, RobotWear
 from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_faults
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 
 
 def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> None:
-    """Adds `--robot` and `--fault`.
+    """Adds `--robot`, `--calibration` and `--fault`.
 
     Args:
         parser: An app's.
@@ -32,6 +33,12 @@ def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> Non
         "wheels that slip, commands that come late, as the seed draws them (default: %(default)s)",
     )
     parser.add_argument(
+        "--calibration",
+        metavar="FILE",
+        help="what calibrate.py found of this robot's encoders and cameras: calibration.yaml; "
+        "{seed} in the name stands for the seed",
+    )
+    parser.add_argument(
         "--fault",
         action="append",
         default=[],
@@ -40,6 +47,15 @@ def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> Non
         f"more than once. Signals: {', '.join(SIGNALS)}. Kinds: {', '.join(KINDS)}. Start and "
         'duration in s; "reach": when the arm starts',
     )
+
+
+def chosen_calibration(options: Namespace) -> RobotCalibration | None:
+    """The calibration that `--calibration` names, of the robot of `--robot` and `--seed`.
+
+    Raises:
+        InputError: The file is no calibration, or that of another robot.
+    """
+    return calibration_of(options.calibration, options.robot, options.seed)
 
 
 def chosen_wear(options: Namespace) -> RobotWear | None:

@@ -6,6 +6,7 @@ from pepper_drake import cli
 from pepper_drake.errors import InputError
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import SCENES, Scene, load_scene
+from pepper_drake.models.scene_families import FAMILIES, family_scene
 
 
 def add_scene_options(parser: ArgumentParser) -> None:
@@ -18,6 +19,12 @@ def add_scene_options(parser: ArgumentParser) -> None:
     )
     scenes.add_argument(
         "--random-scene", type=cli.seed, metavar="SEED", help="a random scene instead"
+    )
+    parser.add_argument(
+        "--family",
+        choices=FAMILIES,
+        metavar="NAME",
+        help=f"random scenes of a family: {', '.join(FAMILIES)}",
     )
     parser.add_argument(
         "--moving",
@@ -34,6 +41,12 @@ def chosen_scene(options: Namespace) -> Scene:
     """
     if options.moving and options.random_scene is None:
         raise InputError("--moving is for random scenes; name one with --random-scene")
+    if options.family is not None:
+        if options.random_scene is None:
+            raise InputError("--family is for random scenes; name one with --random-scene")
+        if options.moving:
+            raise InputError("--moving is for tables with loose things; leave --family out")
+        return family_scene(options.family, options.random_scene)
     if options.random_scene is not None:
         return random_scene(options.random_scene, moving=options.moving)
     return load_scene(options.scene or "table")

@@ -21,6 +21,7 @@ from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.robot_wear import ROBOTS, RobotWear
 from pepper_drake.models.scene import Scene, load_scene
 from pepper_drake.models.typed_yaml import load_yaml, save_yaml, with_settings
@@ -28,12 +29,12 @@ from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.systems.faults.fault import parse_faults
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.guiding.external_force import ForcePulse
 
 _PUSH_DURATION = 0.5
 """Time that the hand is pushed [s]."""
-_NOT_IN_FILES = ("seed", "wear", "faults")
+_NOT_IN_FILES = ("seed", "wear", "calibration", "faults")
 """Fields of `StationConfig` that follow from other fields of a scenario."""
 
 
@@ -71,6 +72,8 @@ class Scenario:
     """True to let the scene's coupling bend the movement around obstacles."""
     robot: str = "ideal"
     """The robot as in its model, or "worn", with errors that the seed draws."""
+    calibration: str = ""
+    """File with the calibration of this robot; none if empty."""
     faults: list[str] = field(default_factory=list)
     """Signals that fail, as SIGNAL:KIND@START[+DURATION]."""
     gentle: bool = False
@@ -106,7 +109,11 @@ class Scenario:
         parse_faults(self.faults)
 
     def reaching_config(self) -> ReachingConfig:
-        """Returns what `Reaching` is built from."""
+        """Returns what `Reaching` is built from.
+
+        Raises:
+            InputError: The calibration cannot be read, or is that of another robot.
+        """
         pushes: tuple[ForcePulse, ...] = ()
         if self.push:
             x, y, z = self.push
@@ -116,6 +123,7 @@ class Scenario:
                 **dataclasses.asdict(self.station),
                 seed=self.seed,
                 wear=RobotWear.draw(self.seed) if self.robot == "worn" else None,
+                calibration=calibration_of(self.calibration, self.robot, self.seed),
                 faults=FaultSet(parse_faults(self.faults), self.seed),
             ),
             ik=self.controller,

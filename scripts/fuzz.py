@@ -10,22 +10,19 @@ by an InputError of one line with the file's name; all else is a finding. Exit c
 
 import argparse
 import collections
-import json
 import multiprocessing
 import os
 import random
 import resource
-import shutil
 import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
+from fuzz_formats import Format, formats
 
 from pepper_drake.errors import InputError
 
@@ -37,152 +34,10 @@ _PATIENCE = 300.0
 
 ACCEPTED, REFUSED = "accepted", "refused"
 
-MODELS = Path(__file__).parents[1] / "pepper_drake" / "models"
-
 _NUMBERS = "nan .nan inf -inf 1e999 -1 0 -0 1e-320 1e308 99999999999999999999 0x10 1:30 010 1_0"
 _SYNTAX = "~ null true yes [] {} [[ }} - : # & * &a *a ! !!python/object:os.system | > ? % @ ` '"
 _WORDS = [*(f'{_NUMBERS} {_SYNTAX} " , . .. / ../../etc/passwd /dev/zero'.split(" ")), "a\tb", ""]
 _CONTROL = ["\0", "\x1b[2J", "\r", "\u202e", "\ufeff", "\x85"]
-
-
-@dataclass(frozen=True)
-class Format:
-    """A format: how a good file is made, and how one is read.
-
-    Attributes:
-        make: Writes good files into a folder, and returns which one is corrupted.
-        read: Reads what is in the folder.
-    """
-
-    make: Callable[[Path], Path]
-    read: Callable[[Path], object]
-
-
-def formats() -> dict[str, Format]:
-    """Returns the formats by name."""
-    from pepper_drake.benchmarking.method_result import MethodResult
-    from pepper_drake.learning import Demonstration, MovementPrimitive
-    from pepper_drake.learning.dmp.bimanual import BimanualPrimitive
-    from pepper_drake.learning.dmp.rhythmic import RhythmicPrimitive
-    from pepper_drake.live.script import load_script
-    from pepper_drake.models.guide import load_guide
-    from pepper_drake.models.joint_script import load_joint_script
-    from pepper_drake.models.marker_script import load_marker_script
-    from pepper_drake.models.motion import load_path, path_trajectory
-    from pepper_drake.models.obj_files import check_obj
-    from pepper_drake.models.pad_script import load_pad_script
-    from pepper_drake.models.scene import load_scene
-    from pepper_drake.optimization.cost import load_cost
-    from pepper_drake.optimization.history import History
-    from pepper_drake.optimization.movement_problem import load_points
-    from pepper_drake.optimization.ratings import load_scores
-    from pepper_drake.playback.loading import load_motion
-
-    demonstration = MODELS / "demonstrations" / "reach"
-
-    def text(name: str, content: str) -> Callable[[Path], Path]:
-        def make(folder: Path) -> Path:
-            (folder / name).write_text(content)
-            return folder / name
-
-        return make
-
-    def copy(source: Path) -> Callable[[Path], Path]:
-        return text(source.name, source.read_text())
-
-    def part(name: str) -> Callable[[Path], Path]:
-        def make(folder: Path) -> Path:
-            for file in demonstration.iterdir():
-                lines = file.read_text().splitlines(keepends=True)
-                (folder / file.name).write_text("".join(lines[:40]))
-            return folder / name
-
-        return make
-
-    def primitive(folder: Path) -> Path:
-        _primitive().save(folder / "primitive.yaml")
-        return folder / "primitive.yaml"
-
-    def rhythmic(folder: Path) -> Path:
-        weights = np.arange(15.0).reshape(5, 3)
-        RhythmicPrimitive(weights, 3.0, np.zeros(3), 2.0).save(folder / "circle.yaml")
-        return folder / "circle.yaml"
-
-    def bimanual(folder: Path) -> Path:
-        for name in ("absolute", "relative"):
-            _primitive().save(folder / f"{name}.yaml")
-        return text("pair.yaml", "hold_rate: 60.0\n")(folder)
-
-    def history(folder: Path) -> Path:
-        samples = [np.ones((4, 3)), np.zeros((4, 3))]
-        costs = [np.arange(4.0), np.ones((4, 5))]
-        means = [np.zeros(3)] * 3
-        History({"seed": 1}, samples, costs, means, [1.0, float("nan"), 3.0]).save(
-            folder / "history.npz"
-        )
-        return folder / "history.npz"
-
-    def run(name: str) -> Callable[[Path], Path]:
-        def make(folder: Path) -> Path:
-            _write_run(folder)
-            return folder / name
-
-        return make
-
-    def reproduction(folder: Path) -> Path:
-        _write_reproduction(folder)
-        return folder / "log.npz"
-
-    def mesh_scene(folder: Path) -> Path:
-        shutil.copy(MODELS / "meshes" / "mug.obj", folder / "mug.obj")
-        scene = (MODELS / "scenes" / "free.yaml").read_text().partition("obstacles:")[0]
-        (folder / "scene.yaml").write_text(
-            scene + "obstacles:\n- {name: mug, shape: mesh, mesh: mug.obj, size: [1.0],"
-            " position: [2.0, 1.0, 0.5]}\n"
-        )
-        return folder / "mug.obj"
-
-    result = MethodResult("scene_1", "d", "reached", clearance=0.02, wall_seconds=3.0)
-
-    def method_result(folder: Path) -> Path:
-        result.save(folder / "d.json")
-        return folder / "d.json"
-
-    return {
-        "scene": Format(copy(MODELS / "scenes" / "clutter.yaml"), load_scene),
-        "moving_scene": Format(
-            text("scene.yaml", _moving_scene()), lambda path: load_scene(path).mirrored()
-        ),
-        "guide": Format(copy(MODELS / "guides" / "reach.yaml"), load_guide),
-        "joints": Format(copy(MODELS / "guides" / "joints.yaml"), load_joint_script),
-        "pad": Format(copy(MODELS / "guides" / "pad.yaml"), load_pad_script),
-        "marker": Format(copy(MODELS / "guides" / "marker.yaml"), load_marker_script),
-        "session": Format(
-            copy(MODELS / "sessions" / "story.yaml"), lambda path: load_script(str(path))
-        ),
-        "cost": Format(text("cost.yaml", "hand_to_goal: 1.0\njerk: 1e-3\nrating: 0\n"), load_cost),
-        "primitive": Format(primitive, lambda path: MovementPrimitive.load(path).rollout()),
-        "rhythmic": Format(rhythmic, RhythmicPrimitive.load),
-        "bimanual": Format(bimanual, lambda path: BimanualPrimitive.load(path.parent)),
-        "mesh": Format(mesh_scene, lambda path: load_scene(path.parent / "scene.yaml")),
-        "mesh_alone": Format(copy(MODELS / "meshes" / "bottle.obj"), check_obj),
-        "log": Format(run("log.npz"), lambda path: load_motion(path.parent)),
-        "report": Format(run("report.json"), lambda path: load_motion(path.parent)),
-        "run_scene": Format(run("scene.yaml"), lambda path: load_motion(path.parent)),
-        "reproduction": Format(reproduction, lambda path: load_motion(path.parent)),
-        "history": Format(history, lambda path: History.load(path).best()),
-        "points_npz": Format(run("log.npz"), load_points),
-        "points": Format(text("cloud.txt", "# m\n0.3 0.1 0.2\n0.4 -0.1 0.25\n"), load_points),
-        "ratings": Format(text("scores.txt", "3\n7.5 # better\n10\n"), load_scores),
-        "path": Format(
-            text("path.txt", "0 0 0 0\n1 0 0 0.1\n2.5 0 0.1 0.1\n"),
-            lambda path: path_trajectory(load_path(path)),
-        ),
-        "method_result": Format(method_result, MethodResult.load),
-        "translation": Format(part("translation.txt"), lambda p: Demonstration.load(p.parent)),
-        "rotation": Format(part("rotation.txt"), lambda p: Demonstration.load(p.parent)),
-        "joints_csv": Format(part("joints.csv"), lambda p: Demonstration.load(p.parent)),
-    }
 
 
 def corrupt(path: Path, dice: random.Random) -> None:
@@ -418,63 +273,6 @@ def main() -> int:
         findings += sum(n for what, n in outcomes.items() if what not in (ACCEPTED, REFUSED))
         print(f"{name:15} {dict(outcomes)} {time.monotonic() - began:.0f} s", flush=True)
     return 1 if findings else 0
-
-
-def _primitive():  # noqa: ANN202
-    from pepper_drake.learning import Demonstration, MovementPrimitive
-
-    demo = Demonstration.load(MODELS / "demonstrations" / "reach")
-    return MovementPrimitive.fit(demo, num_basis=8)
-
-
-def _moving_scene() -> str:
-    text = (MODELS / "scenes" / "free.yaml").read_text().partition("obstacles:")[0]
-    return (
-        text
-        + """obstacles:
-- name: ball
-  shape: sphere
-  size: [0.05]
-  position: [0.9, 1.0, 1.2]
-  path: [[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, -0.3, 0.0], [2.5, 0.1, -0.3, 0.1]]
-"""
-    )
-
-
-def _write_run(folder: Path) -> None:
-    from pepper_drake.models.scene import load_scene, save_scene
-    from pepper_drake.results.reach_log import _COLUMNS
-
-    rows = 30
-    arrays = {
-        name: np.zeros(rows if columns is None else (rows, columns))
-        for name, columns in _COLUMNS.items()
-    }
-    arrays |= {
-        "time_s": 0.01 * np.arange(rows),
-        "object_offset_m": np.zeros((rows, 0)),
-        "cloud_torso_m": np.ones((20, 3)),
-        "demonstration_m": np.ones((20, 3)),
-    }
-    np.savez_compressed(folder / "log.npz", **arrays)
-    save_scene(load_scene("free"), folder / "scene.yaml")
-    report = {"outcome": "reached", "reason": "", "scene": "free", "minimum_clearance": 0.02}
-    (folder / "report.json").write_text(json.dumps(report, indent=2))
-
-
-def _write_reproduction(folder: Path) -> None:
-    rows = 30
-    np.savez_compressed(
-        folder / "log.npz",
-        time_s=0.01 * np.arange(rows),
-        phase=np.linspace(1, 0.1, rows),
-        slowdown=np.zeros(rows),
-        hand_position_torso_m=np.zeros((rows, 3)),
-        desired_position_torso_m=np.zeros((rows, 3)),
-        joint_position_rad=np.zeros((rows, 5)),
-        goal_position_torso_m=np.zeros(3),
-    )
-    (folder / "report.json").write_text('{"outcome": "reached", "arm": "right"}')
 
 
 if __name__ == "__main__":

@@ -1,15 +1,13 @@
 """A sample of `scripts/fuzz.py`: corrupted files are accepted or refused, and no more."""
 
 import random
-import runpy
-from pathlib import Path
 
+import fuzz
 import pytest
 
 from pepper_drake.errors import InputError
 
-FUZZ = runpy.run_path(str(Path(__file__).parents[1] / "scripts" / "fuzz.py"))
-FORMATS = FUZZ["formats"]()
+FORMATS = fuzz.formats()
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -23,7 +21,7 @@ def test_corrupted_files_are_accepted_or_refused_in_one_line(tmp_path, name):
     for number in range(12):
         folder = tmp_path / str(number)
         folder.mkdir()
-        outcome, words = FUZZ["try_one"](FORMATS[name], f"test {name} {number}", folder)
+        outcome, words = fuzz.try_one(FORMATS[name], f"test {name} {number}", folder)
         assert outcome in ("accepted", "refused"), (number, words)
         seen.add(outcome)
     assert "refused" in seen
@@ -43,6 +41,6 @@ def test_corruption_is_the_same_each_time(tmp_path):
     for folder in (tmp_path / "one", tmp_path / "two"):
         folder.mkdir()
         path = FORMATS["scene"].make(folder)
-        FUZZ["corrupt"](path, random.Random("same"))
+        fuzz.corrupt(path, random.Random("same"))
         contents.append(path.read_bytes())
     assert contents[0] == contents[1]

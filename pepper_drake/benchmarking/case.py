@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pepper_drake.diagrams.factory import prepare_scene
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import Scene, load_scene
+from pepper_drake.models.scene_families import family_scene
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,8 @@ class Case:
         goal_motion: How the goal moves; see `prepare_scene`.
         robot: "ideal", or "worn" for the used robot of the seed.
         faults: Signals that fail, as SIGNAL:KIND@START[+DURATION].
+        calibration: File with the robot's calibration; `{seed}` in it stands for the seed.
+        family: Family of the random scene; a table with loose things on it if left out.
     """
 
     seed: int
@@ -29,6 +32,8 @@ class Case:
     goal_motion: str | None = None
     robot: str = "ideal"
     faults: tuple[str, ...] = ()
+    calibration: str | None = None
+    family: str | None = None
 
     def build(self) -> Scene:
         """Returns the scene.
@@ -36,7 +41,9 @@ class Case:
         Raises:
             InputError: There is no such scene.
         """
-        if self.scene is None:
+        if self.family is not None:
+            scene = family_scene(self.family, self.seed)
+        elif self.scene is None:
             scene = random_scene(self.seed, moving=self.moving)
         else:
             scene = load_scene(self.scene)
@@ -45,7 +52,9 @@ class Case:
     @property
     def name(self) -> str:
         """A name for files: `random_17`, `moving_17`, `table_seed_3`, `random_17_left_up`."""
-        if self.scene is None:
+        if self.family is not None:
+            name = f"{self.family}_{self.seed}"
+        elif self.scene is None:
             name = f"{'moving' if self.moving else 'random'}_{self.seed}"
         else:
             stem = self.scene.rpartition("/")[2].removesuffix(".yaml")
@@ -53,7 +62,8 @@ class Case:
         motion = self.goal_motion and self.goal_motion.rpartition("/")[2].partition(".")[0]
         robot = "" if self.robot == "ideal" else self.robot
         faults = [re.sub(r"[^a-z0-9.]+", "_", fault) for fault in self.faults]
-        return "_".join(word for word in (name, self.arm, motion, robot, *faults) if word)
+        found = "calibrated" if self.calibration else ""
+        return "_".join(word for word in (name, self.arm, motion, robot, found, *faults) if word)
 
     @property
     def reach_options(self) -> list[str]:
@@ -61,6 +71,8 @@ class Case:
         which = (
             ["--random-scene", str(self.seed)] if self.scene is None else ["--scene", self.scene]
         )
+        if self.family is not None:
+            which = ["--family", self.family, *which]
         options = [*which, "--seed", str(self.seed)]
         if self.moving:
             options.append("--moving")
@@ -70,6 +82,8 @@ class Case:
             options += ["--goal-motion", self.goal_motion]
         if self.robot != "ideal":
             options += ["--robot", self.robot]
+        if self.calibration is not None:
+            options += ["--calibration", self.calibration]
         for fault in self.faults:
             options += ["--fault", fault]
         return options

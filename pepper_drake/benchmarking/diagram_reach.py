@@ -28,6 +28,7 @@ from pepper_drake.models.control_model import (
     body_indices,
     shared_control_model,
 )
+from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
@@ -35,7 +36,7 @@ from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.systems.faults.fault import parse_faults
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.web.drake_page import offline_meshcat
 
 Array = npt.NDArray[np.float64]
@@ -86,6 +87,7 @@ class DiagramReach:
                 goal_motion_port=case.goal_motion is not None,
                 obstacle_motion_ports=case.moving,
                 wear=RobotWear.draw(case.seed) if case.robot == "worn" else None,
+                calibration=calibration_of(case.calibration, case.robot, case.seed),
                 faults=FaultSet(parse_faults(case.faults), case.seed),
             )
         )

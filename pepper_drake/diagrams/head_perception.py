@@ -19,13 +19,18 @@ from pepper_drake.diagrams.station import PepperStation, select_joints
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
+from pepper_drake.perception.calibration.calibrated_cameras import (
+    HEAD_CAMERA_MODELS,
+    calibrated_cameras,
+)
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import head_search_pattern
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
-from pepper_drake.systems.faults.fault_injector import FaultSet, Role
+from pepper_drake.systems.faults.fault_memory import Role
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.body_pose import BodyPose
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
@@ -114,6 +119,7 @@ class HeadPerception(Diagram):
         - head_position
         - torso_pose
         - scan_enabled (optional)
+        - look_at (optional)
         - camera_top.image, .time_stamp, .pose
         - camera_bottom.image, .time_stamp, .pose
         - camera_depth.image, .time_stamp, .pose, .position
@@ -123,6 +129,7 @@ class HeadPerception(Diagram):
         - goal_valid
         - goal_age
         - goal_gap
+        - image_age
         - cloud
         - cloud_torso
         - predicted_cloud
@@ -130,15 +137,18 @@ class HeadPerception(Diagram):
         - cloud_time
         - cloud_age
         - cloud_fault
+        - space (with cameras)
         - head_position_command
         - camera_top.enabled
         - camera_bottom.enabled
 
-    The inputs are a station's ports. `scan_enabled` (1): see `GazeController`. Outputs: X_WO of the
+    The inputs are a station's ports. `scan_enabled` (1) and `look_at` (3): see
+    `GazeController`. Outputs: X_WO of the
     goal object, whether it is known (1), since when it was seen, and since when its estimate made
-    no sense [s]; the obstacles and where moving ones will be soon, in W and in T (PointCloud);
-    time, age [s] and fault of the last depth image; HeadYaw and HeadPitch [rad] (2); whether a
-    colour camera is to take images (1).
+    no sense [s]; the age of the newest colour image [s]; the obstacles and where moving ones will
+    be soon, in W and in T (PointCloud); time, age [s] and fault of the last depth image; `space`,
+    what was seen (SeenSpace); HeadYaw and HeadPitch [rad] (2); whether a colour camera is to take
+    images (1).
 
     Without cameras the goal's true pose is known and there are no obstacles.
     """
@@ -177,7 +187,8 @@ class HeadPerception(Diagram):
         builder.ExportInput(self._gaze.GetInputPort("X_WT"), "torso_pose")
         if self._has_cameras:
             builder.ConnectInput("torso_pose", self._cloud_source.GetInputPort("X_WT"))
-        builder.ExportInput(self._gaze.GetInputPort("scan_enabled"), "scan_enabled")
+        for name in ("scan_enabled", "look_at"):
+            builder.ExportInput(self._gaze.GetInputPort(name), name)
         builder.ExportInput(self._gaze.GetInputPort("head_position"), "head_position")
         builder.ExportOutput(
             self._gaze.GetOutputPort("head_position_command"), "head_position_command"
@@ -216,10 +227,13 @@ class HeadPerception(Diagram):
     def _add_estimators(self, marked: MarkedObject, station: PepperStation) -> None:
         """Adds what finds the goal and the obstacles in the cameras' images."""
         builder = self._builder
+        cameras = HEAD_CAMERA_MODELS | calibrated_cameras(station.config.calibration)
         estimator = builder.AddNamedSystem(
             "goal_estimator",
             GoalEstimator(
                 marked,
+                top=cameras["camera_top"].intrinsics,
+                bottom=cameras["camera_bottom"].intrinsics,
                 parameters=self._config.goal,
                 period=self._config.image_poll_period,
                 latency=self._config.goal_latency,
@@ -242,6 +256,7 @@ class HeadPerception(Diagram):
             reader = source if camera == "camera_depth" else estimator
             for port, name in ports.items():
                 builder.ExportInput(reader.GetInputPort(name), f"{camera}.{port}")
+        builder.ExportOutput(estimator.GetOutputPort("image_age"), "image_age")
         goal = self._guarded_goal(estimator, station.config.faults)
         for name in ("object_pose", "valid", "age", "velocity"):
             builder.Connect(goal[name], self._gaze.GetInputPort(name))
@@ -250,6 +265,7 @@ class HeadPerception(Diagram):
             builder.Connect(goal[name], source.GetInputPort(target))
         cloud = self._guarded_cloud(source, station.config.faults)
         builder.Connect(cloud["cloud"], self._gaze.GetInputPort("cloud"))
+        builder.ExportOutput(source.GetOutputPort("space"), "space")
         for ports, names in ((goal, _GOAL), (cloud, _CLOUD)):
             for port, name in names.items():
                 builder.ExportOutput(ports[port], name)
@@ -297,7 +313,7 @@ class HeadPerception(Diagram):
         one = constant("one", ConstantVectorSource([1.0]))
         nothing = constant("no_obstacles", ConstantValueSource(Value(PointCloud())))
         builder.ExportOutput(one, "goal_valid")
-        for name in ("goal_age", "goal_gap", "cloud_age", "cloud_fault"):
+        for name in ("goal_age", "goal_gap", "image_age", "cloud_age", "cloud_fault"):
             builder.ExportOutput(zero, name)
         # There is always a new image of nothing.
         times = PiecewisePolynomial.FirstOrderHold([0.0, _EVER], [[0.0, _EVER]])

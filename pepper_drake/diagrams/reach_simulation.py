@@ -282,6 +282,10 @@ class ReachSimulation:
             arrived, started = progress.arrived, progress.started
             report.planning_seconds = reaching.timed_planner.seconds(arrived, started)
             report.planning_delay = started - arrived - reaching.config.timing.settling
+        if progress.plan is not None:
+            cell = reaching.config.planner.unseen.cell
+            report.unseen_volume = len(progress.plan.unseen) * cell**3
+            report.out_of_view_volume = progress.plan.out_of_view
         report.closest_pair = self._closest_pair(log)
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
         perception = reaching.perception

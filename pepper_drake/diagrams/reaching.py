@@ -35,7 +35,7 @@ from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, Rea
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
-from pepper_drake.systems.faults.fault_injector import Role
+from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, slowed_latency
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
@@ -193,9 +193,11 @@ class Reaching(Diagram):
             builder.ExportInput(self.supervisor.GetInputPort(name), name)
         for name in (
             *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
-            *("cloud_time", "cloud_fault"),
+            *("cloud_time", "cloud_fault", "image_age"),
         ):
             self._connect(self.perception.GetOutputPort(name), self.supervisor, name)
+        if self.perception.HasOutputPort("space"):
+            self._connect(self.perception.GetOutputPort("space"), self.supervisor, "space")
         for output, name in (
             ("joint_position", "joint_position"),
             ("base_pose", "base_pose"),
@@ -204,6 +206,7 @@ class Reaching(Diagram):
             self._connect(station.GetOutputPort(output), self.supervisor, name)
         self.started = self.supervisor.GetOutputPort("started")
         self._connect(self.started, self.perception, "scan_enabled")
+        self._connect(self.supervisor.GetOutputPort("look_at"), self.perception, "look_at")
         self._add_base()
 
     def _add_base(self) -> None:
@@ -323,8 +326,11 @@ class Reaching(Diagram):
         self._connect(wish, self.safety, "joint_position_command")
         self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
         if self.config.planner.collision_checked and coupled:
-            self._connect(self.seen_clearance.get_output_port(), self.safety, "clearance")
-            self._connect(self.body_watch.GetOutputPort("clearance"), self.safety, "body_clearance")
+            for watch, name in (
+                (self.seen_clearance, "clearance"),
+                (self.body_watch, "body_clearance"),
+            ):
+                self._connect(watch.GetOutputPort("approach_clearance"), self.safety, name)
         builder.ExportInput(self.safety.reset_input, "reset")
         self._connect(self.controller.GetOutputPort("limp"), self.safety, "limp")
         for name in ("measurement_age", "missing_joint"):
@@ -404,7 +410,7 @@ class Reaching(Diagram):
             "base_pose": station.GetOutputPort("base_pose"),
             "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
             "mode": self.supervisor.GetOutputPort("mode"),
-            "seen_clearance": self.seen_clearance.get_output_port(),
+            "seen_clearance": self.seen_clearance.GetOutputPort("clearance"),
             "body_clearance": self.body_watch.GetOutputPort("clearance"),
         }
         if station.HasOutputPort("ground_truth.query"):

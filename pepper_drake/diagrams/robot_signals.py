@@ -10,9 +10,11 @@ from pydrake.systems.primitives import Adder, ConstantVectorSource, MatrixGain, 
 
 from pepper_drake.models.control_model import BODY_JOINTS, CommandLimits
 from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.models.robot_calibration import RobotCalibration
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.perception.cameras.camera import HeadCamera, moved_camera
-from pepper_drake.systems.faults.fault_injector import FaultSet, Role
+from pepper_drake.systems.faults.fault_memory import Role
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.robot.base_velocity_controller import BaseVelocityController
 from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
 from pepper_drake.systems.robot.measurement_guard import MeasurementGuard
@@ -38,6 +40,37 @@ def add_offset(
     return adder.get_output_port()
 
 
+def calibrated_commands(
+    builder: DiagramBuilder, commands: InputPort, calibration: RobotCalibration | None
+) -> InputPort:
+    """Returns where angles that are true are commanded, to encoders that a calibration knows.
+
+    Args:
+        builder: Of a station.
+        commands: Where what the encoders are to say is commanded (15) [rad].
+        calibration: The robot's; None for none.
+    """
+    if calibration is None:
+        return commands
+    offsets = builder.AddNamedSystem(
+        "calibrated_offsets", ConstantVectorSource(calibration.joint_values("offset"))
+    )
+    adder = builder.AddNamedSystem("calibrated_commands", Adder(2, len(BODY_JOINTS)))
+    builder.Connect(offsets.get_output_port(), adder.get_input_port(1))
+    builder.Connect(adder.get_output_port(), commands)
+    return adder.get_input_port(0)
+
+
+def calibrated_joints(
+    builder: DiagramBuilder, encoders: OutputPort, calibration: RobotCalibration | None
+) -> OutputPort:
+    """Returns the true joint angles (15) of what the encoders say [rad], by a calibration."""
+    if calibration is None:
+        return encoders
+    offsets = -np.array(calibration.joint_values("offset"))
+    return add_offset(builder, "calibrated_joints", encoders, offsets.tolist())
+
+
 def add_servos(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
@@ -46,6 +79,7 @@ def add_servos(
     start: Mapping[str, float],
     *,
     wear: RobotWear | None,
+    calibration: RobotCalibration | None,
     period: float,
 ) -> OutputPort | None:
     """Turns joint and base commands into the desired state of the plant's servos.
@@ -57,6 +91,7 @@ def add_servos(
         base_pose: True x, y [m], yaw [rad] of the base in W.
         start: Positions of all joints by name at the start.
         wear: The robot's errors; None for none.
+        calibration: What is known of them; None for nothing.
         period: The control period [s].
 
     Returns:
@@ -65,8 +100,11 @@ def add_servos(
     joints = builder.AddNamedSystem(
         "joint_servo", JointCommandInterpolator(len(BODY_JOINTS), period)
     )
-    add_motor_commands(
+    commands = add_motor_commands(
         builder, joints.get_input_port(), [start[name] for name in BODY_JOINTS], wear, period
+    )
+    builder.ExportInput(
+        calibrated_commands(builder, commands, calibration), "joint_position_command"
     )
     joint_state, gap = add_slack(builder, joints.get_output_port(), wear, period)
     base = builder.AddNamedSystem(
@@ -100,24 +138,25 @@ def add_motor_commands(
     start: Sequence[float],
     wear: RobotWear | None,
     period: float,
-) -> None:
-    """Leads joint commands from outside to what moves the joints, by way of a worn robot's motors.
+) -> InputPort:
+    """Leads joint commands to what moves the joints, by way of a worn robot's motors.
 
     Args:
-        builder: Of the station; it exports `joint_position_command`.
+        builder: Of the station.
         commands: Where they arrive (15).
         start: The joints at the start (15,) [rad].
         wear: The robot's errors; None for none.
         period: The control period [s].
+
+    Returns:
+        Where they are commanded.
     """
     if wear is None:
-        builder.ExportInput(commands, "joint_position_command")
-        return
+        return commands
     steps = round(wear.command_latency / period)
     latency = builder.AddNamedSystem(
         "command_latency", CommandLatency(start, max(steps, 1), period)
     )
-    builder.ExportInput(latency.command_input, "joint_position_command")
     truly = add_offset(
         builder,
         "encoder_command",
@@ -125,6 +164,7 @@ def add_motor_commands(
         (-wear.encoder_offset).tolist(),
     )
     builder.Connect(truly, commands)
+    return latency.command_input
 
 
 def add_slack(
@@ -161,6 +201,7 @@ def add_measurements(
     *,
     gap: OutputPort | None,
     wear: RobotWear | None,
+    calibration: RobotCalibration | None,
     faults: FaultSet,
     failing_joints: Sequence[int],
     limits: CommandLimits,
@@ -174,6 +215,7 @@ def add_measurements(
         start: Positions of all joints by name at the start.
         gap: How far the motors, which the encoders measure, are ahead of the joints (15) [rad].
         wear: The robot's errors; None for none.
+        calibration: What is known of them; None for nothing.
         faults: Faults of encoders and odometry.
         failing_joints: Indices of the joints of which one fails if an encoder fails.
         limits: Of the joints; what is measured far outside cannot be.
@@ -211,6 +253,8 @@ def add_measurements(
         )
         builder.Connect(port, guard.measured_input)
         ports[name] = guard.GetOutputPort("measured")
+        if name == "joint_position":
+            ports[name] = calibrated_joints(builder, ports[name], calibration)
         ages.append(guard.GetOutputPort("age"))
         missing = guard.GetOutputPort("missing") if missing is None else missing
         builder.ExportOutput(ports[name], name)

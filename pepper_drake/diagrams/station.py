@@ -35,19 +35,19 @@ from pepper_drake.models.control_model import (
 )
 from pepper_drake.models.objects import NO_SCENE, SceneModels, add_scene
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper, posture_positions
+from pepper_drake.models.robot_calibration import RobotCalibration
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.models.scene import Scene
-from pepper_drake.perception.cameras.camera import (
-    CAMERA_BOTTOM,
-    CAMERA_DEPTH,
-    CAMERA_TOP,
-    CameraIntrinsics,
+from pepper_drake.perception.calibration.calibrated_cameras import (
+    HEAD_CAMERA_MODELS,
+    calibrated_cameras,
 )
-from pepper_drake.perception.cameras.noise import ColorNoise, DepthNoise
+from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.cameras.noise import NO_DEPTH_NOISE, ColorNoise, DepthNoise
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import STEREO_CLOUD
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
 from pepper_drake.systems.sensing.async_renderer import AsyncRenderer
@@ -63,17 +63,6 @@ _HAND_PORTS = tuple(
     f"{arm}_hand_{what}"
     for arm in ("left", "right")
     for what in ("pose", "position", "orientation")
-)
-NO_DEPTH_NOISE = DepthNoise(
-    floor=0.0,
-    growth=0.0,
-    edge_loss=0.0,
-    edge_mix=0.0,
-    loss=0.0,
-    baseline=0.0,
-    grazing=0.0,
-    dark_share=0.0,
-    border=0,
 )
 
 
@@ -113,6 +102,8 @@ class StationConfig:
 
     wear: RobotWear | None = None
     """Errors of a used robot; None for one as in its model. A stereo pair has none of its own."""
+    calibration: RobotCalibration | None = None
+    """Errors that are known, by which measurements and commands are corrected; None for none."""
     faults: FaultSet = field(default_factory=FaultSet)
     """Signals that fail during the run."""
 
@@ -232,7 +223,8 @@ class PepperStation(Diagram):
         self.config = config
         self.control_model = model
         self.renderer: AsyncRenderer | None = None
-        self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
+        cameras = HEAD_CAMERA_MODELS | calibrated_cameras(config.calibration)
+        self.depth_intrinsics: CameraIntrinsics = cameras["camera_depth"].intrinsics
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlant(
             MultibodyPlantConfig(
@@ -268,6 +260,7 @@ class PepperStation(Diagram):
             true["base_pose"],
             positions,
             wear=config.wear,
+            calibration=config.calibration,
             period=config.command_period,
         )
         measured = add_measurements(
@@ -277,13 +270,16 @@ class PepperStation(Diagram):
             dict(positions),
             gap=gap,
             wear=config.wear,
+            calibration=config.calibration,
             faults=config.faults,
             failing_joints=body_indices([*JOINT_GROUPS["head"], *arm_joints(arm)]),
             limits=model.command_limits(BODY_JOINTS),
         )
         self._add_motions(builder)
         add_gravity_compensation(builder, plant)
-        kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model))
+        kinematics = builder.AddNamedSystem(
+            "kinematics", RobotKinematics(model, calibrated_cameras(config.calibration))
+        )
         builder.Connect(measured["joint_position"], kinematics.joint_position_input)
         builder.Connect(measured["base_pose"], kinematics.base_pose_input)
         for name in ("robot_position", "torso_pose", *_HAND_PORTS):
@@ -408,16 +404,16 @@ class PepperStation(Diagram):
         config, plant = self.config, self.plant
         half = 0.5 * config.camera_period
         plan = {
-            "camera_top": (CAMERA_TOP, "color", 0.0),
-            "camera_bottom": (CAMERA_BOTTOM, "color", 0.0),
+            "camera_top": ("color", 0.0),
+            "camera_bottom": ("color", 0.0),
         }
         if not config.stereo:
-            plan["camera_depth"] = (CAMERA_DEPTH, "depth", half)
+            plan["camera_depth"] = ("depth", half)
         self.renderer = renderer = AsyncRenderer(
             scene,
             {
-                name: (worn_camera(config.wear, name, camera), kind)
-                for name, (camera, kind, _) in plan.items()
+                name: (worn_camera(config.wear, name, HEAD_CAMERA_MODELS[name]), kind)
+                for name, (kind, _) in plan.items()
             },
         )
         positions = builder.AddNamedSystem(
@@ -425,7 +421,7 @@ class PepperStation(Diagram):
             MatrixGain(D=np.eye(plant.num_positions(), plant.num_multibody_states())),
         )
         builder.Connect(plant.get_state_output_port(), positions.get_input_port())
-        for number, (name, (camera, kind, offset)) in enumerate(plan.items()):
+        for number, (name, (kind, offset)) in enumerate(plan.items()):
             sensor = builder.AddNamedSystem(
                 f"{name}_sensor",
                 AsyncRgbdSensor(functools.partial(renderer.render, name), plant.num_positions()),
@@ -439,7 +435,7 @@ class PepperStation(Diagram):
             camera_model = builder.AddNamedSystem(
                 name,
                 CameraModel(
-                    camera.intrinsics,
+                    HEAD_CAMERA_MODELS[name].intrinsics,
                     kind=kind,
                     period=config.camera_period,
                     offset=offset,

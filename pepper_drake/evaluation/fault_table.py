@@ -10,7 +10,7 @@ from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.models.scene import load_scene
 from pepper_drake.results.reach_report import ReachReport
 from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_fault, sensible_faults
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 
 STARTS = ("0", "reach")
 """From the start on, and from the moment when the arm starts."""
@@ -79,7 +79,16 @@ def fault_cases(
 
 
 def run_fault(case: FaultCase) -> FaultResult:
-    """Simulates the reach of a case, unseen."""
+    """Simulates the reach of a case, unseen; one that ends by an exception is a result, too."""
+    try:
+        return _run_fault(case)
+    except Exception as error:
+        words = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        report = ReachReport(outcome="failed", reason="simulation_failed", message=words)
+        return fault_result(case, report)
+
+
+def _run_fault(case: FaultCase) -> FaultResult:
     scene = prepare_scene(load_scene(case.scene))
     faults = FaultSet((parse_fault(case.fault),), case.seed)
     config = ReachingConfig(station=StationConfig(seed=case.seed, faults=faults))

@@ -124,7 +124,7 @@ def reach_with_robot(
         scene = _where_it_stands(scene, link)
         start = link.clock.now()
         config = replace(config, log_period=_LOG_PERIOD)
-        station = HardwareStation(link, shared_control_model(), start)
+        station = HardwareStation(link, shared_control_model(), start, config.station.calibration)
         reaching = Reaching(scene, primitive, coupling, config, station)
         simulator = Simulator(reaching)
         # Building took a moment; the diagram's time begins now.

@@ -17,15 +17,21 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.sensors import ImageDepth16U, ImageRgba8U
 
+from pepper_drake.diagrams.robot_signals import calibrated_commands, calibrated_joints
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.mailbox import CAMERA_NAMES, STREAM
 from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
 from pepper_drake.models.objects import NO_SCENE, SceneModels
-from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CameraIntrinsics
+from pepper_drake.models.robot_calibration import RobotCalibration
+from pepper_drake.perception.calibration.calibrated_cameras import (
+    HEAD_CAMERA_MODELS,
+    calibrated_cameras,
+)
+from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.systems.framework import Diagram, LeafSystem, build_into
-from pepper_drake.systems.robot.robot_kinematics import CAMERA_FRAMES, RobotKinematics
+from pepper_drake.systems.robot.robot_kinematics import RobotKinematics, head_camera_pose
 
 Vector = npt.NDArray[np.float64]
 
@@ -251,6 +257,7 @@ class ReceivedCamera(LeafSystem):
         model: ControlModel,
         start: float,
         period: float = CONTROL_PERIOD,
+        calibration: RobotCalibration | None = None,
     ) -> None:
         """Declares the ports.
 
@@ -260,11 +267,16 @@ class ReceivedCamera(LeafSystem):
             model: Pepper's kinematics.
             start: Time of the link's clock at the diagram's time 0 [s].
             period: Time between two looks [s].
+            calibration: Of the robot; None for none.
         """
         super().__init__()
         self._record = link.mailbox.images[camera]
         self._model, self._start = model, start
-        self._frame = CAMERA_FRAMES[CAMERA_NAMES[camera]]
+        self._name = CAMERA_NAMES[camera]
+        self._cameras = calibrated_cameras(calibration)
+        self._offsets = np.zeros(len(BODY_JOINTS))
+        if calibration is not None:
+            self._offsets += calibration.joint_values("offset")
         self._is_depth = CAMERA_NAMES[camera] == "camera_depth"
         none = _Received(
             -np.inf,
@@ -309,14 +321,15 @@ class ReceivedCamera(LeafSystem):
         else:
             pixels = np.full((height, width, 4), 255, np.uint8)
             pixels[..., :3] = data[: 3 * height * width].reshape(height, width, 3)
-        position = self._model.positions(record["positions"], record["base_pose"])
+        joints = record["positions"] - self._offsets
+        position = self._model.positions(joints, record["base_pose"])
         plant_context = self._model.create_context()
         self._model.plant.SetPositions(plant_context, position)
         state.get_mutable_abstract_state(int(self._state)).set_value(
             _Received(
                 float(record["time"]) - self._start,
                 pixels,
-                self._model.pose(plant_context, self._frame),
+                head_camera_pose(self._model, plant_context, self._name, self._cameras),
                 position,
                 writes,
             )
@@ -389,45 +402,61 @@ class HardwareStation(Diagram):
         link: The link.
         control_model: Pepper's kinematics.
         depth_intrinsics: Of the depth camera's images.
-        obstacle_parameters: How obstacles are best seen in them.
         config: As if it were simulated: it has cameras, and they have noise.
         scene_models: No bodies: nothing but what is seen is known of the world.
         start: Time of the link's clock at the diagram's time 0 [s].
     """
 
-    def __init__(self, link: LinkProcess, model: ControlModel, start: float | None = None) -> None:
+    def __init__(
+        self,
+        link: LinkProcess,
+        model: ControlModel,
+        start: float | None = None,
+        calibration: RobotCalibration | None = None,
+    ) -> None:
         """Makes the diagram.
 
         Args:
             link: A link that is ready.
             model: Pepper's kinematics.
             start: Time of the link's clock at the diagram's time 0 [s]; now if left out.
+            calibration: Of the robot; None for none.
         """
         super().__init__()
         self.link, self.control_model = link, model
         self.start = link.clock.now() if start is None else start
-        self.depth_intrinsics: CameraIntrinsics = CAMERA_DEPTH.intrinsics
-        self.obstacle_parameters = ObstacleParameters()
+        cameras = calibrated_cameras(calibration)
+        depth = (HEAD_CAMERA_MODELS | cameras)["camera_depth"]
+        self.depth_intrinsics: CameraIntrinsics = depth.intrinsics
         self.scene_models: SceneModels = NO_SCENE
-        self.config = StationConfig()
+        self.config = StationConfig(calibration=calibration)
         builder = DiagramBuilder()
         robot = builder.AddNamedSystem("robot", RobotInterface(link))
-        for name in ("joint_position_command", "base_velocity_command"):
-            builder.ExportInput(robot.GetInputPort(name), name)
-        for name in (
-            *("joint_position", "joint_velocity", "base_pose"),
-            *("measurement_age", "missing_joint", "link_status"),
-        ):
+        name = "joint_position_command"
+        commands = calibrated_commands(builder, robot.GetInputPort(name), calibration)
+        builder.ExportInput(commands, name)
+        builder.ExportInput(robot.GetInputPort("base_velocity_command"), "base_velocity_command")
+        joints = calibrated_joints(builder, robot.GetOutputPort("joint_position"), calibration)
+        builder.ExportOutput(joints, "joint_position")
+        measured = ("joint_velocity", "base_pose", "measurement_age", "missing_joint")
+        for name in (*measured, "link_status"):
             builder.ExportOutput(robot.GetOutputPort(name), name)
-        kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model))
-        builder.Connect(robot.GetOutputPort("joint_position"), kinematics.joint_position_input)
+        kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model, cameras))
+        builder.Connect(joints, kinematics.joint_position_input)
         builder.Connect(robot.GetOutputPort("base_pose"), kinematics.base_pose_input)
         for name in ("robot_position", "torso_pose", *_HAND_PORTS):
             builder.ExportOutput(kinematics.GetOutputPort(name), name)
         for number, name in enumerate(CAMERA_NAMES):
             builder.ExportInput(robot.GetInputPort(f"{name}.enabled"), f"{name}.enabled")
-            camera = builder.AddNamedSystem(name, ReceivedCamera(link, number, model, self.start))
+            camera = builder.AddNamedSystem(
+                name,
+                ReceivedCamera(link, number, model, self.start, calibration=calibration),
+            )
             exports = (("image", "image"), ("X_WC", "pose"), ("time_stamp", "time_stamp"))
             for port, export in (*exports, ("position", "position")):
                 builder.ExportOutput(camera.GetOutputPort(port), f"{name}.{export}")
         build_into(builder, self)
+
+    def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
+        """Parameters with which obstacles are seen in the depth images: those wanted."""
+        return parameters

@@ -26,7 +26,8 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from pepper_drake.models.markers import marker_mesh, plate_size
 from pepper_drake.models.motion import path_trajectory
-from pepper_drake.models.scene import GoalObject, Obstacle, Scene
+from pepper_drake.models.pepper import hand_frame
+from pepper_drake.models.scene import GoalObject, HandMarker, Marker, Obstacle, Scene
 from pepper_drake.models.shapes import mesh_path
 
 GOAL_OBJECT = "goal_object"
@@ -77,9 +78,10 @@ def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
     """Adds a scene's floor, obstacles and goal object to a plant that is not finalized yet.
 
     What has a path gets stiff PD gains on three prismatic joints; all else is fixed to the world.
+    A marker on the hand is seen and touches nothing.
 
     Args:
-        plant: The plant, registered with a scene graph.
+        plant: The plant with Pepper, registered with a scene graph.
         scene: A scene that passes its check.
     """
     _add_floor(plant)
@@ -103,6 +105,9 @@ def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
         moving.append(_add_prismatic_joints(plant, goal_body, scene.goal.pose(), scene.goal.path))
     else:
         plant.WeldFrames(plant.world_frame(), goal_body.body_frame(), scene.goal.pose())
+    if scene.hand_marker is not None:
+        hand = plant.GetFrameByName(hand_frame(scene.arm))
+        _show_marker(plant, hand.body(), scene.hand_marker, hand.GetFixedPoseInBodyFrame())
     return SceneModels(
         obstacles=tuple(obstacle.name for obstacle in scene.obstacles),
         obstacle_models=tuple(sorted(models, key=int)),
@@ -143,15 +148,23 @@ def _register_goal(plant: MultibodyPlant, body: RigidBody, goal: GoalObject) -> 
     plant.RegisterCollisionGeometry(body, X_OC, cylinder, "cylinder", friction)
     plant.RegisterVisualGeometry(body, X_OC, cylinder, "cylinder", np.array(goal.color))
 
-    X_OM = goal.marker.pose()
-    edge = plate_size(goal.marker.size)
+    plate, X_OP = _show_marker(plant, body, goal.marker, RigidTransform())
+    plant.RegisterCollisionGeometry(body, X_OP, plate, "plate", friction)
+
+
+def _show_marker(
+    plant: MultibodyPlant, body: RigidBody, marker: Marker | HandMarker, X_BF: RigidTransform
+) -> tuple[Box, RigidTransform]:
+    """Puts a marker, whose pose is in a frame F of a body, on its plate; returns plate and X_BP."""
+    X_BM = X_BF @ marker.pose()
+    edge = plate_size(marker.size)
     # The plate's face lies a little behind the marker's, so that the two do not flicker.
-    X_MP = RigidTransform([0.0, 0.0, -0.0005 - _PLATE_THICKNESS / 2])
+    X_BP = X_BM @ RigidTransform([0.0, 0.0, -0.0005 - _PLATE_THICKNESS / 2])
     plate = Box(edge, edge, _PLATE_THICKNESS)
-    plant.RegisterCollisionGeometry(body, X_OM @ X_MP, plate, "plate", friction)
-    plant.RegisterVisualGeometry(body, X_OM @ X_MP, plate, "plate", np.ones(4))
-    mesh = marker_mesh(goal.marker.id, goal.marker.size)
-    plant.RegisterVisualGeometry(body, GeometryInstance(X_OM, mesh, "marker"))
+    plant.RegisterVisualGeometry(body, X_BP, plate, "plate", np.ones(4))
+    mesh = marker_mesh(marker.id, marker.size)
+    plant.RegisterVisualGeometry(body, GeometryInstance(X_BM, mesh, "marker"))
+    return plate, X_BP
 
 
 def _add_prismatic_joints(

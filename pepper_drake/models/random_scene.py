@@ -33,36 +33,14 @@ def random_scene(seed: int, *, moving: bool = False) -> Scene:
     height = float(rng.uniform(0.66, 0.80))
     edge = float(rng.uniform(0.75, 1.05))
     depth = float(rng.uniform(0.45, 0.65))
-    radius = round(float(rng.uniform(0.028, 0.036)), 4)
-    goal = GoalObject(
-        radius=radius,
-        height=0.22,
-        position=_rounded(edge + rng.uniform(0.05, 0.11), side * rng.uniform(0.02, 0.20), height),
-        yaw=round(float(rng.uniform(-0.3, 0.3)), 4),
-    )
-    # The plate leans on the cylinder, whatever its radius.
-    goal.marker.position[0] = round(-radius - 0.017, 4)
-    obstacles = _table(edge, depth, height)
-    taken = [(goal.position[0], goal.position[1], _GOAL_KEEP_OUT)]
-    for number in range(int(rng.integers(2, 7))):
-        thing, outline = _thing(rng, number)
-        for _ in range(_MAX_TRIES):
-            x = rng.uniform(edge + outline, edge + depth - outline)
-            y = goal.position[1] + rng.uniform(-0.40, 0.40)
-            if all(np.hypot(x - a, y - b) > outline + r + _GAP for a, b, r in taken):
-                taken.append((x, y, outline))
-                thing.position = _rounded(x, y, height + thing.position[2])
-                obstacles.append(thing)
-                break
+    goal = draw_goal(rng, edge, side, height)
+    obstacles = table(edge, depth, height)
+    obstacles += draw_things(rng, edge, depth, height, goal, most=6)
     scene = Scene(
         name=f"random_{seed}",
         description=f"The random scene of seed {seed}.",
         arm=arm,
-        robot=RobotStart(
-            x=round(float(rng.uniform(-0.1, 0.1)), 4),
-            y=round(float(rng.uniform(-0.15, 0.15)), 4),
-            yaw=round(float(rng.uniform(-0.2, 0.2)), 4),
-        ),
+        robot=draw_start(rng),
         goal=goal,
         obstacles=obstacles,
     )
@@ -75,20 +53,97 @@ def random_scene(seed: int, *, moving: bool = False) -> Scene:
     return scene
 
 
-def _rounded(x: float, y: float, z: float) -> list[float]:
+def draw_goal(
+    rng: np.random.Generator,
+    edge: float,
+    side: float,
+    height: float,
+    behind_edge: tuple[float, float] = (0.05, 0.11),
+) -> GoalObject:
+    """Draws the goal object on a table.
+
+    Args:
+        rng: Draws.
+        edge: Place of the table's edge along x [m].
+        side: Of the arm, 1 left or -1 right.
+        height: Of the table [m].
+        behind_edge: How far behind the edge it stands, from and to [m].
+    """
+    radius = round(float(rng.uniform(0.028, 0.036)), 4)
+    goal = GoalObject(
+        radius=radius,
+        height=0.22,
+        position=rounded(edge + rng.uniform(*behind_edge), side * rng.uniform(0.02, 0.20), height),
+        yaw=round(float(rng.uniform(-0.3, 0.3)), 4),
+    )
+    # The plate leans on the cylinder, whatever its radius.
+    goal.marker.position[0] = round(-radius - 0.017, 4)
+    return goal
+
+
+def draw_start(rng: np.random.Generator) -> RobotStart:
+    """Draws where the robot starts: about the world's origin, facing about +x."""
+    return RobotStart(
+        x=round(float(rng.uniform(-0.1, 0.1)), 4),
+        y=round(float(rng.uniform(-0.15, 0.15)), 4),
+        yaw=round(float(rng.uniform(-0.2, 0.2)), 4),
+    )
+
+
+def draw_things(
+    rng: np.random.Generator,
+    edge: float,
+    depth: float,
+    height: float,
+    goal: GoalObject,
+    most: int,
+) -> list[Obstacle]:
+    """Draws two to `most` things on a table around the goal object, of which none overlap.
+
+    Args:
+        rng: Draws.
+        edge: Place of the table's edge along x [m].
+        depth: Of the table [m].
+        height: Of the table [m].
+        goal: The goal object, which stands on it.
+        most: Largest number of things.
+    """
+    things: list[Obstacle] = []
+    taken = [(goal.position[0], goal.position[1], _GOAL_KEEP_OUT)]
+    for number in range(int(rng.integers(2, most + 1))):
+        thing, outline = _thing(rng, number)
+        for _ in range(_MAX_TRIES):
+            x = rng.uniform(edge + outline, edge + depth - outline)
+            y = goal.position[1] + rng.uniform(-0.40, 0.40)
+            if all(np.hypot(x - a, y - b) > outline + r + _GAP for a, b, r in taken):
+                taken.append((x, y, outline))
+                thing.position = rounded(x, y, height + thing.position[2])
+                things.append(thing)
+                break
+    return things
+
+
+def rounded(x: float, y: float, z: float) -> list[float]:
+    """Three numbers, to a tenth of a millimetre."""
     return [round(float(value), 4) for value in (x, y, z)]
 
 
-def _table(edge: float, depth: float, height: float) -> list[Obstacle]:
-    """Returns a table top and four legs, far enough apart for the robot's base to pass."""
+def table(edge: float, depth: float, height: float) -> list[Obstacle]:
+    """Returns a table top and four legs, far enough apart for the robot's base to pass.
+
+    Args:
+        edge: Place of the edge along x that faces the robot [m].
+        depth: Along x [m].
+        height: Of its upper side [m].
+    """
     width, leg = 1.4, 0.04
     underside = height - _TABLE_THICKNESS
     parts = [
         Obstacle(
             name="table_top",
             shape="box",
-            size=_rounded(depth, width, _TABLE_THICKNESS),
-            position=_rounded(edge + depth / 2, 0.0, height - _TABLE_THICKNESS / 2),
+            size=rounded(depth, width, _TABLE_THICKNESS),
+            position=rounded(edge + depth / 2, 0.0, height - _TABLE_THICKNESS / 2),
             color=list(_WOOD),
         )
     ]
@@ -98,8 +153,8 @@ def _table(edge: float, depth: float, height: float) -> list[Obstacle]:
             Obstacle(
                 name=f"table_leg_{number}",
                 shape="box",
-                size=_rounded(leg, leg, underside),
-                position=_rounded(x, y, underside / 2),
+                size=rounded(leg, leg, underside),
+                position=rounded(x, y, underside / 2),
                 color=list(_LEG_COLOR),
             )
         )
@@ -117,7 +172,7 @@ def _thing(rng: np.random.Generator, number: int) -> tuple[Obstacle, float]:
         mesh.position, mesh.rpy = [0.0, 0.0, 0.0], [0.0, 0.0, yaw]
         return mesh, 0.07 if kind == "mug" else 0.037
     if kind == "can":
-        radius, length = _rounded(rng.uniform(0.025, 0.045), rng.uniform(0.08, 0.16), 0.0)[:2]
+        radius, length = rounded(rng.uniform(0.025, 0.045), rng.uniform(0.08, 0.16), 0.0)[:2]
         can = Obstacle(name=name, shape="cylinder", size=[radius, length], color=color)
         can.position = [0.0, 0.0, length / 2]
         return can, radius
@@ -126,7 +181,7 @@ def _thing(rng: np.random.Generator, number: int) -> tuple[Obstacle, float]:
         ball = Obstacle(name=name, shape="sphere", size=[radius], color=color)
         ball.position = [0.0, 0.0, radius]
         return ball, radius
-    size = _rounded(rng.uniform(0.04, 0.12), rng.uniform(0.06, 0.18), rng.uniform(0.05, 0.24))
+    size = rounded(rng.uniform(0.04, 0.12), rng.uniform(0.06, 0.18), rng.uniform(0.05, 0.24))
     box = Obstacle(name=name, shape="box", size=size, color=color, rpy=[0.0, 0.0, yaw])
     box.position = [0.0, 0.0, size[2] / 2]
     return box, float(np.hypot(size[0], size[1]) / 2)

@@ -78,6 +78,22 @@ class Marker:
 
 
 @dataclass
+class HandMarker:
+    """An ArUco marker on the hand of the scene's arm: a user puts it there to calibrate."""
+
+    id: int = 12
+    size: float = 0.05  # Edge of the black square [m].
+    # p_HM in the hand's control frame [m]: on the back of the hand.
+    position: list[float] = field(default_factory=lambda: [-0.0172, 0.0, 0.0703])
+    # R_HM as roll, pitch, yaw [rad]: its top towards the fingers.
+    rpy: list[float] = field(default_factory=lambda: [0.0, 0.0, -1.5707963267948966])
+
+    def pose(self) -> RigidTransform:
+        """Returns X_HM."""
+        return make_pose(self.position, self.rpy)
+
+
+@dataclass
 class HandPose:
     """Pre-grasp pose of the hand's control frame H in the goal object's frame O."""
 
@@ -162,6 +178,7 @@ class Scene:
     robot: RobotStart = field(default_factory=RobotStart)
     goal: GoalObject = field(default_factory=GoalObject)
     obstacles: list[Obstacle] = field(default_factory=list)
+    hand_marker: HandMarker | None = None  # None for none.
 
     def check(self) -> None:
         """Raises InputError, in one sentence that names the field, if the scene makes no sense."""
@@ -173,6 +190,8 @@ class Scene:
             )
         _check_robot(self.robot)
         _check_goal(self.goal)
+        if self.hand_marker is not None:
+            _check_marker(self.hand_marker, "hand_marker")
         if len(self.obstacles) > _MOST_OBSTACLES:
             raise InputError(f"obstacles are {len(self.obstacles)}; give at most {_MOST_OBSTACLES}")
         for index, obstacle in enumerate(self.obstacles):
@@ -232,10 +251,9 @@ class Scene:
         goal = mirror.goal
         goal.position[1], goal.yaw = -goal.position[1], -goal.yaw
         goal.path = _mirrored_path(goal.path)
-        # The marker itself is not mirrored: its x axis still points to the right of who reads it.
-        R_OM = np.diag([1, -1, 1]) @ goal.marker.pose().rotation().matrix() @ np.diag([-1, 1, 1])
-        goal.marker.rpy = RollPitchYaw(RotationMatrix(R_OM)).vector().tolist()
-        goal.marker.position[1] *= -1
+        _mirror_marker(goal.marker)
+        if mirror.hand_marker is not None:
+            _mirror_marker(mirror.hand_marker)
         if goal.pre_grasp.position:
             goal.pre_grasp.position[1] *= -1
             goal.pre_grasp.rpy[0::2] = [-angle for angle in goal.pre_grasp.rpy[0::2]]
@@ -244,6 +262,13 @@ class Scene:
             obstacle.rpy[0::2] = [-angle for angle in obstacle.rpy[0::2]]
             obstacle.path = _mirrored_path(obstacle.path)
         return mirror
+
+
+def _mirror_marker(marker: Marker | HandMarker) -> None:
+    """Mirrors a marker's place; it still points its x axis to the right of who reads it."""
+    R = np.diag([1, -1, 1]) @ marker.pose().rotation().matrix() @ np.diag([-1, 1, 1])
+    marker.rpy = RollPitchYaw(RotationMatrix(R)).vector().tolist()
+    marker.position[1] *= -1
 
 
 def default_pre_grasp(arm: str, radius: float) -> HandPose:
@@ -341,17 +366,21 @@ def _check_goal(goal: GoalObject) -> None:
     if not abs(goal.yaw) <= FARTHEST:
         raise InputError(f"goal.yaw must be a finite number of at most {FARTHEST:g}")
     _check_color(goal.color, "goal.color")
-    marker = goal.marker
-    if not 0 <= marker.id < 50:
-        raise InputError(f"goal.marker.id is {marker.id}; DICT_4X4_50 has the ids 0 to 49")
-    if not 0.005 <= marker.size <= 0.5:
-        raise InputError(f"goal.marker.size is {marker.size:g} m; it must be 0.005 to 0.5")
-    _check_vector(marker.position, 3, "goal.marker.position", "x, y, z in the object's frame")
-    _check_vector(marker.rpy, 3, "goal.marker.rpy", "roll, pitch, yaw")
+    _check_marker(goal.marker, "goal.marker")
     if goal.pre_grasp.position or goal.pre_grasp.rpy:
         _check_vector(goal.pre_grasp.position, 3, "goal.pre_grasp.position", "x, y, z")
         _check_vector(goal.pre_grasp.rpy, 3, "goal.pre_grasp.rpy", "roll, pitch, yaw")
     check_path(goal.path, "goal.path")
+
+
+def _check_marker(marker: Marker | HandMarker, name: str) -> None:
+    if not 0 <= marker.id < 50:
+        raise InputError(f"{name}.id is {marker.id}; DICT_4X4_50 has the ids 0 to 49")
+    if not 0.005 <= marker.size <= 0.5:
+        raise InputError(f"{name}.size is {marker.size:g} m; it must be 0.005 to 0.5")
+    where = "the object's frame" if isinstance(marker, Marker) else "the hand's frame"
+    _check_vector(marker.position, 3, f"{name}.position", f"x, y, z in {where}")
+    _check_vector(marker.rpy, 3, f"{name}.rpy", "roll, pitch, yaw")
 
 
 def _check_obstacle(obstacle: Obstacle, field_name: str) -> None:

@@ -67,6 +67,10 @@ class ReachReport:
     """After a failure: time until arms, body and base stood still; None if the run ended before."""
     faults: list[str] = field(default_factory=list)
     """The faults that were injected, as SIGNAL:KIND@START[+DURATION]."""
+    unseen_volume: float = 0.0
+    """Volume of unseen space that the arm's last plan passed [m³]; 0 unless that was accepted."""
+    out_of_view_volume: float = 0.0
+    """The same of space close to the chest that no head angle shows [m³]."""
     tracking_error_rms: float | None = None
     """Root mean square distance between the hand and the primitive's position during the reach."""
     planning_seconds: float | None = None
@@ -107,6 +111,12 @@ class ReachReport:
         )
         if self.touch_speed is not None:
             lines.append(f"  speed at touch    {1000 * self.touch_speed:6.0f} mm/s")
+        for volume, name in (
+            (self.unseen_volume, "unseen space     "),
+            (self.out_of_view_volume, "out of view      "),
+        ):
+            if volume > 0.0:
+                lines.append(f"  {name} {1000 * volume:6.1f} litres passed by the arm")
         lines.extend(f"  injected          {fault}" for fault in self.faults)
         if self.tracking_error_rms is not None:
             lines.append(f"  tracking error    {1000 * self.tracking_error_rms:6.1f} mm rms")

@@ -22,6 +22,8 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.control_model import BODY_JOINTS, arm_joints, body_indices
 from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.perception.mapping.depth_validity import DepthFault
+from pepper_drake.perception.mapping.seen_space import SeenSpace
+from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement import Movement
@@ -60,10 +62,12 @@ class ReachSupervisor(LeafSystem):
         - goal_valid
         - goal_age
         - goal_position
+        - image_age (optional)
         - cloud
         - cloud_time
         - cloud_fault (optional)
         - predicted_cloud (optional)
+        - space (optional)
         - joint_position
         - base_pose
         - hand_pose
@@ -82,12 +86,15 @@ class ReachSupervisor(LeafSystem):
         - started
         - base_goal
         - mode
+        - look_at
         - progress
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
-    hand's goal in T [m]; `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last
-    image [s], not finite before the first; `cloud_fault` (1), a `DepthFault`; `predicted_cloud`
-    (PointCloud in W), predicted positions of moving obstacles; `joint_position` (15) [rad];
+    hand's goal in T [m]; `image_age` (1) of the newest colour image [s]; `cloud` (PointCloud in W)
+    and `cloud_time` (1), capture time of its last image [s], not finite before the first;
+    `cloud_fault` (1), a `DepthFault`; `predicted_cloud` (PointCloud in W), predicted positions of
+    moving obstacles; `space`, abstract SeenSpace, what was seen of all places, taken for known
+    everywhere if left out; `joint_position` (15) [rad];
     `base_pose` (3) [m, rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive
     wants the hand in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at
     rest where it is measured if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the
@@ -97,8 +104,9 @@ class ReachSupervisor(LeafSystem):
     performed in place of the planner's own.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
-    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `progress`, the whole
-    `ReachState`.
+    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `look_at` (3), a
+    place in W that the head has to look at before the arm starts [m], NaN for none; `progress`, the
+    whole `ReachState`.
     State: `ReachState` (abstract), every `timing.time_step`.
     """
 
@@ -128,6 +136,7 @@ class ReachSupervisor(LeafSystem):
                 ("cloud", Value(PointCloud())),
                 ("predicted_cloud", Value(PointCloud())),
                 ("hand_pose", Value(RigidTransform())),
+                ("space", Value[object](SeenSpace(VoxelMap.empty()))),
             )
         }
         for name, size in (
@@ -136,6 +145,7 @@ class ReachSupervisor(LeafSystem):
             ("goal_position", 3),
             ("cloud_time", 1),
             ("cloud_fault", 1),
+            ("image_age", 1),
             ("joint_position", len(BODY_JOINTS)),
             ("base_pose", 3),
             ("desired_position", 3),
@@ -166,6 +176,7 @@ class ReachSupervisor(LeafSystem):
         self._declare_output("started", 1, lambda now: [now.has_started], state)
         self._declare_output("base_goal", 3, lambda now: now.base_goal, state)
         self._declare_output("mode", 1, lambda now: [now.mode], state)
+        self._declare_output("look_at", 3, lambda now: now.look_at, state)
         self.DeclareAbstractOutputPort(
             "progress",
             lambda: Value[object](ReachState()),
@@ -243,9 +254,11 @@ class ReachSupervisor(LeafSystem):
             predicted_cloud=predicted[near],
             cloud_time=scalar("cloud_time"),
             cloud_fault=DepthFault(int(fault)),
+            space=value("space") if ports["space"].HasValue(context) else None,
             goal_valid=scalar("goal_valid") > 0.5,
             goal_age=scalar("goal_age"),
             goal_position=vector("goal_position"),
+            image_age=scalar("image_age") if ports["image_age"].HasValue(context) else 0.0,
             hand_position=np.array(value("hand_pose").translation()),
             measured_arm=measured,
             desired_position=optional("desired_position"),

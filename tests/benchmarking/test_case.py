@@ -4,6 +4,7 @@ from pepper_drake.benchmarking.case import Case
 from pepper_drake.errors import InputError
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import load_scene
+from pepper_drake.models.scene_families import family_scene
 
 
 def test_a_case_is_the_random_scene_of_its_seed():
@@ -39,3 +40,16 @@ def test_names_and_options_say_which(case, name, options):
 def test_a_scene_that_is_not_there_is_named():
     with pytest.raises(InputError, match="nowhere"):
         Case(0, scene="nowhere").build()
+
+
+def test_a_family_is_the_scene_and_its_name():
+    case = Case(4, family="pickets")
+    assert case.build() == family_scene("pickets", 4)
+    assert case.name == "pickets_4"
+    assert case.reach_options[:4] == ["--family", "pickets", "--random-scene", "4"]
+
+
+def test_a_calibrated_robot_has_a_name_of_its_own():
+    case = Case(4, robot="worn", calibration="found/{seed}.yaml")
+    assert case.name == "random_4_worn_calibrated"
+    assert case.reach_options[-2:] == ["--calibration", "found/{seed}.yaml"]

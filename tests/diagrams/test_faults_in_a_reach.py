@@ -7,20 +7,27 @@ from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig
-from pepper_drake.models.control_model import shared_control_model
+from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
+from pepper_drake.models.robot_calibration import (
+    CameraCalibration,
+    JointCalibration,
+    RobotCalibration,
+)
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.models.scene import load_scene
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.systems.faults.fault import parse_fault
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 
 pytestmark = pytest.mark.render
 
 
-def reach(scene="table", fault=None, wear=None, coupled=True, station=None):
+def reach(scene="table", fault=None, wear=None, coupled=True, station=None, calibration=None):
     """The result of a reach, with a fault or a worn robot."""
     faults = FaultSet(() if fault is None else (parse_fault(fault),), seed=0)
-    config = ReachingConfig(station=StationConfig(seed=0, faults=faults, wear=wear))
+    config = ReachingConfig(
+        station=StationConfig(seed=0, faults=faults, wear=wear, calibration=calibration)
+    )
     scene = load_scene(scene)
     coupling = make_coupling(scene.coupling) if coupled else None
     config.planner.collision_checked = coupled
@@ -30,6 +37,22 @@ def reach(scene="table", fault=None, wear=None, coupled=True, station=None):
     result = ReachSimulation(reaching, RunOptions(progress=False)).run()
     assert result.report.command_acceleration <= 10.0 + 1e-6
     return result
+
+
+def perfect_calibration(wear):
+    """A calibration that has found all of a robot's offsets and colour cameras."""
+    joints = {
+        name: JointCalibration(offset=float(offset))
+        for name, offset in zip(BODY_JOINTS, wear.encoder_offset, strict=True)
+    }
+    cameras = {
+        name: CameraCalibration(
+            position=list(camera.position), rotation=list(camera.rotation), focal=camera.focal
+        )
+        for name, camera in wear.cameras.items()
+        if name != "camera_depth"
+    }
+    return RobotCalibration(joints=joints, cameras=cameras)
 
 
 @pytest.mark.parametrize(
@@ -63,10 +86,16 @@ def test_an_arm_that_runs_into_the_table_notices_it_and_backs_off():
     assert log.clearance_m[-1] > 0.005, "it goes back"
 
 
-def test_a_worn_robot_reaches():
-    report = reach(wear=RobotWear.draw(2)).report
-    assert report.outcome == "reached"
-    assert report.contacts == 0
+def test_a_worn_robot_reaches_and_a_calibrated_one_more_closely():
+    wear, errors = RobotWear.draw(2), []
+    for calibration in (None, perfect_calibration(wear)):
+        report = reach(wear=wear, calibration=calibration).report
+        assert report.outcome == "reached"
+        assert report.contacts == 0
+        errors.append(report.final_position_error)
+    # What is left is the slack of the gears.
+    assert errors[1] < 0.75 * errors[0]
+    assert errors[1] < 0.004
 
 
 def test_the_robot_may_come_from_outside():

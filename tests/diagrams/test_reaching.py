@@ -1,7 +1,10 @@
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
 from pydrake.systems.analysis import InitializeParams, Simulator
@@ -11,12 +14,19 @@ from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions, measure_cloud
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig
-from pepper_drake.models.control_model import shared_control_model
+from pepper_drake.learning import PointCloudDistance
+from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import load_scene
+from pepper_drake.perception.mapping.cloud_points import make_cloud
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import hand_key
+from pepper_drake.planning.reach.kinematic_simulation import ArmState, KinematicSimulator
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import PlanningLatency, ReachTiming
+from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
+from pepper_drake.planning.reach.reach_state import ReachState
 
 
 def make_reaching(name, arm):
@@ -107,8 +117,8 @@ def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
     retreat = reaching.planner.plan_retreat
 
     def retreat_and_note(plan, observation):
-        retreats.append((observation.time + latency.plan, retreat(plan, observation)))
-        return retreats[-1][1]
+        retreats.append(retreat(plan, observation))
+        return retreats[-1]
 
     monkeypatch.setattr(reaching.planner, "plan_retreat", retreat_and_note)
     off = []
@@ -116,8 +126,11 @@ def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
     def check(root):
         if not retreats or (len(retreats) > 1 and latency.plan == 0.0):
             return
-        begin, plan = retreats[0]
-        ticks = round((root.get_time() - begin) / config.ik.time_step)
+        # An arm that brakes stands before the retreat begins, whatever the latency.
+        state, plan = reaching.supervisor.progress(supervisor), retreats[0]
+        if state.plan is not plan:
+            return
+        ticks = round((root.get_time() - state.since) / config.ik.time_step)
         if 1 <= ticks <= min(len(plan.joint_path) - 1, ticks_checked):
             context = reaching.controller.GetMyContextFromRoot(root)
             command = reaching.controller.GetOutputPort("position_command").Eval(context)
@@ -125,6 +138,7 @@ def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
             near = plan.joint_path[max(ticks - 1, 0) : ticks + 2]
             off.append(np.abs(near - command).max(axis=1).min())
 
+    supervisor = reaching.supervisor.GetMyContextFromRoot(run.simulator.get_context())
     run.simulator.set_monitor(check)
     report = run.run().report
     assert (report.outcome, report.contacts) == ("reached", 0)
@@ -224,3 +238,65 @@ def test_the_safety_monitor_hears_how_near_the_arm_is_only_where_a_coupling_is_v
             port.HasValue(port.get_system().GetMyContextFromRoot(reaching.CreateDefaultContext()))
             == hears
         )
+
+
+def test_only_what_the_robot_itself_goes_near_to_stops_it():
+    reaching = make_reaching("free", "right")
+    sources = reaching.connection_map()
+    for watch, name in (
+        (reaching.body_watch, "body_clearance"),
+        (reaching.seen_clearance, "clearance"),
+    ):
+        heard = reaching.safety.GetInputPort(name).get_index()
+        port = watch.GetOutputPort("approach_clearance").get_index()
+        assert sources[reaching.safety, heard] == (watch, port)
+
+
+def test_the_planners_simulation_gives_the_whole_diagrams_commands():
+    """From the plan to what the safety monitor lets pass; the scene is held still."""
+    reaching = make_reaching("free", "right")
+    primitive, time_step = reaching.primitive, reaching.config.ik.time_step
+    X_TG = RigidTransform(Quaternion(primitive.orientation.goal), primitive.goal)
+    # Beside the path, where they bend it; a cloud is in single precision.
+    middle = primitive.rollout().positions[100]
+    points = (middle + [[0.02, 0.05, -0.06], [0.04, 0.06, -0.05]]).astype(np.float32).astype(float)
+    movement = Movement(primitive, make_coupling("barrier"))
+    simulator = Simulator(reaching)
+    root = simulator.get_mutable_context()
+
+    def fix(system, **values):
+        for name, value in values.items():
+            context = system.GetMyMutableContextFromRoot(root)
+            system.GetInputPort(name).FixValue(context, value)
+
+    cloud = Value(make_cloud(points))
+    torso = reaching.station.GetOutputPort("torso_pose")
+    X_WT = RigidTransform(torso.Eval(reaching.station.GetMyContextFromRoot(root)))
+    fix(reaching.controller, object_pose=X_WT @ X_TG, torso_pose=X_WT, cloud=cloud)
+    supervisor = reaching.supervisor.GetMyMutableContextFromRoot(root)
+    plan = ReachPlan(PlanStatus.CLEAR, "", np.zeros(3), movement=movement)
+    reaching_now = ReachState(mode=ReachMode.REACHING, plan=plan, movements=1, started=0.0)
+    supervisor.get_mutable_abstract_state(0).set_value(reaching_now)
+    simulator.Initialize()
+    arm = body_indices(arm_joints("right"))
+    safety = reaching.safety.GetMyContextFromRoot(root)
+    start = ArmState(reaching.command.Eval(safety)[arm], np.zeros(5))
+    found = [start.position]
+    for tick in range(60):
+        # The cameras tell nothing in this short time that the supervisor would wait for.
+        fix(reaching.supervisor, goal_age=[0.0], cloud_time=[root.get_time()])
+        simulator.AdvanceTo((tick + 0.5) * time_step)
+        found.append(reaching.command.Eval(safety)[arm])
+    progress = reaching.supervisor.progress(supervisor)
+    assert (progress.mode, progress.reason) == (ReachMode.REACHING, "")
+
+    kinematics = arm_kinematics(reaching.station.control_model, "right")
+    offline = KinematicSimulator(
+        reaching.station.control_model, kinematics, reaching.config.ik, settle=0.4
+    )
+    field = PointCloudDistance(points)
+    expected = offline.track(start, offline.roll_out(movement, start, X_TG, field), 1e-9)
+    np.testing.assert_allclose(found, expected[: len(found)], rtol=0.0, atol=1e-9)
+    assert np.abs(found[-1] - found[0]).max() > 0.5
+    alone = offline.roll_out(replace(movement, coupling=None), start, X_TG, field)
+    assert np.abs(offline.track(start, alone, 1e-9)[: len(found)] - found).max() > 0.1

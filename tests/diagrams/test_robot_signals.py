@@ -9,9 +9,10 @@ from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.models.robot_calibration import JointCalibration, RobotCalibration
 from pepper_drake.models.robot_wear import RobotWear, WearSizes
 from pepper_drake.systems.faults.fault import parse_faults
-from pepper_drake.systems.faults.fault_injector import FaultSet
+from pepper_drake.systems.faults.fault_set import FaultSet
 
 START = {"LShoulderPitch": 1.4, "RShoulderPitch": 1.4}
 
@@ -19,9 +20,12 @@ START = {"LShoulderPitch": 1.4, "RShoulderPitch": 1.4}
 class Rig:
     """A station whose right elbow yaws at 0.5 rad/s while its base drives ahead."""
 
-    def __init__(self, wear=None, faults=(), base_velocity=(0.0, 0.0, 0.0)):
+    def __init__(self, wear=None, faults=(), base_velocity=(0.0, 0.0, 0.0), calibration=None):
         config = StationConfig(
-            cameras=False, wear=wear, faults=FaultSet(parse_faults(faults), seed=1)
+            cameras=False,
+            wear=wear,
+            calibration=calibration,
+            faults=FaultSet(parse_faults(faults), seed=1),
         )
         builder = DiagramBuilder()
         self.model = shared_control_model()
@@ -123,3 +127,18 @@ def test_odometry_that_fails_is_noticed():
 def test_a_fault_that_waits_for_the_arm_has_a_port_for_it():
     assert Rig(faults=["encoders:off@reach"]).station.HasInputPort("fault_trigger")
     assert not Rig(faults=["encoders:off@1"]).station.HasInputPort("fault_trigger")
+
+
+def test_a_calibrated_robot_measures_and_does_what_is_true():
+    """Its encoders are off; what it says and what it is told is not."""
+    wear = RobotWear.draw(3, WearSizes(backlash=0.0, odometry=0.0, command_latency=0.02))
+    joints = {
+        name: JointCalibration(offset=float(offset))
+        for name, offset in zip(BODY_JOINTS, wear.encoder_offset, strict=True)
+    }
+    calibration = RobotCalibration(joints=joints)
+    rig = Rig(wear, calibration=calibration).run(0.6, elbow_speed=0.0)
+    np.testing.assert_allclose(rig.rows("joint_position"), rig.true_rows(BODY_JOINTS), atol=1e-9)
+    np.testing.assert_allclose(rig.true_rows(BODY_JOINTS)[-1], rig.start, atol=1e-4)
+    off = Rig(wear).run(0.6, elbow_speed=0.0)
+    assert np.abs(off.true_rows(BODY_JOINTS)[-1] - off.start).max() > np.radians(0.3)

@@ -5,6 +5,7 @@ from pepper_drake.evaluation.fault_table import (
     fault_cases,
     fault_result,
     markdown_table,
+    run_fault,
 )
 from pepper_drake.results.reach_report import ReachReport
 from pepper_drake.systems.faults.fault import parse_fault, sensible_faults
@@ -47,6 +48,16 @@ def test_a_fast_touch_a_hard_command_and_an_exception_are_not():
         replace(REPORT, reason="simulation_failed"),
     ):
         assert not fault_result(CASE, report).is_safe
+
+
+def test_a_run_that_ends_by_an_exception_is_a_row_of_the_table(monkeypatch):
+    def broken(scene):
+        raise TypeError("a\nlong story")
+
+    monkeypatch.setattr("pepper_drake.evaluation.fault_table.prepare_scene", broken)
+    result = run_fault(CASE)
+    assert (result.reason, result.is_safe) == ("simulation_failed", False)
+    assert result.message == "TypeError: a long story"
 
 
 def test_the_page_has_a_row_for_each_run_and_says_what_is_refused():

@@ -10,6 +10,7 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from served import served
 
+from pepper_drake.diagrams.head_perception import HeadPerception
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.hardware.link import LinkConfig
 from pepper_drake.hardware.link_fault import LinkFault
@@ -19,6 +20,7 @@ from pepper_drake.hardware.preflight import PreflightOptions
 from pepper_drake.hardware.station import HardwareStation
 from pepper_drake.hardware.transport import RobotAccess
 from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
+from pepper_drake.models.robot_calibration import JointCalibration, RobotCalibration
 from pepper_drake.models.scene import load_scene
 from pepper_drake.naoqi.constants import JOINTS
 from pepper_drake.robot_server.robot_port import CameraImage
@@ -53,6 +55,35 @@ def test_it_has_the_ports_of_the_simulated_station():
             ours, its = station.GetOutputPort(name), simulated.GetOutputPort(name)
             assert ours.get_data_type() == its.get_data_type()
             assert ours.size() == its.size()
+
+
+def test_the_perception_takes_its_place():
+    with served() as robot, linked(robot) as link:
+        link.wait_until_ready()
+        station = HardwareStation(link, shared_control_model())
+        perception = HeadPerception(load_scene("table"), station)
+        assert perception.HasOutputPort("cloud")
+
+
+def test_a_calibrated_robot_says_and_is_told_true_angles():
+    offset = 0.02
+    calibration = RobotCalibration(joints={"RElbowRoll": JointCalibration(offset=offset)})
+    column = BODY_JOINTS.index("RElbowRoll")
+    with served() as robot, linked(robot) as link:
+        link.wait_until_ready()
+        station = HardwareStation(link, shared_control_model(), calibration=calibration)
+        context = station.CreateDefaultContext()
+        said = np.array(link.state()["positions"])
+        measured = station.GetOutputPort("joint_position").Eval(context)
+        expected = said.copy()
+        expected[column] -= offset
+        np.testing.assert_allclose(measured, expected, atol=1e-3)
+        station.GetInputPort("joint_position_command").FixValue(context, measured)
+        inside = station.GetSubsystemByName("robot")
+        command = inside.GetInputPort("joint_position_command").Eval(
+            inside.GetMyContextFromRoot(context)
+        )
+        np.testing.assert_allclose(command, said, atol=1e-3)
 
 
 def test_a_path_is_performed_and_seen():

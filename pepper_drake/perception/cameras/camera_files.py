@@ -15,7 +15,6 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-import yaml
 from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.errors import InputError
@@ -26,6 +25,7 @@ from pepper_drake.perception.cameras.camera import (
     CAMERA_TOP,
     CameraIntrinsics,
 )
+from pepper_drake.yaml_files import compose, construct
 
 _MATRIX_NAMES = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "K", "k", "mtx")
 _DISTORTION_NAMES = (
@@ -84,17 +84,8 @@ def _read(path: Path) -> dict[str, Any]:
     is_storage = head.startswith(("%YAML:", "<?xml", "<opencv_storage", '{"opencv'))
     if is_storage or "opencv-matrix" in text:
         return _read_file_storage(text, path)
-    try:
-        for event in yaml.parse(text, Loader=yaml.SafeLoader):
-            if isinstance(event, yaml.AliasEvent):
-                raise InputError(f"{path}: has a reference (*); write its values out.")
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        line = getattr(getattr(error, "problem_mark", None), "line", None)
-        where = "" if line is None else f" line {line + 1}"
-        raise InputError(f"{path}{where}: is no YAML of a camera's calibration.") from None
-    except (RecursionError, ValueError):
-        raise InputError(f"{path}: is no YAML of a camera's calibration.") from None
+    root = compose(text, str(path))
+    content = None if root is None else construct(root, str(path))
     if not isinstance(content, dict):
         raise InputError(
             f"{path}: holds no camera; expected are camera_matrix, image_width, image_height and "

@@ -85,6 +85,20 @@ class DepthNoise:
         return self.floor + self.growth * np.square(depth - 0.4)
 
 
+NO_DEPTH_NOISE = DepthNoise(
+    floor=0.0,
+    growth=0.0,
+    edge_loss=0.0,
+    edge_mix=0.0,
+    loss=0.0,
+    baseline=0.0,
+    grazing=0.0,
+    dark_share=0.0,
+    border=0,
+)
+"""A depth camera that errs in nothing."""
+
+
 @functools.lru_cache(maxsize=16)
 def _normal_field(
     seed: int, height: int, width: int, channels: int, blur: float

@@ -5,6 +5,7 @@ which they were last in the image, and of the gazes that are possible the one is
 most of what was not seen for longest, for the time that it takes.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -12,8 +13,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.perception.cameras.camera import HeadCamera
-from pepper_drake.perception.gaze.head_aiming import P_T_NECK, camera_pose
+from pepper_drake.perception.gaze.head_aiming import (
+    HEAD_YAW_LIMIT,
+    P_T_NECK,
+    camera_pose,
+    image_offset,
+)
 
 Vector = npt.NDArray[np.float64]
 
@@ -69,6 +76,30 @@ def visible(camera: HeadCamera, head: npt.ArrayLike, places: Vector) -> npt.NDAr
     X_TC = camera_pose(camera, head)
     p_C = (places - X_TC.translation()) @ X_TC.rotation().matrix()
     return np.asarray((p_C[:, 2] > _NEAREST) & camera.intrinsics.sees(p_C))
+
+
+@functools.cache
+def head_grid() -> Vector:
+    """Returns head angles (N, 2) all over Pepper's limits, by a third of an image's width [rad]."""
+    yaws = np.linspace(-HEAD_YAW_LIMIT, HEAD_YAW_LIMIT, 13)
+    return np.array(
+        [(yaw, pitch) for yaw in yaws for pitch in np.linspace(*head_pitch_limits(yaw), 4)]
+    )
+
+
+def within_possible_view(camera: HeadCamera, places: Vector) -> npt.NDArray[np.bool_]:
+    """Which places (N, 3) of the torso frame some head angles bring into a camera's image."""
+    seen = np.zeros(len(places), dtype=bool)
+    for head in head_grid():
+        seen[~seen] = visible(camera, head, places[~seen])
+    return seen
+
+
+def best_view(camera: HeadCamera, p_TP: Vector) -> Vector:
+    """Returns the head angles (2,) that bring a place nearest to the middle of the image [rad]."""
+    offsets = [image_offset(camera, head, p_TP) for head in head_grid()]
+    nearest: Vector = head_grid()[int(np.argmin(offsets))]
+    return nearest
 
 
 def view_weights(places: Vector, things: Vector) -> Vector:

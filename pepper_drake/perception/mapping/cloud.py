@@ -38,7 +38,10 @@ class CloudParameters:
             told from a jump between two surfaces.
         flying_noise: Standard deviation of the depth at 1 m [m]; it grows with the square of depth.
         flying_neighbours: Least number of the eight neighbouring pixels on the same surface.
-        object_margin: What is closer than this to the goal object belongs to it [m].
+        object_margin: What is closer than this to the goal object belongs to it [m], ...
+        object_lag: ... and what it may have moved in this time [s]: half between images, half in
+            filters, ...
+        largest_object_lag: ... but no more than this [m].
         robot_margin: What is closer than this to the robot's collision shapes belongs to it [m].
     """
 
@@ -50,6 +53,8 @@ class CloudParameters:
     flying_noise: float = 0.0025
     flying_neighbours: int = 4
     object_margin: float = 0.015
+    object_lag: float = 0.3
+    largest_object_lag: float = 0.06
     robot_margin: float = 0.02
 
 

@@ -28,32 +28,47 @@ Points = npt.NDArray[np.floating]
 
 _CELL = 6
 """Edge of the squares of pixels of which blindness is learned [pixels]."""
-_LEAST_VIEWS = 3
-"""A square is blind if it was blank in so many images at least."""
 _THING_DEPTHS = (0.2, 0.3, 0.4)
 """Depths at which a thing before the camera is supposed when views are compared [m]."""
-_BAND = 0.08
-"""Widest blank band along the image's border, as a share of the image's width or height."""
-_SMALL = 0.025
-"""Size of a thing at the camera's near limit that is too small to matter [m]."""
 _RING = 4
 """Width of the ring around a hole in which a surface is looked for [pixels]."""
-_CLOSED = 0.85
-"""Share of its ring that has to be measured for a hole to be closed."""
-_FLAT = 0.03
-"""Relative error of depth up to which a ring lies in one plane."""
-_SAME_PLACE = 0.04
-"""Places on a surface that are nearer to one another are the same [m]."""
-_SHADOW_STEP = 0.04
-"""Least step in depth between a surface and what lies in its shadow [m]."""
-_SHADOW_SLACK = 3.0
-"""Error of the pattern's displacement at which a shadow is still explained [pixels]."""
 _HOLE_WIDTH = 7
 """Edge of the square of pixels that have to have measured nothing, all of them [pixels]."""
 _HOLE_EDGE = _HOLE_WIDTH - 1
 """By so much a region of blank pixels is narrower than its hole [pixels]."""
 _PLACE_STEP = 4
 """One of so many pixels along both axes of a closed hole is followed."""
+
+
+@dataclass(unsafe_hash=True)
+class HoleParameters:
+    """Parameters of explaining holes.
+
+    Attributes:
+        least_views: A square of pixels is blind if it was blank in so many images at least.
+        widest_band: Widest blank band along the image's border, as a share of the image's width or
+            height.
+        smallest: Size of a thing at the camera's near limit that is too small to matter [m].
+        closed: Share of the ring around a hole that has to be measured for the hole to be closed.
+        flatness: Relative error of depth up to which that ring lies in one plane.
+        same_place: Places on a surface that are nearer to one another are the same [m].
+        shadow_step: Least step in depth between a surface and what lies in its shadow [m].
+        shadow_slack: Error of the pattern's displacement at which a shadow is still explained
+            [pixels].
+    """
+
+    least_views: int = 3
+    widest_band: float = 0.08
+    smallest: float = 0.025
+    closed: float = 0.85
+    flatness: float = 0.03
+    same_place: float = 0.04
+    shadow_step: float = 0.04
+    shadow_slack: float = 3.0
+
+
+DEFAULT_HOLES = HoleParameters()
+"""What a function uses that is given no parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,14 +122,14 @@ class HoleMemory:
             blind=np.zeros((rows, columns), dtype=bool),
         )
 
-    def blind_pixels(self) -> Mask:
+    def blind_pixels(self, parameters: HoleParameters = DEFAULT_HOLES) -> Mask:
         """Pixels (height, width) that never measure anything, as far as is known."""
         height, width = self.measured.shape
         squares = np.repeat(np.repeat(self.blind, _CELL, 0), _CELL, 1)[:height, :width]
-        return ~self.measured & (squares | border_band(self.measured))
+        return ~self.measured & (squares | border_band(self.measured, parameters))
 
 
-def border_band(measured: Mask) -> Mask:
+def border_band(measured: Mask, parameters: HoleParameters = DEFAULT_HOLES) -> Mask:
     """Finds blank bands along an image's border.
 
     A band runs along most of a side. Its width is that of nine tenths of the blank runs from the
@@ -122,6 +137,7 @@ def border_band(measured: Mask) -> Mask:
 
     Args:
         measured: Pixels (height, width) that measured something.
+        parameters: The widest band.
 
     Returns:
         (height, width).
@@ -135,7 +151,7 @@ def border_band(measured: Mask) -> Mask:
             if np.count_nonzero(told) < 0.25 * len(side):
                 continue
             runs = np.argmax(side[told], axis=1)
-            widest = round(_BAND * side.shape[1])
+            widest = round(parameters.widest_band * side.shape[1])
             short = runs[runs <= widest]
             if np.count_nonzero(short > 0) < 0.5 * np.count_nonzero(told):
                 continue
@@ -170,6 +186,7 @@ def learn_blindness(
     expected: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]],
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
+    parameters: HoleParameters = DEFAULT_HOLES,
 ) -> HoleMemory:
     """Takes in where an image is blank although something is known to be there.
 
@@ -183,6 +200,7 @@ def learn_blindness(
         expected: Columns and rows (N,) at which something is known to be there.
         intrinsics: The camera.
         X_WC: Its pose.
+        parameters: When pixels are blind.
     """
     memory = memory.of_size(*depth.shape)
     measured = memory.measured | (depth > 0)
@@ -200,7 +218,7 @@ def learn_blindness(
         now = np.concatenate((X_WC.rotation().matrix().ravel(), X_WC.translation()))
         poses[first] = now.astype(np.float32)
     blind = memory.blind & ~alive
-    candidates = blank & ~blind & (views >= _LEAST_VIEWS)
+    candidates = blank & ~blind & (views >= parameters.least_views)
     if candidates.any():
         regions, _, extents = _components(empty.astype(np.uint8))
         wide = _CELL * (extents[regions[candidates]] + 1)
@@ -255,6 +273,7 @@ def in_measured_shadow(
     depth: Array,
     intrinsics: CameraIntrinsics,
     baseline: float,
+    parameters: HoleParameters = DEFAULT_HOLES,
 ) -> Mask:
     """Tells which hidden places lie in the projector's shadow of something that was measured.
 
@@ -269,6 +288,7 @@ def in_measured_shadow(
         depth: Depth image (height, width) [m], 0 where nothing was measured.
         intrinsics: The camera.
         baseline: Distance of projector and camera [m].
+        parameters: When a place lies in a shadow.
 
     Returns:
         (N,).
@@ -294,8 +314,8 @@ def in_measured_shadow(
             inside = (at >= 0) & (at < intrinsics.width)
             found = inverse[rows[:, None], np.clip(at, 0, intrinsics.width - 1)]
             off = np.abs(found - wanted) * reach
-            nearer = found * (z[:, None] - _SHADOW_STEP) > 1.0
-            explained |= (inside & nearer & (off <= _SHADOW_SLACK)).any(axis=1)
+            nearer = found * (z[:, None] - parameters.shadow_step) > 1.0
+            explained |= (inside & nearer & (off <= parameters.shadow_slack)).any(axis=1)
     return explained
 
 
@@ -323,6 +343,7 @@ def learn_dropouts(
     blank: Mask,
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
+    parameters: HoleParameters = DEFAULT_HOLES,
 ) -> tuple[HoleMemory, Mask]:
     """Takes in the closed holes of an image, and tells which are of the surface around them.
 
@@ -332,19 +353,20 @@ def learn_dropouts(
         blank: From `blank_pixels`.
         intrinsics: The camera.
         X_WC: Its pose.
+        parameters: Which holes are of the surface.
 
     Returns:
         What is known now, and the pixels (height, width) of holes that are explained.
     """
     explained = np.zeros(depth.shape, dtype=bool)
     labels, boxes, extents = _components(blank.astype(np.uint8))
-    largest = _SMALL / intrinsics.near * max(intrinsics.focal_x, intrinsics.focal_y)
+    largest = parameters.smallest / intrinsics.near * max(intrinsics.focal_x, intrinsics.focal_y)
     p_WC = X_WC.translation()
     places, seen_from = [memory.places], [memory.seen_from]
     settled = [memory.settled]
     tree = cKDTree(memory.places) if len(memory.places) else None
     for label in range(1, len(boxes)):
-        closed, p_C = _closed_hole(depth, labels == label, boxes[label], intrinsics)
+        closed, p_C = _closed_hole(depth, labels == label, boxes[label], intrinsics, parameters)
         if not closed:
             continue
         # The blank pixels are fewer than the hole's by the square's edge.
@@ -356,14 +378,14 @@ def learn_dropouts(
         p_W = p_C @ X_WC.rotation().matrix().T + p_WC
         known = np.zeros(len(p_W), dtype=bool)
         if tree is not None:
-            distance, index = tree.query(p_W, distance_upper_bound=_SAME_PLACE)
+            distance, index = tree.query(p_W, distance_upper_bound=parameters.same_place)
             known = np.isfinite(distance)
             old = np.asarray(index)[known]
             z = p_C[known, 2]
             # What a thing at the near limit hides moves on the surface by this.
             moved = np.linalg.norm(p_WC - memory.seen_from[old], axis=1)
             moved = moved * (z / intrinsics.near - 1.0)
-            wide = (extents[label] + _HOLE_EDGE) / intrinsics.focal_x * z + _SAME_PLACE
+            wide = (extents[label] + _HOLE_EDGE) / intrinsics.focal_x * z + parameters.same_place
             settled[0] = settled[0].copy()
             settled[0][old[moved > wide]] = True
             if np.count_nonzero(settled[0][old]) > 0.5 * len(p_W):
@@ -378,11 +400,15 @@ def learn_dropouts(
         seen_from=np.concatenate(seen_from),
         settled=np.concatenate(settled),
     )
-    return _measured_again(memory, depth, intrinsics, X_WC), explained
+    return _measured_again(memory, depth, intrinsics, X_WC, parameters.same_place), explained
 
 
 def _closed_hole(
-    depth: Array, blank: Mask, box: npt.NDArray[np.int32], intrinsics: CameraIntrinsics
+    depth: Array,
+    blank: Mask,
+    box: npt.NDArray[np.int32],
+    intrinsics: CameraIntrinsics,
+    parameters: HoleParameters,
 ) -> tuple[bool, npt.NDArray[np.float64] | None]:
     """Looks at what is around a region of blank pixels.
 
@@ -391,6 +417,7 @@ def _closed_hole(
         blank: The region (height, width).
         box: Left, top, width and height of its box.
         intrinsics: The camera.
+        parameters: When it is closed, and its ring flat.
 
     Returns:
         Whether it is closed, and if all around it is in one plane, places (M, 3) in that plane
@@ -408,15 +435,15 @@ def _closed_hole(
     ring = cv2.dilate(hole, np.ones((2 * _RING + 1,) * 2, np.uint8)) > hole
     around = depth[rows, columns]
     told = ring & (around > 0)
-    if np.count_nonzero(told) < _CLOSED * np.count_nonzero(ring):
+    if np.count_nonzero(told) < parameters.closed * np.count_nonzero(ring):
         return False, None
     # Inverse depth is linear in the pixel's place on a plane.
     v, u = np.nonzero(told)
     terms = np.column_stack([u, v, np.ones(len(u))])
     inverse = 1.0 / around[told].astype(float)
     plane = np.linalg.lstsq(terms, inverse, rcond=None)[0]
-    flat = np.abs(terms @ plane - inverse) <= _FLAT * inverse
-    if np.mean(flat) < _CLOSED:
+    flat = np.abs(terms @ plane - inverse) <= parameters.flatness * inverse
+    if np.mean(flat) < parameters.closed:
         return True, None
     v, u = np.nonzero(region)
     chosen = (v % _PLACE_STEP == 0) & (u % _PLACE_STEP == 0)
@@ -431,16 +458,20 @@ def _closed_hole(
 
 
 def _measured_again(
-    memory: HoleMemory, depth: Array, intrinsics: CameraIntrinsics, X_WC: RigidTransform
+    memory: HoleMemory,
+    depth: Array,
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    same_place: float,
 ) -> HoleMemory:
-    """Forgets the places at which an image measures a surface."""
+    """Forgets the places at which an image measures a surface, within `same_place` [m]."""
     p_C = (memory.places - X_WC.translation()) @ X_WC.rotation().matrix()
     ahead = np.flatnonzero((p_C[:, 2] > intrinsics.near) & intrinsics.sees(p_C))
     if not len(ahead):
         return memory
     columns, rows = np.rint(intrinsics.project(p_C[ahead])).astype(np.int64).T
     kept = np.ones(len(p_C), dtype=bool)
-    kept[ahead] = np.abs(depth[rows, columns] - p_C[ahead, 2]) > _SAME_PLACE
+    kept[ahead] = np.abs(depth[rows, columns] - p_C[ahead, 2]) > same_place
     return replace(
         memory,
         places=memory.places[kept],

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from pepper_drake.perception.mapping.depth_holes import HoleMemory
 from pepper_drake.perception.mapping.dynamic_obstacles import (
+    ApproachParameters,
     DepthFrame,
     NewPoints,
     TrackedObstacle,
@@ -15,20 +16,13 @@ from pepper_drake.perception.mapping.dynamic_obstacles import (
     predict_occupancy,
 )
 from pepper_drake.perception.mapping.near_field_occlusion import (
-    ON_TABLE,
     background_points,
     occluded_points,
     unexplained_holes,
 )
-from pepper_drake.perception.mapping.obstacle_map import ExcludedSolids, ObstacleParameters
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
+from pepper_drake.perception.mapping.solids import ExcludedSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
-
-_APART = 0.5
-"""Time [s] between compared images in which slow motion exceeds the noise."""
-_HIDDEN = 2.0
-"""Time [s] for which an obstacle found by occlusion is kept."""
-_MOST_VIEWS = 9
-"""Largest number of earlier images that a new one is compared with, besides the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +89,20 @@ def update_tracker(
     is_visitor = np.isin(voxels.keys, transient_keys)
     behind, veil, holes = watch.behind, watch.behind[:0], watch.holes
     if parameters.treat_holes_as_near and view.depth.size:
-        behind = background_points(behind, view.depth, view.intrinsics, view.X_WC)
+        behind = background_points(
+            behind, view.depth, view.intrinsics, view.X_WC, parameters.near_field
+        )
         # What came does not explain a hole beside it: that may be more of it.
         known = voxels.positions[~is_visitor]
         holes, unexplained = unexplained_holes(
-            holes, behind, view.depth, view.intrinsics, view.X_WC, table
+            holes,
+            behind,
+            view.depth,
+            view.intrinsics,
+            view.X_WC,
+            table,
+            parameters.near_field,
+            parameters.holes,
         )
         veil = occluded_points(
             behind,
@@ -111,6 +114,8 @@ def update_tracker(
             table,
             holes=unexplained,
             baseline=parameters.projector_baseline,
+            parameters=parameters.near_field,
+            hole_parameters=parameters.holes,
         )
     things = watch.things
     if watch.views:
@@ -124,14 +129,14 @@ def update_tracker(
             watch.seen[1][~np.isin(watch.seen[0], keys, assume_unique=True)],
             last.time,
         )
-        above = places[places[:, 2] > table + ON_TABLE]
+        above = places[places[:, 2] > table + parameters.near_field.on_table]
         things = associate(things, come, view, memory, approach, above)
     voxels = voxels.select(~(is_visitor & (view.time - voxels.hit_times > approach.visit)))
     hidden, times = watch.hidden
-    still = (view.time - times < _HIDDEN) & ~view.sees_free_space(hidden, memory)
+    still = (view.time - times < parameters.near_field.kept) & ~view.sees_free_space(hidden, memory)
     hidden = np.concatenate((hidden[still], veil))
     times = np.concatenate((times[still], np.full(len(veil), view.time)))
-    views = _kept(watch.views, view, approach.visit)
+    views = _kept(watch.views, view, approach)
     return DynamicObstacleTracker(
         (*views, view),
         voxels.keys,
@@ -163,22 +168,34 @@ def reset_while_driving(
     """
     if not parameters.treat_holes_as_near or not view.depth.size:
         return DynamicObstacleTracker(holes=watch.holes)
-    behind = background_points(watch.behind, view.depth, view.intrinsics, view.X_WC)
-    holes, _ = unexplained_holes(watch.holes, behind, view.depth, view.intrinsics, view.X_WC)
+    behind = background_points(
+        watch.behind, view.depth, view.intrinsics, view.X_WC, parameters.near_field
+    )
+    holes, _ = unexplained_holes(
+        watch.holes,
+        behind,
+        view.depth,
+        view.intrinsics,
+        view.X_WC,
+        parameters=parameters.near_field,
+        hole_parameters=parameters.holes,
+    )
     return DynamicObstacleTracker(behind=behind, holes=holes)
 
 
-def _kept(views: Sequence[DepthFrame], view: DepthFrame, visit: float) -> list[DepthFrame]:
+def _kept(
+    views: Sequence[DepthFrame], view: DepthFrame, parameters: ApproachParameters
+) -> list[DepthFrame]:
     """The views that a new one is added to.
 
     None is too old, and of those that show the same there is one from before what moves slowly came
     in, and those after it.
     """
-    alike = [one for one in views if view.is_like(one) and view.time - one.time >= _APART]
+    alike = [one for one in views if view.is_like(one) and view.time - one.time >= parameters.apart]
     return [
         one
-        for one in views[-_MOST_VIEWS:]
-        if view.time - one.time < visit and not any(one is other for other in alike[:-1])
+        for one in views[-parameters.most_views :]
+        if view.time - one.time < parameters.visit and not any(one is other for other in alike[:-1])
     ]
 
 

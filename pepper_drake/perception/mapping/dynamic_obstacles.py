@@ -35,10 +35,6 @@ _LIKE = 0.15
 """Views turned or moved against one another by less than this show the same, rad and m."""
 _REGISTRATIONS = 4
 """Steps in which a surface is registered with what it was."""
-_ALIKE = 0.02
-"""Surfaces that are the same lie at most so far apart, then, by half of their points [m]."""
-_SLUGGISHNESS = 0.02
-"""Weight of resting against one point's moving: where its shape does not tell, it does not."""
 
 
 @dataclass(unsafe_hash=True)
@@ -59,6 +55,10 @@ class ApproachParameters:
         memory: How long what was lost from sight is supposed to be there [s].
         visit: How long what came is supposed to be where it is not seen any more [s].
         contradicted: With this share of where it was seen to be empty, a thing has gone.
+        alike: Surfaces that are the same lie at most so far apart, by half of their points [m].
+        sluggishness: Weight of resting against one point's moving, where its shape does not tell.
+        apart: Time between compared images in which slow motion exceeds the noise [s].
+        most_views: Number of earlier images that a new one is compared with, besides the last.
     """
 
     spacing: float = 0.025
@@ -73,6 +73,10 @@ class ApproachParameters:
     memory: float = 6.0
     visit: float = 8.0
     contradicted: float = 0.7
+    alike: float = 0.02
+    sluggishness: float = 0.02
+    apart: float = 0.5
+    most_views: int = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,13 +269,13 @@ def estimate_velocity(
         return None
     tree = cKDTree(left)
     points, normals = front.points[known].astype(float), front.normals[known].astype(float)
-    matrix = normals.T @ normals + _SLUGGISHNESS * len(normals) * np.eye(3)
+    matrix = normals.T @ normals + parameters.sluggishness * len(normals) * np.eye(3)
     step = np.zeros(3)
     for _ in range(_REGISTRATIONS):
         nearest = tree.query(points - step)[1]
         off = np.einsum("ij,ij->i", normals, points - left[nearest])
         step = np.linalg.solve(matrix, normals.T @ off)
-    if np.median(tree.query(points - step)[0]) > _ALIKE:
+    if np.median(tree.query(points - step)[0]) > parameters.alike:
         return None
     velocity = step / duration
     speed = float(np.linalg.norm(velocity))

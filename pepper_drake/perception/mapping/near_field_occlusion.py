@@ -7,6 +7,7 @@ that the sensor makes by itself (see `depth_holes`), something is between.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -15,43 +16,62 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays
 from pepper_drake.perception.mapping.depth_holes import (
+    DEFAULT_HOLES,
     HoleMemory,
+    HoleParameters,
     blank_pixels,
     in_measured_shadow,
     learn_blindness,
     learn_dropouts,
 )
-from pepper_drake.perception.mapping.obstacle_map import ExcludedSolids
-from pepper_drake.perception.mapping.solids import near_solids
+from pepper_drake.perception.mapping.solids import ExcludedSolids, near_solids
 from pepper_drake.perception.mapping.voxel_map import voxel_keys
 
 Points = npt.NDArray[np.floating]
 Mask = npt.NDArray[np.bool_]
 
-_BEYOND = 0.05
-"""Margin [m] beyond the near limit at which occluded surfaces count."""
 _PITCH = 6
 """Stride of rays [pixels]."""
-_FARTHEST = 3.0
-"""Farthest background [m]."""
-_GRAIN = 0.03
-"""Resolution of the background [m]."""
 _STEP = 0.02
 """Between points on a ray [m]."""
-_NEAREST, _LIKELY = 0.15, 0.25
-"""Nothing is nearer to the camera than the first, and most likely not than the second [m]."""
-_MARGIN = 0.03
-"""Distance [m] beyond the near limit to which a ray is followed."""
-_AROUND_KNOWN = 0.05
-"""Distance [m] to a known object within which it may occlude: one side of it is known only."""
-ON_TABLE = 0.02
-"""Height [m] above the table up to which points belong to it."""
-_LEAST_RAYS = 4
-"""Fewer are noise."""
-_GRAZING = 0.25
-"""Cosine of the angle of incidence below which floor and table need not be measured."""
-_FLOOR = 0.03
-"""Height [m] up to which points belong to the floor."""
+
+
+@dataclass(unsafe_hash=True)
+class NearFieldParameters:
+    """Parameters of inferring what is inside the camera's near limit.
+
+    Attributes:
+        beyond: Margin beyond the near limit at which occluded surfaces count [m].
+        farthest: Farthest background [m].
+        spacing: Of the background's points [m].
+        nearest: Nothing is nearer to the camera [m], ...
+        likely: ... and most likely not nearer than this [m].
+        margin: Distance beyond the near limit to which a ray is followed [m].
+        around_known: Distance to a known object within which it may occlude: one side of it is
+            known only [m].
+        on_table: Height above the table up to which points belong to it [m].
+        floor: Height up to which points belong to the floor [m].
+        grazing: Cosine of the angle of incidence below which floor and table need not be measured.
+        least_rays: Fewer are noise.
+        kept: How long what was found is supposed to be there [s].
+    """
+
+    beyond: float = 0.05
+    farthest: float = 3.0
+    spacing: float = 0.03
+    nearest: float = 0.15
+    likely: float = 0.25
+    margin: float = 0.03
+    around_known: float = 0.05
+    on_table: float = 0.02
+    floor: float = 0.03
+    grazing: float = 0.25
+    least_rays: int = 4
+    kept: float = 2.0
+
+
+DEFAULT_NEAR_FIELD = NearFieldParameters()
+"""What a function uses that is given no parameters."""
 
 
 def background_points(
@@ -59,6 +79,7 @@ def background_points(
     depth: npt.NDArray[np.float32],
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
+    parameters: NearFieldParameters = DEFAULT_NEAR_FIELD,
 ) -> npt.NDArray[np.float64]:
     """Background points, visible unless occluded: all surfaces, floor and table alike.
 
@@ -67,6 +88,7 @@ def background_points(
         depth: Depth image (height, width), m, 0 where nothing was measured.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
+        parameters: What counts as background.
 
     Returns:
         (Q, 3) what the image shows, and what was seen before where it measured nothing.
@@ -81,10 +103,12 @@ def background_points(
     half = _PITCH // 2
     z = depth[half::_PITCH, half::_PITCH]
     rays = pixel_rays(intrinsics, _PITCH)
-    measured = (z > intrinsics.near + _BEYOND) & (z < _FARTHEST)
+    measured = (z > intrinsics.near + parameters.beyond) & (z < parameters.farthest)
     p_W = (rays[measured] * z[measured][:, None]) @ X_WC.rotation().matrix().T
     points = np.concatenate((p_W + X_WC.translation(), before[kept]))
-    return np.asarray(points[np.unique(voxel_keys(points, _GRAIN), return_index=True)[1]])
+    return np.asarray(
+        points[np.unique(voxel_keys(points, parameters.spacing), return_index=True)[1]]
+    )
 
 
 def unexplained_holes(
@@ -94,6 +118,8 @@ def unexplained_holes(
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
     table: float = -np.inf,
+    parameters: NearFieldParameters = DEFAULT_NEAR_FIELD,
+    hole_parameters: HoleParameters = DEFAULT_HOLES,
 ) -> tuple[HoleMemory, Mask]:
     """Finds the holes of an image that the sensor or the surface behind does not explain.
 
@@ -104,14 +130,16 @@ def unexplained_holes(
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
         table: Height of what things stand on, in W [m].
+        parameters: What has to be measured.
+        hole_parameters: Which holes are explained.
 
     Returns:
         What is known of holes now, and the pixels (height, width) in the middle of the others.
     """
-    _, expected = _expected(behind, intrinsics, X_WC, table)
-    memory = learn_blindness(memory, depth, expected, intrinsics, X_WC)
-    blank = blank_pixels(depth, memory.blind_pixels())
-    memory, explained = learn_dropouts(memory, depth, blank, intrinsics, X_WC)
+    _, expected = _expected(behind, intrinsics, X_WC, table, parameters)
+    memory = learn_blindness(memory, depth, expected, intrinsics, X_WC, hole_parameters)
+    blank = blank_pixels(depth, memory.blind_pixels(hole_parameters))
+    memory, explained = learn_dropouts(memory, depth, blank, intrinsics, X_WC, hole_parameters)
     return memory, blank & ~explained
 
 
@@ -126,6 +154,8 @@ def occluded_points(
     *,
     holes: Mask | None = None,
     baseline: float = 0.0,
+    parameters: NearFieldParameters = DEFAULT_NEAR_FIELD,
+    hole_parameters: HoleParameters = DEFAULT_HOLES,
 ) -> npt.NDArray[np.float64]:
     """Finds where something may be that is too near to be measured.
 
@@ -139,6 +169,8 @@ def occluded_points(
         table: Height of what things stand on, in W [m].
         holes: From `unexplained_holes`; all holes of the image when left out.
         baseline: Distance of the camera from its projector [m]; 0 if it needs none.
+        parameters: What may be there.
+        hole_parameters: What lies in the projector's shadow.
 
     Returns:
         (Q, 3) points in W [m], on the rays through such holes, up to the near limit; none for an
@@ -147,24 +179,27 @@ def occluded_points(
     nothing = np.zeros((0, 3))
     if not depth.any():
         return nothing
-    ahead, (columns, rows) = _expected(behind, intrinsics, X_WC, table)
+    ahead, (columns, rows) = _expected(behind, intrinsics, X_WC, table, parameters)
     hidden = (blank_pixels(depth) if holes is None else holes)[rows, columns]
     squares = columns[hidden] // _PITCH + (rows[hidden] // _PITCH) * intrinsics.width
     ahead = ahead[hidden][np.unique(squares, return_index=True)[1]]
-    if len(ahead) >= _LEAST_RAYS:
-        ahead = ahead[~in_measured_shadow(ahead, depth, intrinsics, baseline)]
-    depths = np.arange(_NEAREST, intrinsics.near + _MARGIN, _STEP)
+    if len(ahead) >= parameters.least_rays:
+        ahead = ahead[~in_measured_shadow(ahead, depth, intrinsics, baseline, hole_parameters)]
+    depths = np.arange(parameters.nearest, intrinsics.near + parameters.margin, _STEP)
     R_WC, p_WC = X_WC.rotation().matrix(), X_WC.translation()
     near = np.asarray(known[np.sum((known - p_WC) ** 2, axis=1) < (2 * intrinsics.near) ** 2])
-    is_table = near[:, 2] < table + ON_TABLE
+    is_table = near[:, 2] < table + parameters.on_table
     trees = [
         (cKDTree(some), margin)
-        for some, margin in ((near[~is_table], _AROUND_KNOWN), (near[is_table], ON_TABLE))
+        for some, margin in (
+            (near[~is_table], parameters.around_known),
+            (near[is_table], parameters.on_table),
+        )
         if len(some)
     ]
     # The camera's view and the projector's light; on which side that is does not matter.
     for origin in (0.0,) if baseline == 0.0 else (0.0, baseline, -baseline):
-        if len(ahead) < _LEAST_RAYS:
+        if len(ahead) < parameters.least_rays:
             return nothing
         p_CO = np.array([origin, 0.0, 0.0])
         rays_C = p_CO + (ahead - p_CO)[:, None] * (depths[:, None] / ahead[:, None, 2:])
@@ -175,36 +210,42 @@ def occluded_points(
         for each in ignored:
             explained |= near_solids(points, each.solids, each.poses, each.margin)
         ahead = ahead[~explained.reshape(len(ahead), -1).any(axis=1)]
-    if len(ahead) < _LEAST_RAYS:
+    if len(ahead) < parameters.least_rays:
         return nothing
-    likely = depths[depths >= _LIKELY]
+    likely = depths[depths >= parameters.likely]
     rays_C = (ahead / ahead[:, 2:])[:, None] * likely[:, None]
     return np.asarray((rays_C @ R_WC.T + p_WC).reshape(-1, 3))
 
 
 def _expected(
-    behind: Points, intrinsics: CameraIntrinsics, X_WC: RigidTransform, table: float
+    behind: Points,
+    intrinsics: CameraIntrinsics,
+    X_WC: RigidTransform,
+    table: float,
+    parameters: NearFieldParameters,
 ) -> tuple[npt.NDArray[np.float64], tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
     """Expected image: points (N, 3) in C [m], and their columns and rows (N,).
 
     Floor and table are not, where they are seen at a grazing angle.
     """
-    behind = np.concatenate((behind, _floor(intrinsics, X_WC)))
+    behind = np.concatenate((behind, _floor(intrinsics, X_WC, parameters.farthest)))
     offset = X_WC.translation() - behind
-    level = (behind[:, 2] < _FLOOR) | (np.abs(behind[:, 2] - table) < ON_TABLE)
-    grazing = level & (np.abs(offset[:, 2]) < _GRAZING * np.linalg.norm(offset, axis=1))
+    level = (behind[:, 2] < parameters.floor) | (np.abs(behind[:, 2] - table) < parameters.on_table)
+    grazing = level & (np.abs(offset[:, 2]) < parameters.grazing * np.linalg.norm(offset, axis=1))
     p_C = _in_camera(behind[~grazing], X_WC)
-    ahead = p_C[(p_C[:, 2] > intrinsics.near + _BEYOND) & intrinsics.sees(p_C)]
+    ahead = p_C[(p_C[:, 2] > intrinsics.near + parameters.beyond) & intrinsics.sees(p_C)]
     columns, rows = _pixels(ahead, intrinsics)
     return ahead, (columns, rows)
 
 
-def _floor(intrinsics: CameraIntrinsics, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
-    """Intersections (N, 3) [m] of the image's rays with the floor, z = 0 in W."""
+def _floor(
+    intrinsics: CameraIntrinsics, X_WC: RigidTransform, farthest: float
+) -> npt.NDArray[np.float64]:
+    """Intersections (N, 3) [m] of the image's rays with the floor, z = 0 in W, up to `farthest`."""
     rays_C = pixel_rays(intrinsics, _PITCH).reshape(-1, 3).astype(float)
     rays_W = rays_C @ X_WC.rotation().matrix().T
     p_WC = X_WC.translation()
-    downward = rays_W[:, 2] * _FARTHEST < -p_WC[2]
+    downward = rays_W[:, 2] * farthest < -p_WC[2]
     if p_WC[2] <= 0.0 or not downward.any():
         return np.zeros((0, 3))
     rays_W = rays_W[downward]

@@ -15,6 +15,7 @@ from pepper_drake.perception.mapping.cloud import (
     observe_surfaces,
     remove_solids,
 )
+from pepper_drake.perception.mapping.depth_holes import HoleParameters
 from pepper_drake.perception.mapping.depth_validity import (
     FAULT_SENTENCES,
     DepthFault,
@@ -22,7 +23,8 @@ from pepper_drake.perception.mapping.depth_validity import (
     lies_below_floor,
 )
 from pepper_drake.perception.mapping.dynamic_obstacles import ApproachParameters
-from pepper_drake.perception.mapping.solids import Solid, near_solids
+from pepper_drake.perception.mapping.near_field_occlusion import NearFieldParameters
+from pepper_drake.perception.mapping.solids import ExcludedSolids, near_solids
 from pepper_drake.perception.mapping.voxel_map import (
     VoxelMap,
     VoxelMapParameters,
@@ -30,24 +32,6 @@ from pepper_drake.perception.mapping.voxel_map import (
     carve_free_space,
     prune,
 )
-
-
-@dataclass(frozen=True)
-class ExcludedSolids:
-    """Solids that are seen but are no obstacles: the robot itself, the goal object.
-
-    Attributes:
-        solids: The solids.
-        poses: Pose X_WF of each solid's frame.
-        margin: Points closer than this belong to them [m].
-        keep_known_voxels: Whether points remembered within the margin, but not inside the solids,
-            are kept: the hand must not forget an obstacle because it comes close to it.
-    """
-
-    solids: Sequence[Solid]
-    poses: Sequence[RigidTransform]
-    margin: float
-    keep_known_voxels: bool = False
 
 
 @dataclass(unsafe_hash=True)
@@ -59,6 +43,8 @@ class ObstacleParameters:
         memory: How the map remembers.
         approach: How what moves is followed.
         validity: Which images count.
+        near_field: What is supposed to be too near to be measured.
+        holes: Which holes in an image are explained.
         treat_holes_as_near: Whether a hole in the image is of something too near to be measured; if
             not, it means nothing.
         projector_baseline: Distance of the camera from the projector whose pattern it sees [m]; 0
@@ -69,6 +55,8 @@ class ObstacleParameters:
     memory: VoxelMapParameters = field(default_factory=VoxelMapParameters)
     approach: ApproachParameters = field(default_factory=ApproachParameters)
     validity: ValidityParameters = field(default_factory=ValidityParameters)
+    near_field: NearFieldParameters = field(default_factory=NearFieldParameters)
+    holes: HoleParameters = field(default_factory=HoleParameters)
     treat_holes_as_near: bool = True
     projector_baseline: float = 0.075
 

@@ -77,6 +77,24 @@ class Solid:
         return outside + np.minimum(excess.max(axis=1), 0)
 
 
+@dataclass(frozen=True)
+class ExcludedSolids:
+    """Solids that are seen but are no obstacles: the robot itself, the goal object.
+
+    Attributes:
+        solids: The solids.
+        poses: Pose X_WF of each solid's frame.
+        margin: Points closer than this belong to them [m].
+        keep_known_voxels: Whether points remembered within the margin, but not inside the solids,
+            are kept: the hand must not forget an obstacle because it comes close to it.
+    """
+
+    solids: Sequence[Solid]
+    poses: Sequence[RigidTransform]
+    margin: float
+    keep_known_voxels: bool = False
+
+
 class SolidSet:
     """Solids at fixed poses in a frame F: the one place where points are measured against solids.
 

@@ -32,13 +32,13 @@ STOP_SENTENCES: dict[StopReason, str] = {
     StopReason.COMMAND_NOT_FINITE: "a joint command was not a finite number",
     StopReason.COMMAND_OUTSIDE_LIMITS: "a joint command was outside its position limits",
     StopReason.COMMAND_TOO_FAST: "a joint command asked for more than the rated velocity",
-    StopReason.LINK_TOO_CLOSE: "a link of the arm came too close to an obstacle",
+    StopReason.LINK_TOO_CLOSE: "the arm went too close to an obstacle",
     StopReason.REQUESTED: "the robot was asked to stop",
     StopReason.JOINT_HELD: "a joint did not follow its command: it is stuck, or something holds it",
     StopReason.JOINTS_NOT_MEASURED: "a joint's encoder gave no number",
     StopReason.BASE_NOT_MEASURED: "the base's odometry gave no number",
     StopReason.BASE_HELD: "the base did not follow its command: it slips, or something holds it",
-    StopReason.BODY_TOO_CLOSE: "the robot's body came too close to an obstacle",
+    StopReason.BODY_TOO_CLOSE: "the robot's body, head or other arm moved too close to an obstacle",
     StopReason.GOAL_NOT_FINITE: "the estimate of the goal's pose was not a number",
 }
 

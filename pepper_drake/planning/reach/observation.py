@@ -8,7 +8,8 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
-from pepper_drake.perception.mapping.depth_validity import DepthFault
+from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
+from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 
@@ -38,8 +39,10 @@ class Observation:
         predicted_cloud: (Q, 3) where moving obstacles near the goal will be, in W [m].
         cloud_time: Capture time of the last depth image in the cloud [s]; not finite before it.
         cloud_fault: Why the last depth image was not used.
+        space: Free, occupied and unknown space; None where all is known, without cameras.
         goal_valid: Whether there is an estimate of the goal object's pose.
         goal_age: Time since the goal object's marker was last seen [s].
+        image_age: Age of the newest colour image that could be looked at [s].
         goal_position: (3,) the hand's goal in T [m].
         hand_position: (3,) the hand as measured, in T [m].
         measured_arm: (5,) the arm's joints as measured [rad]; None if that is not compared.
@@ -60,8 +63,10 @@ class Observation:
     predicted_cloud: Vector = field(default_factory=_no_points)
     cloud_time: float = -np.inf
     cloud_fault: DepthFault = DepthFault.NONE
+    space: SeenSpace | None = None
     goal_valid: bool = True
     goal_age: float = 0.0
+    image_age: float = 0.0
     goal_position: Vector = field(default_factory=lambda: np.zeros(3))
     hand_position: Vector = field(default_factory=lambda: np.zeros(3))
     measured_arm: Vector | None = None
@@ -83,6 +88,21 @@ class Observation:
         """Time since the last depth image [s]; infinite before the first, and for one of later."""
         age = self.time - self.cloud_time
         return age if np.isfinite(age) and age > _FUTURE else np.inf
+
+    @property
+    def cloud_message(self) -> str:
+        """Why there is no cloud, as a sentence."""
+        if self.cloud_fault != DepthFault.NONE:
+            return FAULT_SENTENCES[self.cloud_fault]
+        if np.isinf(self.cloud_age):
+            return "the depth camera gave no image of the scene"
+        return f"the depth camera gave no image for {self.cloud_age:.1f} s"
+
+    @property
+    def image_message(self) -> str:
+        """Since when there is no colour image that could be looked at, as a sentence."""
+        cameras = "the colour camera that looks for the goal gave no image that is one"
+        return cameras if np.isinf(self.image_age) else f"{cameras} for {self.image_age:.1f} s"
 
     @property
     def goal_distance(self) -> float:

@@ -83,7 +83,9 @@ class PlanningSceneBuilder:
         Both are taken to be solid down to `solid_depth`.
         """
         cloud = observation.obstacles
-        beside = extrapolate_support_surface(cloud, observation.p_WO, observation.base_pose)
+        beside = extrapolate_support_surface(
+            cloud, observation.p_WO, observation.base_pose, self._params.support_surface
+        )
         return PointCloudDistance(
             np.concatenate((cloud, beside)), extension=self._params.solid_depth
         )

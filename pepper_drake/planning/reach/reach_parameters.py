@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 
 from pepper_drake.errors import InputError
 from pepper_drake.planning.collision.clearance_table import ClearanceTable
+from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
+from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 
 
 @dataclass
@@ -72,6 +74,8 @@ class ReachPlannerParams:
     clearance: ClearanceTable = field(default_factory=ClearanceTable)
     tolerance: GoalTolerances = field(default_factory=GoalTolerances)
     following: FollowingErrors = field(default_factory=FollowingErrors)
+    support_surface: SupportSurfaceParams = field(default_factory=SupportSurfaceParams)
+    unseen: UnseenSpaceParams = field(default_factory=UnseenSpaceParams)
     hand_x: float = 0.26
     """Preferred goal of the hand ahead of the torso frame [m], if the demonstration's own end is
     not within the arm's reach (because it was recorded in another frame)."""
@@ -148,6 +152,8 @@ class ReachTiming:
     """True if the base may drive; otherwise it stays where it is."""
     goal_timeout: float = 14.0
     """Longest search for the goal [s]: two sweeps of the head, and two to come."""
+    unseen_timeout: float = 5.0
+    """Longest look at what the arm is going to sweep and was not seen, after a drive [s]."""
     driving_timeout: float = 20.0
     """Longest drive to one base placement [s]."""
     settling: float = 0.6
@@ -177,6 +183,8 @@ class ReachTiming:
     """Time for which the arm waits for a new obstacle to leave before a detour is planned [s]."""
     clearance_lost: float = 0.003
     """A plan with less than the clearance `replan` is made anew when it has lost this much [m]."""
+    images_lost: float = 2.0
+    """Age of the newest colour image from which on a goal is not seen for want of images [s]."""
     cloud_timeout: float = 0.5
     """Age of the last depth image at which arm and base stop [s]; images come every 0.2 s."""
     cloud_lost: float = 2.0

@@ -1,6 +1,6 @@
 """Questions to the reach planner, and its answers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
@@ -29,6 +29,7 @@ class PlanStatus(StrEnum):
     CANNOT_FOLLOW = "cannot_follow"
     SELF_COLLISION = "self_collision"
     NO_STANDING_ROOM = "no_standing_room"
+    NOT_SEEN = "not_seen"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,8 @@ class ReachPlan:
         movement: What is to be performed.
         collision_checked: Whether the path is checked against later clouds, too.
         time_step: Between the commands [s].
+        unseen: (K, 3) the largest unseen region of its swept space, in W [m].
+        out_of_view: Volume of its swept space that cannot be seen from where the robot stands [m³].
     """
 
     status: PlanStatus
@@ -56,6 +59,8 @@ class ReachPlan:
     movement: Movement | None = None
     collision_checked: bool = True
     time_step: float = CONTROL_PERIOD
+    unseen: Vector = field(default_factory=lambda: np.zeros((0, 3)))
+    out_of_view: float = 0.0
 
     def nearest(self, arm: ArmState) -> int:
         """Returns the index of the command in the path that is nearest to the arm's."""

@@ -1,6 +1,7 @@
 """The reach planner: whether the hand can reach its goal, from where, and along which path."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,7 @@ from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.base_placement import BasePlacement, BasePlacementPlanner
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.planning_scene import PlanningScene
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, RemainingClearance
@@ -22,6 +24,7 @@ from pepper_drake.planning.reach.remaining_reach import (
     remaining_clearance,
     replan,
 )
+from pepper_drake.planning.reach.swept_space import unseen_sentence, unseen_space
 from pepper_drake.planning.trajectories.trajectory_adapter import AdaptationParams
 
 __all__ = ["PlanStatus", "ReachPlan", "ReachPlanner", "ReachPlannerParams"]
@@ -106,17 +109,18 @@ class ReachPlanner:
         scene = evaluator.scenes(observation)
         best = evaluator.evaluate(scene, self.demonstrated if movement is None else movement)
         if evaluator.is_good(best):
-            return best
+            return self._with_unseen(best, scene, observation)
         for plan in evaluator.adapted(scene, best.joint_path):
             best = max(best, plan, key=evaluator.quality)
         if movement is not None and best.status != PlanStatus.CLEAR:
             demonstrated = evaluator.evaluate(scene, self.demonstrated)
             best = max(best, demonstrated, key=evaluator.quality)
-        return best
+        return self._with_unseen(best, scene, observation)
 
     def replan(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns the best plan for the rest of a movement; see `Planner`."""
-        return replan(self._evaluator, plan, observation)
+        detour = replan(self._evaluator, plan, observation)
+        return self._with_unseen(detour, self._evaluator.scenes(observation), observation)
 
     def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a plan back to where there is more clearance; see `Planner`."""
@@ -125,6 +129,24 @@ class ReachPlanner:
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
         return remaining_clearance(self._evaluator, plan, observation)
+
+    def _with_unseen(
+        self, plan: ReachPlan, scene: PlanningScene, observation: Observation
+    ) -> ReachPlan:
+        """Returns a plan with what of its sweep was not seen; it is not clear then."""
+        params, space = self.params.unseen, observation.space
+        if plan.status != PlanStatus.CLEAR or plan.joint_path is None or space is None:
+            return plan
+        path = plan.joint_path[:: max(round(params.stride / plan.time_step), 1)]
+        X_WT = observation.X_WO @ scene.X_TO.inverse()
+        region, out_of_view = unseen_space(
+            self._evaluator.kinematics, path, X_WT, space, observation.time, params
+        )
+        plan = replace(plan, unseen=region, out_of_view=out_of_view)
+        if not len(region) or params.accept or not plan.collision_checked:
+            return plan
+        sentence = unseen_sentence(region, X_WT, params)
+        return replace(plan, status=PlanStatus.NOT_SEEN, message=sentence)
 
     def demonstrated_path(self, count: int = 200) -> Vector:
         """Returns the hand's demonstrated path (count, 3), from its own start to its goal [m]."""

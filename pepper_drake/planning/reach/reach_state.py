@@ -74,6 +74,7 @@ class ReachState:
         arrived: When the base last arrived where it was sent [s].
         started: When the arm first started [s].
         blind: Time for which the arm waited because depth images did not come [s].
+        look_at: Place in W that was not seen and that the arm is going to pass [m]; NaN for none.
         pending: Results of computations that have no effect yet.
     """
 
@@ -96,6 +97,7 @@ class ReachState:
     arrived: float = np.nan
     started: float = np.nan
     blind: float = 0.0
+    look_at: tuple[float, float, float] = (np.nan, np.nan, np.nan)
     pending: tuple[Pending, ...] = ()
 
     @property

@@ -5,10 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pepper_drake.models.control_model import body_indices
-from pepper_drake.models.pepper import JOINT_GROUPS
-from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.planning.ik.command_check import StopReason, stop_sentence
+from pepper_drake.planning.reach.likely_cause import likely_cause
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
@@ -18,15 +16,10 @@ from pepper_drake.planning.reach.replanner import ReachReplanner
 
 _ROUNDING = 1e-9
 """Tolerance of times [s]."""
-_MOVED_BASE = 0.03
-"""Displacement of the base during a reach that is named as the cause of a failure [m]."""
-_BLIND = 2.0
-"""Waiting for depth images for longer is named as the cause of a failure [s]."""
-_MOVED_TORSO = 0.05
-"""The same for hip and knee [rad]."""
 
 _RESTS = (ReachMode.IDLE, ReachMode.DONE, ReachMode.FAILED)
 """Modes in which nothing is decided."""
+_NOWHERE = (np.nan, np.nan, np.nan)
 
 UNCONFIRMED = "reached_unconfirmed"
 """Name of the outcome of a reach whose goal was not seen recently."""
@@ -103,24 +96,20 @@ class _Supervision:
         if state.mode == ReachMode.LOOKING:
             return None
         if observation.goal_age > timing.goal_lost:
-            return state.fail(
-                time, "goal_lost", f"the goal's marker was not seen for {timing.goal_lost:g} s"
-            )
+            message = f"the goal's marker was not seen for {timing.goal_lost:g} s"
+            return self._unseen(state, "goal_lost", message)
         if observation.cloud_age > timing.cloud_lost:
-            return state.fail(time, "cloud_missing", self._cloud_message())
+            return state.fail(time, "cloud_missing", self._observation.cloud_message)
         if state.mode == ReachMode.REACHING and time - state.started > timing.reach_timeout:
             message = f"the hand had not arrived {timing.reach_timeout:g} s after the arm started"
             return self._fail(state, "timeout", message)
         return None
 
-    def _cloud_message(self) -> str:
-        """Returns why there is no cloud, as a sentence."""
-        fault, age = self._observation.cloud_fault, self._observation.cloud_age
-        if fault != DepthFault.NONE:
-            return FAULT_SENTENCES[fault]
-        if np.isinf(age):
-            return "the depth camera gave no image of the scene"
-        return f"the depth camera gave no image for {age:.1f} s"
+    def _unseen(self, state: ReachState, reason: str, message: str) -> ReachState:
+        """Returns the state that failed as the goal is not seen: without images it cannot be."""
+        if self._observation.image_age > self._timing.images_lost:
+            reason, message = "images_missing", self._observation.image_message
+        return state.fail(self._time, reason, message)
 
     def take_effect(self, state: ReachState) -> ReachState:
         """Returns the state after all computations that are over by now."""
@@ -137,7 +126,7 @@ class _Supervision:
             return replace(state, braking=True)
         if result.effect == Effect.START:
             starting = state.to(ReachMode.REACHING, time)
-            return replace(starting, movements=1, started=time)
+            return replace(starting, movements=1, started=time, look_at=_NOWHERE)
         assert plan is not None
         if result.effect == Effect.MOVEMENT:
             moving = state.to(ReachMode.REACHING, time)
@@ -145,6 +134,9 @@ class _Supervision:
         if result.effect == Effect.CHECK:
             if plan.status == PlanStatus.CLEAR:
                 return replace(state, plan=plan, planned_with=result.observation)
+            if plan.status == PlanStatus.NOT_SEEN and not self._looked_long(state):
+                x, y, z = plan.unseen.mean(axis=0)
+                return replace(state, plan=None, look_at=(x, y, z))
             if not self._has_settled(state):
                 return replace(state, plan=None)  # More is seen after standing for longer.
             if self._timing.drives and state.places < self._timing.places:
@@ -169,7 +161,7 @@ class _Supervision:
         if not self._observation.goal_valid:
             if time - state.since > timing.goal_timeout:
                 message = f"no marker of the goal object was seen in {timing.goal_timeout:g} s"
-                return state.fail(time, "goal_not_seen", message)
+                return self._unseen(state, "goal_not_seen", message)
             return state
         if np.isnan(state.goal_seen_since):
             return replace(state, goal_seen_since=time)
@@ -177,7 +169,7 @@ class _Supervision:
             return state
         if self._observation.cloud_age > timing.cloud_timeout:
             if time - state.goal_seen_since > timing.goal_timeout:
-                return state.fail(time, "cloud_missing", self._cloud_message())
+                return state.fail(time, "cloud_missing", self._observation.cloud_message)
             return state
         return self._place_base(state)
 
@@ -210,6 +202,9 @@ class _Supervision:
 
     def _has_settled(self, state: ReachState) -> bool:
         return self._time - state.since >= self._timing.settling - _ROUNDING
+
+    def _looked_long(self, state: ReachState) -> bool:
+        return self._time - state.since >= self._timing.unseen_timeout - _ROUNDING
 
     def settle(self, state: ReachState) -> ReachState:
         """Plans while the robot settles, and confirms the plan with the last observation."""
@@ -303,39 +298,5 @@ class _Supervision:
 
     def _fail(self, state: ReachState, reason: str, message: str) -> ReachState:
         """Returns the failed state, with the cause named if more is known than the symptom."""
-        return state.fail(self._time, *(self._cause(state, message) or (reason, message)))
-
-    def _cause(self, state: ReachState, symptom: str) -> tuple[str, str] | None:
-        """Returns reason and sentence of what explains a symptom; None if nothing does."""
-        observation, planned = self._observation, state.planned_with
-        joint_error = observation.joint_error
-        worst = int(np.argmax(np.abs(joint_error)))
-        if abs(joint_error[worst]) > self._planner.params.following.contact:
-            degrees = abs(np.degrees(joint_error[worst]))
-            name = JOINT_GROUPS["right_arm"][worst][1:]
-            return "contact", (
-                f"the arm is held or touches something: its {name} is {degrees:.0f} degrees off "
-                f"its command; {symptom}"
-            )
-        if state.blind > _BLIND:
-            return "cloud_missing", (
-                f"the depth camera's images came so late or so seldom that the arm waited for "
-                f"them for {state.blind:.1f} s; {symptom}"
-            )
-        if planned is None:
-            return None
-        moved = float(np.linalg.norm(observation.p_WO - planned.p_WO))
-        if moved > self._planner.params.tolerance.jumped:
-            return "goal_moved", (
-                f"the goal object is seen {1000 * moved:.0f} mm from where it was when the arm "
-                f"started; {symptom}"
-            )
-        torso = body_indices(JOINT_GROUPS["body"])
-        tilt = np.abs(observation.joint_position - planned.joint_position)[torso].max()
-        drift = np.linalg.norm((observation.base_pose - planned.base_pose)[:2])
-        if tilt > _MOVED_TORSO or drift > _MOVED_BASE:
-            return "robot_moved", (
-                f"the robot moved during the reach, the base by {1000 * drift:.0f} mm and the "
-                f"torso by {np.degrees(tilt):.0f} degrees; {symptom}"
-            )
-        return None
+        cause = likely_cause(state, self._observation, self._planner.params, message)
+        return state.fail(self._time, *(cause or (reason, message)))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.planning.ik.command_limits import stopping_distance
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
@@ -28,9 +29,9 @@ class ReachReplanner:
 
     If it is not clear, a detour is planned; if there is none, or if the obstacle moves, the arm
     retreats to where there is more clearance, waits, and goes on when the path is clear. A plan
-    takes effect `latency.plan` after the cloud; until then the old movement goes on, unless it is
-    not clear as far as the arm gets by then: in this case the arm brakes, which needs no plan,
-    `latency.check` after the cloud.
+    takes effect `latency.plan` after the cloud; until then the old movement goes on, unless the
+    obstacle moves or the path is not clear as far as the arm gets by then: in these cases the arm
+    brakes, which needs no plan, `latency.check` after the cloud.
 
     Attributes:
         planner: Finds detours and retreats.
@@ -61,12 +62,16 @@ class ReachReplanner:
         is_free = rest.least >= self._enough(reach)
         if is_free and is_under_way and not state.braking:
             return state
-        nearest = rest.within(latency.plan + 2.0 * latency.check)
-        if is_under_way and not state.will_brake and nearest < self.planner.params.clearance.start:
+        # From a moving obstacle the arm will retreat: until then it need not go on towards it.
+        is_urgent = (
+            len(observation.predicted_cloud) > 0
+            or rest.within(latency.plan + 2.0 * latency.check) < self.planner.params.clearance.start
+        )
+        if is_under_way and not is_free and not state.will_brake and is_urgent:
             state = state.later(Pending(time + latency.check, Effect.BRAKE))
         if state.is_planning:
             return state
-        start = self._predicted_start(state, observation)
+        start, due = self._predicted_start(state, observation)
         # The motion of a moving obstacle is not known well enough to pass it: it gets time.
         is_sudden = is_under_way and not len(observation.predicted_cloud)
         if is_free or has_waited or is_sudden:
@@ -74,9 +79,9 @@ class ReachReplanner:
             if detour.status == PlanStatus.CLEAR and (
                 is_under_way or detour.clearance >= self._enough(reach)
             ):
-                return state.later(Pending(time + latency.plan, Effect.MOVEMENT, detour))
+                return state.later(Pending(due, Effect.MOVEMENT, detour))
             state = replace(state, checked=time)
-        return self._retreat(state, plan, reach, seen.with_arm(start))
+        return self._retreat(state, plan, reach, seen.with_arm(start), due)
 
     def _enough(self, plan: ReachPlan) -> float:
         """Returns the clearance below which a movement is planned anew [m]."""
@@ -98,20 +103,38 @@ class ReachReplanner:
             cloud = dilate_new_points(cloud, known.cloud_tree, observation.p_WO, MOVING_SIDE)
         return extrude_new_points_down(cloud, known.cloud_tree, observation.p_WO)
 
-    def _predicted_start(self, state: ReachState, observation: Observation) -> ArmState:
-        """Returns the arm's command when a plan from this observation takes effect."""
-        plan, latency = state.plan, self.timing.latency
+    def _predicted_start(
+        self, state: ReachState, observation: Observation
+    ) -> tuple[ArmState, float]:
+        """Returns the arm's command when a plan takes effect, and when that is [s].
+
+        An arm that brakes has to stand before another movement begins.
+        """
+        plan, latency, time = state.plan, self.timing.latency, observation.time
         assert plan is not None
-        # The controller begins with a new movement a tick after it is there.
-        tick, elapsed = plan.time_step, observation.time - state.since
+        arm, tick, elapsed = observation.arm, plan.time_step, time - state.since
+
+        def until_effect(latency: float) -> float:
+            # The controller begins with another movement in the tick after it is there.
+            return tick * (np.floor(latency / tick + 1e-6) + 1.0)
+
         if not state.will_brake:
-            return plan.predict(observation.arm, elapsed, latency.plan + tick)
-        arm = observation.arm
+            start = plan.predict(arm, elapsed, until_effect(latency.plan))
+            return start, time + latency.plan
+        going_on = 0.0
         if not state.braking:
-            arm = plan.predict(arm, elapsed, latency.check + tick)
-        deceleration = self.planner.limits.acceleration
-        stopping = arm.velocity * np.abs(arm.velocity) / (2.0 * deceleration)
-        return ArmState(arm.position + stopping, np.zeros_like(stopping))
+            going_on = until_effect(latency.check)
+            arm = plan.predict(arm, elapsed, going_on)
+        limits = self.planner.limits
+        stopping = [
+            np.copysign(stopping_distance(abs(speed), change, tick), speed)
+            for speed, change in zip(arm.velocity, tick * limits.acceleration, strict=True)
+        ]
+        stands = time + going_on + float(np.max(np.abs(arm.velocity) / limits.acceleration))
+        return (
+            ArmState(arm.position + stopping, np.zeros(len(stopping))),
+            max(time + latency.plan, stands),
+        )
 
     def _detour(
         self,
@@ -138,9 +161,9 @@ class ReachReplanner:
         return detour
 
     def _retreat(
-        self, state: ReachState, plan: ReachPlan, reach: ReachPlan, seen: Observation
+        self, state: ReachState, plan: ReachPlan, reach: ReachPlan, seen: Observation, due: float
     ) -> ReachState:
-        """Retreats, or stays where the arm is out of the way already."""
+        """Retreats at a time [s], or stays where the arm is out of the way already."""
         waits = state.suspended_plan is not None and not state.braking
         if waits and self.is_free(plan, seen):
             return state
@@ -151,5 +174,4 @@ class ReachReplanner:
         rest = self.planner.remaining_clearance(plan, seen)
         if waits and retreat.clearance <= rest.least:
             return state  # There is no better place than where the arm is going.
-        due = seen.time + self.timing.latency.plan
         return state.later(Pending(due, Effect.MOVEMENT, retreat, suspended_plan=reach))

@@ -5,27 +5,37 @@ the rest looks free, and swinging out sideways, over where nothing was seen, loo
 the surface is taken to go on along its front edge.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
 Vector = npt.NDArray[np.float64]
 
-_THICKNESS = 0.025
-"""Height tolerance [m] of the surface's points to the goal object's bottom."""
-_BIN = 0.04
-"""Width of the stripes in which the front edge is looked for [m]."""
-_FEWEST = 5
-"""Stripes that it takes to see an edge."""
-_BEYOND = 0.5
-"""Extent [m] of the extrapolated surface to the sides."""
-_DEPTH = 0.2
-"""Depth [m] of the extrapolated surface from its edge."""
-_SPACING = 0.02
-_RAGGED = 0.012
-"""Tolerance [m] of points on a straight edge."""
+
+@dataclass
+class SupportSurfaceParams:
+    """What is seen as the surface under the goal object, and how far it is thought on."""
+
+    thickness: float = 0.025
+    """Height tolerance of the surface's points to the goal object's bottom [m]."""
+    stripe: float = 0.04
+    """Width of the stripes in which the front edge is looked for [m]."""
+    least_stripes: int = 5
+    """Stripes that it takes to see an edge."""
+    aside: float = 0.5
+    """Extent of the extrapolated surface to the sides [m]."""
+    depth: float = 0.2
+    """The same from its edge [m]."""
+    spacing: float = 0.02
+    """Of its points [m]."""
+    ragged: float = 0.012
+    """Tolerance of points on a straight edge [m]."""
 
 
-def extrapolate_support_surface(cloud_W: Vector, p_WO: Vector, p_WB: Vector) -> Vector:
+def extrapolate_support_surface(
+    cloud_W: Vector, p_WO: Vector, p_WB: Vector, params: SupportSurfaceParams
+) -> Vector:
     """Points (K, 3) of the surface beside what was seen of it [m].
 
     The front edge is where the surface begins in front of the goal, stripe by stripe. Farther aside
@@ -35,31 +45,32 @@ def extrapolate_support_surface(cloud_W: Vector, p_WO: Vector, p_WB: Vector) -> 
         cloud_W: (P, 3) what was seen.
         p_WO: (3,) the goal object's bottom.
         p_WB: (2,) or more: where the robot is.
+        params: What counts as surface.
 
     Returns:
         None, (0, 3), where no surface was seen.
     """
-    on = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < _THICKNESS]
+    on = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
     ahead = p_WO[:2] - p_WB[:2]
     distance = np.linalg.norm(ahead)
-    if len(on) < _FEWEST or distance < 1e-6:
+    if len(on) < params.least_stripes or distance < 1e-6:
         return np.zeros((0, 3))
     ahead = ahead / distance
     left = np.array([-ahead[1], ahead[0]])
     along = (on[:, :2] - p_WB[:2]) @ left
     depth = (on[:, :2] - p_WB[:2]) @ ahead
-    stripes = np.floor(along / _BIN).astype(int)
+    stripes = np.floor(along / params.stripe).astype(int)
     numbers, index = np.unique(stripes, return_inverse=True)
-    if len(numbers) < _FEWEST:
+    if len(numbers) < params.least_stripes:
         return np.zeros((0, 3))
     front = np.full(len(numbers), np.inf)
     np.minimum.at(front, index, depth)
-    slope, offset = _front_line((numbers + 0.5) * _BIN, front)
+    slope, offset = _front_line((numbers + 0.5) * params.stripe, front, params.ragged)
     behind = depth - (offset + slope * along)
-    beyond = np.arange(_SPACING, _BEYOND, _SPACING)
+    beyond = np.arange(params.spacing, params.aside, params.spacing)
     rows = []
-    for deep in np.arange(0.0, _DEPTH, _SPACING):
-        seen = along[np.abs(behind - deep) < _SPACING]
+    for deep in np.arange(0.0, params.depth, params.spacing):
+        seen = along[np.abs(behind - deep) < params.spacing]
         if len(seen):
             y = np.concatenate((seen.min() - beyond, seen.max() + beyond))
             x = offset + slope * y + deep
@@ -68,11 +79,11 @@ def extrapolate_support_surface(cloud_W: Vector, p_WO: Vector, p_WB: Vector) -> 
     return np.column_stack((xy, np.full(len(xy), p_WO[2])))
 
 
-def _front_line(y: Vector, front: Vector) -> tuple[float, float]:
+def _front_line(y: Vector, front: Vector, ragged: float) -> tuple[float, float]:
     """Slope and offset of the edge x = offset + slope y from where stripes (N,) at y begin.
 
     The edge is the side of their convex hull that faces the robot, at y = 0, made better by least
-    squares through all stripes that begin there.
+    squares through all stripes that begin there, within `ragged` [m].
     """
     best = (0.0, float(front.min()))
     rise = (front - front[:, None]) / np.where(y == y[:, None], 1.0, y - y[:, None])
@@ -84,7 +95,7 @@ def _front_line(y: Vector, front: Vector) -> tuple[float, float]:
     if len(hull):
         best = (float(rise[i, j][hull[0]]), float(offsets[hull[0]]))
     slope, offset = best
-    on = front <= offset + slope * y + _RAGGED
+    on = front <= offset + slope * y + ragged
     if np.count_nonzero(on) < 2:
         return best
     slope, offset = np.polyfit(y[on], front[on], 1)

@@ -115,7 +115,7 @@ def _corrupt_image(
 ) -> Any:
     pixels = np.array(value.data)
     if pixels.size == 0:
-        return type(value)(value)
+        return type(value)()  # None came yet.
     largest = np.iinfo(pixels.dtype).max
     if kind == "garbage":
         which = shape.integers(3)

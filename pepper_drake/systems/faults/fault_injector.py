@@ -1,75 +1,30 @@
 """A fault between two ports, or between several that belong together."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import (
     BasicVector,
     Context,
-    DiagramBuilder,
     DiscreteValues,
     InputPort,
-    OutputPort,
     PortDataType,
     State,
 )
 
 from pepper_drake.systems.faults.corruption import corrupt
 from pepper_drake.systems.faults.fault import SIGNALS, Fault
+from pepper_drake.systems.faults.fault_memory import (
+    CORRUPTING,
+    FaultMemory,
+    Role,
+    SignalNow,
+    Values,
+)
 from pepper_drake.systems.framework import LeafSystem
-
-Vector = npt.NDArray[np.float64]
-Values = tuple[Any, ...]
-
-_CORRUPTING = ("garbage", "wrong", "noisy")
-
-
-class Role(Enum):
-    """Role of a port in a signal."""
-
-    VALUE = "value"
-    """The signal itself."""
-    CARRIED = "carried"
-    """Value that belongs to it: the pose of an image."""
-    STAMP = "stamp"
-    """The time of the value [s]: a new one tells that the value is new."""
-    AGE = "age"
-    """Time since the value was measured [s]: it grows while no new value comes."""
-    VALID = "valid"
-    """1 while there is a value."""
-
-
-@dataclass(frozen=True)
-class _Memory:
-    """State of a fault. Never changed once made.
-
-    Attributes:
-        begun: When the fault began [s]; NaN before.
-        active: Whether the signal fails now.
-        count: Number of updates so far: it decides what is drawn.
-        held: What came last, and is given instead of what comes.
-        lag: How old that is by now [s].
-        queue: What came, with its time, oldest first.
-        stamp: Of what came last.
-    """
-
-    begun: float = np.nan
-    active: bool = False
-    count: int = 0
-    held: Values | None = None
-    lag: float = 0.0
-    held_since: float = 0.0
-    queue: tuple[tuple[float, Values], ...] = ()
-    stamp: float = np.nan
-
-    def __deepcopy__(self, memo: dict) -> "_Memory":
-        """Returns itself: Drake copies the state at each event, and this never changes."""
-        return self
 
 
 @dataclass(frozen=True)
@@ -80,8 +35,8 @@ class _Memories:
     between: who reads it in a discrete update would find another value than it had until then.
     """
 
-    before: _Memory
-    after: _Memory
+    before: FaultMemory
+    after: FaultMemory
     number: int
 
     def __deepcopy__(self, memo: dict) -> "_Memories":
@@ -149,7 +104,7 @@ class FaultInjector(LeafSystem):
         if isinstance(first, int):
             self._neutral = self.DeclareVectorInputPort("neutral", first)
         self._memories = self.DeclareAbstractState(
-            Value[object](_Memories(_Memory(), _Memory(), 0))
+            Value[object](_Memories(FaultMemory(), FaultMemory(), 0))
         )
         self._number = self.DeclareDiscreteState(1)
         state = {
@@ -182,7 +137,7 @@ class FaultInjector(LeafSystem):
             name, lambda: model.Clone(), calc, prerequisites_of_calc=ready
         )
 
-    def _get(self, context: Context) -> _Memory:
+    def _get(self, context: Context) -> FaultMemory:
         memories = context.get_abstract_state(int(self._memories)).get_value()
         number = context.get_discrete_state(self._number).value()[0]
         return memories.after if number == memories.number else memories.before
@@ -203,7 +158,7 @@ class FaultInjector(LeafSystem):
         value = self._input(context, index)
         if not memory.active:
             return value
-        if kind in _CORRUPTING:
+        if kind in CORRUPTING:
             return self._corrupted(value, memory) if role == Role.VALUE else value
         is_number = isinstance(value, np.ndarray)
         if kind == "off":
@@ -225,7 +180,7 @@ class FaultInjector(LeafSystem):
             return mixed
         return held
 
-    def _corrupted(self, value: Any, memory: _Memory) -> Any:
+    def _corrupted(self, value: Any, memory: FaultMemory) -> Any:
         plain = value if isinstance(value, np.ndarray) else value.get_value()
         # An image's noise is its own, however often it is looked at.
         number = memory.count
@@ -242,7 +197,7 @@ class FaultInjector(LeafSystem):
     def _update(self, context: Context, state: State) -> None:
         memory = self._get(context)
         number = int(context.get_discrete_state(self._number).value()[0])
-        after = self._next(context, memory, context.get_time())
+        after = memory.advanced(self.fault, self._signal_now(context), self._seed)
         memories = _Memories(memory, after, number + 1)
         state.get_mutable_abstract_state(int(self._memories)).set_value(memories)
 
@@ -250,135 +205,8 @@ class FaultInjector(LeafSystem):
         number = context.get_discrete_state(self._number).value()[0]
         discrete_state.set_value(self._number, [number + 1.0])
 
-    def _next(self, context: Context, memory: _Memory, time: float) -> _Memory:
-        fault, kind = self.fault, self.fault.kind
-        if np.isnan(memory.begun):
-            begins = time >= fault.start - 1e-9
-            if np.isnan(fault.start):
-                begins = self._trigger.HasValue(context) and self._trigger.Eval(context)[0] != 0.0
-            if begins:
-                memory = replace(memory, begun=time)
-        begun = not np.isnan(memory.begun)
-        active = begun and time < memory.begun + fault.duration - 1e-9
-        if kind == "delayed":
-            memory = self._remembered(context, memory, time)
-        if not active:
-            return replace(memory, active=False) if memory.active else memory
-        memory = replace(memory, active=True, count=memory.count + 1)
-        if kind in _CORRUPTING:
-            return memory
-        if kind == "delayed":
-            old = [entry for entry in memory.queue if entry[0] <= time - self._signal.delay + 1e-9]
-            since, held = old[-1] if old else memory.queue[0]
-            return replace(memory, held=held, lag=time - since)
-        if memory.held is None or self._takes_new(context, memory, time):
-            return replace(
-                memory,
-                held=self._inputs(context),
-                held_since=time,
-                lag=0.0,
-                stamp=self._stamp(context),
-            )
-        return replace(memory, lag=time - memory.held_since, stamp=self._stamp(context))
-
-    def _takes_new(self, context: Context, memory: _Memory, time: float) -> bool:
-        """True if the present value is let through."""
-        if self.fault.kind == "slow":
-            return time >= memory.held_since + self._signal.slow_period - 1e-9
-        if self.fault.kind == "intermittent":
-            stamp = self._stamp(context)
-            if stamp == memory.stamp:  # Not for NaN: a signal without stamps is always new.
-                return False
-            draw = np.random.default_rng((*self._seed, memory.count))
-            return bool(draw.random() < 0.5)
-        return False
-
-    def _remembered(self, context: Context, memory: _Memory, time: float) -> _Memory:
-        """The memory with what comes now in its queue."""
-        stamp = self._stamp(context)
-        if memory.queue and stamp == memory.stamp:
-            return memory
-        queue = (*memory.queue, (time, self._inputs(context)))
-        # One that is old enough has to stay.
-        while len(queue) > 1 and queue[1][0] <= time - self._signal.delay:
-            queue = queue[1:]
-        return replace(memory, queue=queue, stamp=stamp)
-
-    def _stamp(self, context: Context) -> float:
-        """The stamp of what comes now; NaN for a signal that has none."""
-        for k, role in enumerate(self._roles):
-            if role == Role.STAMP:
-                return float(self._input(context, k)[0])
-        return np.nan
-
-
-@dataclass(frozen=True)
-class FaultSet:
-    """The faults of a run, to be put into the connections of a diagram.
-
-    Attributes:
-        faults: At most one for each signal.
-        seed: What they draw follows from it.
-    """
-
-    faults: tuple[Fault, ...] = ()
-    seed: int = 0
-
-    def fault(self, signal: str) -> Fault | None:
-        """The fault of a signal, if it has one."""
-        assert signal in SIGNALS
-        return next((fault for fault in self.faults if fault.signal == signal), None)
-
-    def tap(
-        self,
-        builder: DiagramBuilder,
-        signal: str,
-        ports: Mapping[str, tuple[Role, OutputPort]],
-        *,
-        elements: Sequence[int] | None = None,
-        neutral: OutputPort | None = None,
-        suffix: str = "",
-    ) -> dict[str, OutputPort]:
-        """Puts the fault of a signal behind output ports.
-
-        Args:
-            builder: Of the diagram in which the ports are.
-            signal: A name in SIGNALS.
-            ports: The signal's ports by name, the value first.
-            elements: Elements of a vector of which one fails; see `FaultInjector`.
-            neutral: What a vector is while it is off.
-            suffix: Of the injector's name, where a signal has several.
-
-        Returns:
-            The ports to connect instead, by the same names; without a fault the same ports. Who
-            builds the diagram connects the triggers of those that are `waiting`.
-        """
-        fault = self.fault(signal)
-        if fault is None:
-            return {name: port for name, (_, port) in ports.items()}
-        models = {
-            name: (
-                role,
-                port.size()
-                if port.get_data_type() == PortDataType.kVectorValued
-                else port.Allocate(),
-            )
-            for name, (role, port) in ports.items()
-        }
-        injector = builder.AddNamedSystem(
-            f"fault_{signal}{suffix}",
-            FaultInjector(fault, models, elements=elements, seed=self.seed),
-        )
-        for name, (_, port) in ports.items():
-            builder.Connect(port, injector.GetInputPort(name))
-        if neutral is not None:
-            builder.Connect(neutral, injector.GetInputPort("neutral"))
-        return {name: injector.GetOutputPort(name) for name in ports}
-
-    def waiting(self, builder: DiagramBuilder) -> list[FaultInjector]:
-        """The injectors among a builder's systems that wait for the arm to start."""
-        return [
-            system
-            for system in builder.GetMutableSystems()
-            if isinstance(system, FaultInjector) and np.isnan(system.fault.start)
-        ]
+    def _signal_now(self, context: Context) -> SignalNow:
+        stamps = (k for k, role in enumerate(self._roles) if role == Role.STAMP)
+        stamp = next((float(self._input(context, k)[0]) for k in stamps), np.nan)
+        triggered = self._trigger.HasValue(context) and self._trigger.Eval(context)[0] != 0.0
+        return SignalNow(context.get_time(), stamp, triggered, lambda: self._inputs(context))

@@ -1,52 +1,27 @@
 """The hand's position along a learned motion."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from pepper_drake.learning.dmp.primitive import MovementPrimitive
-from pepper_drake.learning.dmp.transformation import (
-    DelayedGoal,
-    Forcing,
-    TransformationModel,
-    node_phases,
+from pepper_drake.learning.dmp.motion_state import (
+    DELAYED,
+    GOAL,
+    NUM_VALUES,
+    POSITION,
+    START,
+    VELOCITY,
+    MotionNow,
+    start_state,
+    state_started_anew,
 )
+from pepper_drake.learning.dmp.primitive import MovementPrimitive
+from pepper_drake.learning.dmp.transformation import DelayedGoal, TransformationModel
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.framework import ValueProducer, leaf_system
-
-# Parts of the discrete state, each of three coordinates.
-_POSITION, _VELOCITY, _GOAL, _DELAYED, _START = (slice(3 * k, 3 * k + 3) for k in range(5))
-_NUMBER = 15
-
-
-class _Present(NamedTuple):
-    """Values shared by the present acceleration and the coming step.
-
-    Attributes:
-        attractor: What is performed.
-        state: (15,) of a motion that starts anew if one does.
-        goal: As it is seen now.
-        forcing: The forcing term.
-        phase: Of the canonical system.
-        tau: [s].
-        number: Of the movement.
-    """
-
-    attractor: TransformationModel
-    state: Any
-    goal: DelayedGoal
-    forcing: Forcing
-    phase: Any
-    tau: Any
-    number: int
-
-    @property
-    def runs(self) -> bool:
-        """True if there is a movement."""
-        return self.number > 0
 
 
 @TemplateSystem.define("TransformationSystem_")
@@ -151,10 +126,8 @@ def TransformationSystem_(T: type) -> type:
             self._start_moving = start_moving
             self._attractor = primitive.translation
             model = self._attractor.linear_model
-            self._weights_shape: tuple[int, int] | None = None
+            self._weights_shape = None if model is None else model.weights.shape
             if model is not None:
-                rows, columns = model.weights.shape
-                self._weights_shape = (rows, columns)
                 self.DeclareNumericParameter(BasicVector_[T](model.weights.ravel()))
 
             declare = self.DeclareVectorInputPort
@@ -190,24 +163,21 @@ def TransformationSystem_(T: type) -> type:
                 )
 
             self.position_port = output(
-                "position", lambda c: self._state(c)[_POSITION], state_tickets
+                "position", lambda c: self._state(c)[POSITION], state_tickets
             )
             self.velocity_port = output(
-                "velocity", lambda c: self._state(c)[_VELOCITY], state_tickets
+                "velocity", lambda c: self._state(c)[VELOCITY], state_tickets
             )
             self.delayed_goal_position_port = output(
-                "delayed_goal_position", lambda c: self._state(c)[_DELAYED], state_tickets
+                "delayed_goal_position", lambda c: self._state(c)[DELAYED], state_tickets
             )
-            nominal_tickets = state_tickets | {
-                port.ticket()
-                for port in (
-                    self.movement_port,
-                    self.phase_port,
-                    self.tau_port,
-                    self.goal_position_port,
-                    self.goal_velocity_port,
-                )
-            }
+
+            def tickets(*names: str) -> set[Any]:
+                return {self.GetInputPort(name).ticket() for name in names}
+
+            nominal_tickets = state_tickets | tickets(
+                "movement", "phase", "tau", "goal_position", "goal_velocity"
+            )
             if self._weights_shape is not None:
                 nominal_tickets |= {self.all_parameters_ticket()}
             self._present_entry = self.DeclareCacheEntry(
@@ -220,14 +190,7 @@ def TransformationSystem_(T: type) -> type:
                 "nominal_acceleration", self._nominal_acceleration, present
             )
             if time_step > 0.0:
-                next_tickets = present | {
-                    port.ticket()
-                    for port in (
-                        self.phase_velocity_port,
-                        self.start_position_port,
-                        self.coupling_port,
-                    )
-                }
+                next_tickets = present | tickets("phase_velocity", "start_position", "coupling")
                 self._next = self.DeclareCacheEntry(
                     "next state",
                     ValueProducer(allocate=lambda: Value({}), calc=self._calc_next_state),
@@ -235,11 +198,11 @@ def TransformationSystem_(T: type) -> type:
                 )
                 cached = {self._next.ticket()}
                 self.next_position_port = output(
-                    "next_position", lambda c: self._next_state(c)[_POSITION], cached
+                    "next_position", lambda c: self._next_state(c)[POSITION], cached
                 )
                 self.next_velocity_port = output(
                     "next_velocity",
-                    lambda c: self._next_state(c)[_VELOCITY] * self._movement(c).runs,
+                    lambda c: self._next_state(c)[VELOCITY] * self._movement(c).runs,
                     cached,
                 )
 
@@ -256,7 +219,7 @@ def TransformationSystem_(T: type) -> type:
             """Returns position, velocity, goal, delayed goal, start: (15,)."""
             discrete = context.get_discrete_state_vector().CopyToVector()
             if self._time_step > 0.0:
-                return discrete[:_NUMBER]
+                return discrete[:NUM_VALUES]
             continuous = context.get_continuous_state_vector().CopyToVector()
             return np.concatenate((continuous[:6], discrete[:3], continuous[6:], discrete[3:]))
 
@@ -265,9 +228,10 @@ def TransformationSystem_(T: type) -> type:
             state = self._state(context)
             if self._time_step == 0.0:
                 return state
-            if self._movement(context).begins_after(context.get_discrete_state_vector()[_NUMBER]):
-                goal = self.goal_position_port.Eval(context)
-                return np.concatenate((state[:6], goal, goal, state[_POSITION]))
+            if self._movement(context).begins_after(
+                context.get_discrete_state_vector()[NUM_VALUES]
+            ):
+                return state_started_anew(state, self.goal_position_port.Eval(context))
             return state
 
         def _movement(self, context: Any) -> Movement:
@@ -285,67 +249,54 @@ def TransformationSystem_(T: type) -> type:
             return weights.reshape(self._weights_shape)
 
         def _calc_present(self, context: Any, value: Any) -> None:
-            movement, state = self._movement(context), self._state_now(context)
-            attractor = movement.primitive.translation
-            value.get_mutable_value()["present"] = _Present(
+            state, attractor = (
+                self._state_now(context),
+                self._movement(context).primitive.translation,
+            )
+            weights = self._weights(context, attractor)
+            value.get_mutable_value()["present"] = MotionNow(
                 attractor,
                 state,
                 self._goal(context, state),
-                attractor.forcing(
-                    state[_START], state[_DELAYED], self._weights(context, attractor)
-                ),
+                attractor.forcing(state[START], state[DELAYED], weights),
                 self.phase_port.Eval(context)[0],
                 self.tau_port.Eval(context)[0],
-                movement.id,
             )
 
-        def _present(self, context: Any) -> _Present:
-            present: _Present = self._present_entry.Eval(context)["present"]
+        def _present(self, context: Any) -> MotionNow:
+            present: MotionNow = self._present_entry.Eval(context)["present"]
             return present
 
         def _goal(self, context: Any, state: Any) -> DelayedGoal:
             velocity = self._optional(self.goal_velocity_port, context)
-            lag = state[_DELAYED] - state[_GOAL]
-            goal = DelayedGoal(np.array((state[_GOAL], velocity)), lag)
+            lag = state[DELAYED] - state[GOAL]
+            goal = DelayedGoal(np.array((state[GOAL], velocity)), lag)
             if self._time_step == 0.0:
                 return goal
             return goal.seen(self.goal_position_port.Eval(context), velocity)
 
         def _nominal_acceleration(self, context: Any) -> Any:
-            now = self._present(context)
-            forcing = now.forcing(np.array([now.phase]))[0]
-            position_and_velocity = now.state[:6].reshape(2, 3)
-            nominal = now.attractor.acceleration(position_and_velocity, now.goal, forcing, now.tau)
-            return nominal * now.runs
+            return self._present(context).acceleration() * self._movement(context).runs
 
         def _start_state(self, context: Any) -> Any:
             """Returns the state (15,) of a motion that starts now."""
             start = self.start_position_port.Eval(context)
             goal = self.goal_position_port.Eval(context)
-            velocity = np.zeros(3)
-            if self._start_moving:
-                tau = self.tau_port.Eval(context)[0]
-                attractor = self._movement(context).primitive.translation
-                velocity = attractor.start_velocity(start, goal, tau)
-            return np.concatenate((start, velocity, goal, goal, start))
+            if not self._start_moving:
+                return start_state(start, goal)
+            attractor = self._movement(context).primitive.translation
+            velocity = attractor.start_velocity(start, goal, self.tau_port.Eval(context)[0])
+            return start_state(start, goal, velocity)
 
         def _calc_next_state(self, context: Any, value: Any) -> None:
-            if self._movement(context).runs:
-                now = self._present(context)
-                velocity = self.phase_velocity_port.Eval(context)[0]
-                decay = -velocity / now.phase if now.phase > 0.0 else 0.0
-                moved = now.attractor.advance(
-                    now.state[:6].reshape(2, 3),
-                    now.goal,
-                    now.forcing(node_phases(now.phase, decay, self._time_step)),
-                    now.tau,
+            movement = self._movement(context)
+            if movement.runs:
+                later = self._present(context).later(
                     self._time_step,
+                    self.phase_velocity_port.Eval(context)[0],
                     self._optional(self.coupling_port, context),
                 )
-                later = now.goal.later(self._time_step, now.attractor.goal_rate(now.tau))
-                state = np.concatenate(
-                    (moved.ravel(), later.position, later.delayed, now.state[_START], [now.number])
-                )
+                state = np.concatenate((later, [movement.id]))
             else:
                 state = self._resting_state(context)
             value.get_mutable_value()["state"] = state
@@ -368,27 +319,20 @@ def TransformationSystem_(T: type) -> type:
             if self._movement(context).runs and phase < 1.0:
                 seen = self.goal_position_port.Eval(context)
                 goal = self._goal(context, values)
-                values[_GOAL] = goal.seen(seen, goal.line[1]).position
+                values[GOAL] = goal.seen(seen, goal.line[1]).position
             else:
                 values = self._start_state(context)
-                continuous = np.concatenate((values[:6], values[_DELAYED]))
+                continuous = np.concatenate((values[:6], values[DELAYED]))
                 state.get_mutable_continuous_state().SetFromVector(continuous)
-            memory = np.concatenate((values[_GOAL], values[_START]))
+            memory = np.concatenate((values[GOAL], values[START]))
             state.get_mutable_discrete_state(0).SetFromVector(memory)
 
         def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:
             if self._time_step > 0.0:
                 return
-            now = self._present(context)
-            push = self._optional(self.coupling_port, context) / (now.tau * now.tau)
-            goal_rate = now.attractor.goal_rate(now.tau)
-            following = (now.goal.position - now.goal.delayed) * goal_rate
-            rates = (
-                now.state[_VELOCITY] * now.runs,
-                self._nominal_acceleration(context) + push * now.runs,
-                (following + now.goal.line[1]) * now.runs,
-            )
-            derivatives.get_mutable_vector().SetFromVector(np.concatenate(rates))
+            runs = self._movement(context).runs
+            rates = self._present(context).rates(self._optional(self.coupling_port, context)) * runs
+            derivatives.get_mutable_vector().SetFromVector(rates)
 
     return Impl
 

@@ -9,6 +9,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Inpu
 
 from pepper_drake.models.control_model import BODY_JOINTS, ControlModel
 from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
+from pepper_drake.planning.collision.own_approach import own_approach_clearance
 from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
 
@@ -28,15 +29,20 @@ class BodyWatch(LeafSystem):
         - active
         output_ports:
         - clearance
+        - approach_clearance
         - stop_base
 
     Inputs: `cloud` and `predicted_cloud`, PointClouds in W; `joint_position` (15) [rad];
     `base_pose` (3), x, y in m and yaw in rad; `base_velocity_command` (3) in the base frame B;
     `active` (1), not zero while the reaching arm is watched by itself.
-    Outputs: `clearance` (1) [m], now, infinite before the first tick and for an empty cloud;
-    `stop_base` (1), 1 while something is nearer than `stop_distance` to where the base would come
-    to a stand, and nearer than it is to where it stands.
-    State: the two, every `time_step`. The spheres are the body's; they bulge out by up to 1 cm.
+    Outputs: `clearance` (1) [m] to the cloud, now, infinite before the first tick and for an empty
+    cloud; `approach_clearance` (1) [m], the same, and infinite where the body's own motion since
+    the tick before took none of it (`planning.collision.own_approach`): a body that stands has no
+    way to go from what comes to it. `stop_base` (1), 1 while something is, or is predicted, nearer
+    than `stop_distance` to where the base would come to a stand, and nearer than it is to where it
+    stands.
+    State: the three, the base's pose and the joints, every `time_step`. The spheres are the body's;
+    they bulge out by up to 1 cm.
 
     Args:
         model: Pepper.
@@ -64,14 +70,13 @@ class BodyWatch(LeafSystem):
         self._reaching = BodyClearance(model, body_links(model, without_arm=arm))
         self._stop_distance = stop_distance
         self._deceleration = acceleration, turning_acceleration
-        self._delay = delay
+        self._delay, self._time_step = delay, time_step
         self._ports: dict[str, InputPort] = {
             name: self.DeclareAbstractInputPort(name, Value(PointCloud()))
             for name in ("cloud", "predicted_cloud")
         }
-        self._field = ObstacleFieldCache(
-            self, self._ports["cloud"], self._ports["predicted_cloud"], extension=0.0
-        )
+        self._field = ObstacleFieldCache(self, self._ports["cloud"], extension=0.0)
+        self._predicted = ObstacleFieldCache(self, self._ports["predicted_cloud"], extension=0.0)
         for name, size in (
             ("joint_position", len(BODY_JOINTS)),
             ("base_pose", 3),
@@ -79,9 +84,10 @@ class BodyWatch(LeafSystem):
             ("active", 1),
         ):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
-        self._state = self.DeclareDiscreteState([np.inf, 0.0])
+        self._state = self.DeclareDiscreteState([np.inf, np.inf, 0.0])
+        self._posture = self.DeclareDiscreteState(np.full(3 + len(BODY_JOINTS), np.nan))
         state = {self.discrete_state_ticket(self._state)}
-        for index, name in enumerate(("clearance", "stop_base")):
+        for index, name in enumerate(("clearance", "approach_clearance", "stop_base")):
             self._declare_part(name, index, state)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
@@ -106,7 +112,16 @@ class BodyWatch(LeafSystem):
         poses = pose + np.outer([0.0, 0.5, 1.0] if drives else [0.0], way)
         body = self._reaching if active else self._resting
         joints = self._ports["joint_position"].Eval(context)
-        clearances = body(poses, joints, self._field.eval(context))
-        now, ahead = float(clearances[0]), float(clearances.min())
-        stop = drives and ahead < self._stop_distance and ahead < now - 1e-4
-        discrete_state.set_value(self._state, [now, float(stop)])
+        field = self._field.eval(context)
+        clearances = body(poses, joints, field)
+        now, approached, stop = float(clearances[0]), np.inf, False
+        if drives:
+            soon = np.minimum(clearances, body(poses, joints, self._predicted.eval(context)))
+            ahead = float(soon.min())
+            stop = ahead < self._stop_distance and ahead < soon[0] - 1e-4
+        before = context.get_discrete_state(self._posture).value()
+        if not now >= self._stop_distance and not np.isnan(before).any():
+            earlier = float(body(before[None, :3], before[3:], field)[0])
+            approached = own_approach_clearance(earlier, now, self._time_step)
+        discrete_state.set_value(self._posture, np.concatenate((pose, joints)))
+        discrete_state.set_value(self._state, [now, approached, float(stop)])

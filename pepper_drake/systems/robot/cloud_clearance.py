@@ -6,6 +6,7 @@ from pydrake.perception import PointCloud
 from pydrake.systems.framework import Context, DiscreteValues, InputPort
 
 from pepper_drake.planning.collision.exact_distance import ExactDistance
+from pepper_drake.planning.collision.own_approach import own_approach_clearance
 from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
 
@@ -24,12 +25,14 @@ class CloudClearance(LeafSystem):
         - active (optional)
         output_ports:
         - clearance
+        - approach_clearance
 
     Inputs: `cloud` and `predicted_cloud`, PointClouds in the torso frame T; `joint_position` (5)
-    and `joint_velocity` (5), the arm's [rad, rad/s]. Output: `clearance` (1) [m]: the lesser of now
-    and of `lookahead` later at this velocity; infinite before the first tick, for an empty cloud,
-    and while `active` (1) is 0: an arm at rest has nothing to watch. State: the same, every
-    `time_step`.
+    and `joint_velocity` (5), the arm's [rad, rad/s]. Outputs: `clearance` (1) [m]: the lesser of
+    now and of `lookahead` later at this velocity; `approach_clearance` (1) [m]: that of later, and
+    infinite where the arm's own motion takes none away (`planning.collision.own_approach`). Both
+    are infinite before the first tick, for an empty cloud, and while `active` (1) is 0: an arm at
+    rest has nothing to watch. State: the two, every `time_step`.
 
     Where moving obstacles are predicted counts when the arm itself is about to go there. An arm
     that is there already, or moves away, is none the safer for being stopped.
@@ -65,18 +68,27 @@ class CloudClearance(LeafSystem):
             self, self.predicted_cloud_input, extension=extension
         )
         self._clearance = self.DeclareDiscreteState([np.inf])
+        self._approach = self.DeclareDiscreteState([np.inf])
         self.DeclareStateOutputPort("clearance", self._clearance)
+        self.DeclareStateOutputPort("approach_clearance", self._approach)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         if self.active_input.HasValue(context) and not self.active_input.Eval(context)[0]:
             discrete_state.set_value(self._clearance, [np.inf])
+            discrete_state.set_value(self._approach, [np.inf])
             return
         now = self.joint_position_input.Eval(context)
         later = now + self._lookahead * self.joint_velocity_input.Eval(context)
         postures = np.stack((now, later))
-        clearance = self._shapes.distances(postures, self._field.eval(context)).min()
-        before, after = self._shapes.distances(postures, self._predicted_field.eval(context))
-        if after < before and before > 0.0:
-            clearance = min(clearance, after)
+        seen, predicted = (
+            self._shapes.distances(postures, field.eval(context)).tolist()
+            for field in (self._field, self._predicted_field)
+        )
+        approached = own_approach_clearance(seen[0], seen[1], self._lookahead)
+        clearance = min(seen)
+        if predicted[0] > 0.0:
+            expected = own_approach_clearance(predicted[0], predicted[1], self._lookahead)
+            approached, clearance = min(approached, expected), min(clearance, expected)
         discrete_state.set_value(self._clearance, [clearance])
+        discrete_state.set_value(self._approach, [approached])

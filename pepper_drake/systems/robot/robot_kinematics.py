@@ -1,11 +1,14 @@
 """Poses of torso, hands and cameras, by joint encoders and odometry."""
 
+from collections.abc import Mapping
+
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, InputPort, OutputPort
 
 from pepper_drake.models.control_model import BODY_JOINTS, ControlModel
 from pepper_drake.models.pepper import hand_frame
+from pepper_drake.perception.cameras.camera import HeadCamera
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 CAMERA_FRAMES = {
@@ -14,6 +17,22 @@ CAMERA_FRAMES = {
     "camera_depth": "CameraDepth_optical_frame",
 }
 """Each camera's optical frame."""
+
+
+def head_camera_pose(
+    model: ControlModel, context: Context, name: str, cameras: Mapping[str, HeadCamera]
+) -> RigidTransform:
+    """Returns a camera's X_WC: as it was calibrated, or else as in the model.
+
+    Args:
+        model: Pepper's kinematics.
+        context: Of the model's plant.
+        name: The station's name of the camera.
+        cameras: The calibrated cameras by that name.
+    """
+    if name in cameras:
+        return model.pose(context, "Head") @ cameras[name].X_HeadC
+    return model.pose(context, CAMERA_FRAMES[name])
 
 
 class RobotKinematics(LeafSystem):
@@ -46,11 +65,18 @@ class RobotKinematics(LeafSystem):
     Outputs: `robot_position` (18), the control model's positions; `torso_pose` X_WT; the hands'
     X_TH in the torso frame; the cameras' X_WC, all RigidTransform. The hands' poses come as
     vectors, too: position (3), m, and unit quaternion w, x, y, z (4).
+
+    Args:
+        model: Pepper.
+        cameras: Cameras that are mounted otherwise than in the model, by the station's name.
     """
 
-    def __init__(self, model: ControlModel) -> None:
+    def __init__(
+        self, model: ControlModel, cameras: Mapping[str, HeadCamera] | None = None
+    ) -> None:
         super().__init__()
         self._model = model
+        self._cameras = cameras or {}
         self.joint_position_input: InputPort = self.DeclareVectorInputPort(
             "joint_position", len(BODY_JOINTS)
         )
@@ -73,8 +99,8 @@ class RobotKinematics(LeafSystem):
         for arm in ("left", "right"):
             self._declare_pose(f"{arm}_hand_pose", hand_frame(arm), "torso")
             self._declare_vectors(f"{arm}_hand", hand_frame(arm))
-        for camera, frame in CAMERA_FRAMES.items():
-            self._declare_pose(f"{camera}_pose", frame, None)
+        for camera in CAMERA_FRAMES:
+            self._declare_camera(camera)
 
     def _declare_pose(self, name: str, frame: str, relative_to: str | None) -> OutputPort:
         def calc(context: Context, output: Value) -> None:
@@ -83,6 +109,18 @@ class RobotKinematics(LeafSystem):
 
         return self.DeclareAbstractOutputPort(
             name,
+            lambda: Value(RigidTransform()),
+            calc,
+            prerequisites_of_calc={self._kinematics.ticket()},
+        )
+
+    def _declare_camera(self, name: str) -> None:
+        def calc(context: Context, output: Value) -> None:
+            plant_context = self._kinematics.Eval(context)
+            output.set_value(head_camera_pose(self._model, plant_context, name, self._cameras))
+
+        self.DeclareAbstractOutputPort(
+            f"{name}_pose",
             lambda: Value(RigidTransform()),
             calc,
             prerequisites_of_calc={self._kinematics.ticket()},

@@ -36,8 +36,8 @@ class SafetyMonitor(LeafSystem):
 
     A stop is latched. The joints brake within their acceleration limits and stay; a joint that
     did not follow its command sends all of them back to where they were a moment before. Stops
-    come from the command itself (`planning.ik.command_check.check_command`), from a link closer to
-    an obstacle than `minimum_clearance`, from a joint that does not follow
+    come from the command itself (`planning.ik.command_check.check_command`), from a link that moves
+    closer to an obstacle than `minimum_clearance`, from a joint that does not follow
     (`planning.ik.contact_detection`), from measurements that do not come, and from `stop_request`.
 
     .. pydrake_system::
@@ -60,13 +60,13 @@ class SafetyMonitor(LeafSystem):
         - stop_reason
         - stop_joint
 
-    Inputs: `joint_position_command` and `joint_position`, measured (n) [rad]; `clearance` (1), the
-    arm's, and `body_clearance` (1), the rest of the robot's [m]; `measurement_age` (2), time since
-    joints and base were last measured, and `goal_gap` (1), since the goal's estimate was a number
-    [s]; `missing_joint` (1), the index of the joint that is not measured; `base_held` (1), 0 or 1;
-    `stop_request` (1), 0 or 1; `reset` (1), a number: when it changes, a stop is lifted at the next
-    tick and the commands go on from where the joints are; `limp` (1), 1 while joints are led by
-    hand: commands that follow them are not judged.
+    Inputs: `joint_position_command` and `joint_position`, measured (n) [rad]; `clearance` (1), to
+    which the arm's own motion leads, and `body_clearance` (1), the rest of the robot's [m];
+    `measurement_age` (2), time since joints and base were last measured, and `goal_gap` (1), since
+    the goal's estimate was a number [s]; `missing_joint` (1), the index of the joint that is not
+    measured; `base_held` (1), 0 or 1; `stop_request` (1), 0 or 1; `reset` (1), a number: when it
+    changes, a stop is lifted at the next tick and the commands go on from where the joints are;
+    `limp` (1), 1 while joints are led by hand: commands that follow them are not judged.
     Outputs: `safe_joint_position_command` (n) [rad]; `stop_reason` (1), a `StopReason`;
     `stop_joint` (1), the index of the joint that it is about, or -1.
     State: a `SafeCommand` as numbers (`SafeCommandLayout`) and the last `reset`, at `time_step`;

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
@@ -12,37 +11,20 @@ from pydrake.systems.sensors import ImageDepth16U
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CameraIntrinsics
 from pepper_drake.perception.goal.detection import MarkedObject
-from pepper_drake.perception.mapping.cloud import SurfacePoints, depth_in_metres, to_point_cloud
+from pepper_drake.perception.mapping.cloud import SurfacePoints, to_point_cloud
 from pepper_drake.perception.mapping.cloud_points import make_cloud
-from pepper_drake.perception.mapping.depth_validity import (
-    DepthFault,
-    depth_fault,
-    image_fault,
+from pepper_drake.perception.mapping.depth_image_mapper import (
+    DepthImage,
+    DepthImageMapper,
+    has_moved,
 )
-from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
-    reset_while_driving,
-    update_tracker,
-)
-from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
-from pepper_drake.perception.mapping.obstacle_map import (
-    ExcludedSolids,
-    ObstacleParameters,
-    update_obstacles,
-)
+from pepper_drake.perception.mapping.depth_validity import DepthFault
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
+from pepper_drake.perception.mapping.obstacle_memory import ObstacleMemory
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.systems.framework import LeafSystem
-from pepper_drake.systems.sensing.obstacle_memory import ObstacleMemory
-
-_LAG = 0.3
-"""Age [s] that the pose of a moving object may have: half between images, half in filters."""
-
-_LARGEST_LAG_MARGIN = 0.06
-"""Most that the margin around a moving object grows [m]."""
-
-_MOVED, _TURNED = 0.002, 0.004
-"""A frame has moved when it moved or turned by this, m and rad."""
 
 
 class DepthPointCloudSource(LeafSystem):
@@ -138,11 +120,10 @@ class DepthPointCloudSource(LeafSystem):
         offset: float = 0.01,
     ) -> None:
         super().__init__()
-        self._robot = robot
         self._torso_range = torso_range
-        self._object_solids = () if marked is None else marked.solids
-        self._intrinsics = intrinsics
-        self._parameters = ObstacleParameters() if parameters is None else parameters
+        parameters = ObstacleParameters() if parameters is None else parameters
+        solids = () if marked is None else tuple(marked.solids)
+        self._mapper = DepthImageMapper(intrinsics, parameters, robot, solids)
 
         pose = Value(RigidTransform())
         num_positions = 0 if robot is None else robot.num_positions
@@ -155,9 +136,7 @@ class DepthPointCloudSource(LeafSystem):
         self._object_valid = self.DeclareVectorInputPort("object_valid", 1)
         self._object_velocity = self.DeclareVectorInputPort("object_velocity", 3)
 
-        self._memory = self.DeclareAbstractState(
-            Value(ObstacleMemory.empty(self._parameters.memory))
-        )
+        self._memory = self.DeclareAbstractState(Value(ObstacleMemory.empty(parameters.memory)))
         state = {self.abstract_state_ticket(self._memory)}
         for name, calc in (
             ("cloud", self._calc_cloud),
@@ -193,10 +172,10 @@ class DepthPointCloudSource(LeafSystem):
     def _look(self, context: Context, state: State) -> EventStatus:
         before = self._get_memory(context)
         X_WT = self._X_WT.Eval(context) if self._X_WT.HasValue(context) else before.X_WT
-        has_moved = _has_moved(before.X_WT, X_WT)
-        drives = has_moved and np.isfinite(before.time)
+        moved = has_moved(before.X_WT, X_WT)
+        drives = moved and np.isfinite(before.time)
         memory = self._use_image(context, before, drives)
-        if memory is not before or has_moved:
+        if memory is not before or moved:
             memory = replace(memory, X_WT=RigidTransform(X_WT))
             state.get_mutable_abstract_state(int(self._memory)).set_value(memory)
             return EventStatus.Succeeded()
@@ -217,95 +196,28 @@ class DepthPointCloudSource(LeafSystem):
         if not memory.stamp < stamp <= context.get_time():
             is_told = memory.fault == DepthFault.LATE
             return memory if is_told else replace(memory, fault=DepthFault.LATE)
-        image = self._image.Eval(context).data
-        X_WC = RigidTransform(self._X_WC.Eval(context))
-        fault = image_fault(
-            image,
-            memory.image,
-            self._intrinsics,
-            moved=_has_moved(memory.X_WC, X_WC),
-            parameters=self._parameters.validity,
+        image = DepthImage(
+            self._image.Eval(context).data,
+            stamp,
+            X_WC=RigidTransform(self._X_WC.Eval(context)),
+            X_WO=self._object_now(context),
+            object_speed=self._object_speed(context),
+            position=self._position.Eval(context) if self._position.HasValue(context) else None,
+            drives=drives,
         )
-        received = replace(memory, stamp=stamp, image=image.copy(), X_WC=X_WC, fault=fault)
-        if fault != DepthFault.NONE:
-            return received
-        view = DepthFrame(depth_in_metres(image, self._intrinsics), X_WC, stamp, self._intrinsics)
-        fault = depth_fault(
-            view.depth,
-            X_WC,
-            memory.settled_points(),
-            self._intrinsics,
-            self._parameters.validity,
-        )
-        if fault != DepthFault.NONE:
-            return replace(received, fault=fault)
-        return self._use_view(context, received, image, view, drives)
+        return self._mapper.with_image(memory, image)
 
-    def _use_view(
-        self,
-        context: Context,
-        memory: ObstacleMemory,
-        image: npt.NDArray[np.uint16],
-        view: DepthFrame,
-        drives: bool,
-    ) -> ObstacleMemory:
-        """Takes a good image into the memory."""
-        X_WO = memory.X_WO
-        is_known = self._object_pose.HasValue(context) and (
-            not self._object_valid.HasValue(context) or self._object_valid.Eval(context)[0] > 0
-        )
-        if is_known:
-            X_WO = RigidTransform(self._object_pose.Eval(context))
-        ignored = self._no_obstacles(context, X_WO)
-        voxels = update_obstacles(
-            memory.voxels,
-            image,
-            view.time,
-            view.X_WC,
-            self._intrinsics,
-            ignored,
-            self._parameters,
-        )
-        if drives:
-            watch = reset_while_driving(memory.watch, view, self._parameters)
-        else:
-            # The goal object stands on the table.
-            table = -np.inf if X_WO is None else float(X_WO.translation()[2])
-            watch, voxels = update_tracker(
-                memory.watch, voxels, view, ignored, self._parameters, table
-            )
-        surface = voxels.surface()
-        return replace(
-            memory,
-            voxels=voxels,
-            time=view.time,
-            X_WO=X_WO,
-            surface=surface,
-            cloud=to_point_cloud(surface),
-            watch=watch,
-            space=memory.space.with_view(view, voxels),
-        )
+    def _object_now(self, context: Context) -> RigidTransform | None:
+        if not self._object_pose.HasValue(context):
+            return None
+        valid = self._object_valid
+        if valid.HasValue(context) and not valid.Eval(context)[0] > 0:
+            return None
+        return RigidTransform(self._object_pose.Eval(context))
 
-    def _no_obstacles(self, context: Context, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
-        """The robot and the goal object, where they are in the image."""
-        ignored = []
-        cloud = self._parameters.cloud
-        if self._robot is not None and self._position.HasValue(context):
-            poses = self._robot.poses(self._position.Eval(context))
-            ignored.append(
-                ExcludedSolids(
-                    self._robot.solids, poses, cloud.robot_margin, keep_known_voxels=True
-                )
-            )
-        if X_WO is not None and self._object_solids:
-            margin = cloud.object_margin
-            if self._object_velocity.HasValue(context):
-                speed = float(np.linalg.norm(self._object_velocity.Eval(context)))
-                margin += min(_LAG * speed, _LARGEST_LAG_MARGIN)
-            ignored.append(
-                ExcludedSolids(self._object_solids, [X_WO] * len(self._object_solids), margin)
-            )
-        return ignored
+    def _object_speed(self, context: Context) -> float:
+        port = self._object_velocity
+        return float(np.linalg.norm(port.Eval(context))) if port.HasValue(context) else 0.0
 
     def _calc_cloud(self, context: Context, output: Value) -> None:
         output.set_value(self._get_memory(context).cloud)
@@ -336,10 +248,3 @@ class DepthPointCloudSource(LeafSystem):
 
     def _calc_fault(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, float(self._get_memory(context).fault))
-
-
-def _has_moved(X_WF: RigidTransform, X_WG: RigidTransform) -> bool:
-    """True if two poses of one frame differ by more than the noise of measured joints."""
-    moved = X_WF.InvertAndCompose(X_WG)
-    distance = float(np.linalg.norm(moved.translation()))
-    return distance > _MOVED or abs(moved.rotation().ToAngleAxis().angle()) > _TURNED

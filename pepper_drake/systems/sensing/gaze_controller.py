@@ -31,6 +31,7 @@ from pepper_drake.perception.gaze.head_aiming import (
 )
 from pepper_drake.perception.gaze.view_planning import (
     VIEW_POINTS,
+    best_view,
     next_best_view,
     surroundings,
     view_weights,
@@ -104,6 +105,7 @@ class GazeController(LeafSystem):
         - velocity (optional)
         - scan_enabled (optional)
         - cloud (optional)
+        - look_at (optional)
         output_ports:
         - head_position_command
         - head_velocity_command
@@ -132,7 +134,8 @@ class GazeController(LeafSystem):
     below where it was. While it is `scan_enabled` (1; not zero) and the object at rest, the head
     glances between two looks at the object at what the companion did not see for longest, near the
     object and on the reaching arm's `side` of it above all, and where something stands or hangs in
-    the `cloud` (PointCloud in W): it may move. See `perception.outlook`.
+    the `cloud` (PointCloud in W): it may move. See `perception.outlook`. While `look_at` (3, in W,
+    m) is finite, it glances there instead.
 
     State: head angles, velocities, camera, in_view, reachable, when the head arrived, glancing, its
     target, when each of the places around the object was seen (11 + N, discrete).
@@ -180,6 +183,7 @@ class GazeController(LeafSystem):
         self._velocity = self.DeclareVectorInputPort("velocity", 3)
         self._cloud = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
         self._watchful = self.DeclareVectorInputPort("scan_enabled", 1)
+        self._look_at = self.DeclareVectorInputPort("look_at", 3)
 
         self._state = self.DeclareDiscreteState(
             np.concatenate(
@@ -228,7 +232,8 @@ class GazeController(LeafSystem):
         index = int(state[_CAMERA])
         current = self._cameras[index] if index >= 0 else None
         age = self._scalar(context, self._age, 0.0)
-        is_watchful = self._scalar(context, self._watchful, 0.0) > 0.5
+        wanted = self._wanted(context)
+        is_watchful = wanted is not None or self._scalar(context, self._watchful, 0.0) > 0.5
         is_moving = self._scalar(context, self._velocity, 0.0) > _AT_REST
         if self._companion is None or is_moving or age > (_UNSURE if is_watchful else _MISSED):
             state[_TARGET] = np.nan
@@ -248,8 +253,11 @@ class GazeController(LeafSystem):
             places = surroundings(p_TP, self._side)
             seen[visible(self._companion, state[_HEAD], places)] = time
         if is_watchful and age < _JUST_SEEN and (has_dwelt or state[_GLANCING] == 0.0):
-            middle = aim_head(self._companion, p_TP)
-            heads = [clamp_head(middle + [aside, 0.0]) for aside in _ASIDE]
+            if wanted is None:
+                middle = aim_head(self._companion, p_TP)
+                heads = [clamp_head(middle + [aside, 0.0]) for aside in _ASIDE]
+            else:
+                heads = [best_view(self._companion, wanted)]
             ways = np.abs(np.array(heads) - state[_HEAD]).max(axis=1)
             durations = _DWELL + 2.0 * np.sqrt(ways / self._max_acceleration)
             places = surroundings(p_TP, self._side)
@@ -263,6 +271,13 @@ class GazeController(LeafSystem):
             ways = np.abs(np.array(heads) - state[_HEAD]).max(axis=1)
             state[_TARGET], state[_GLANCING] = heads[int(np.argmin(ways))], 0.0
         return replace(gaze, head=state[_TARGET].copy())
+
+    def _wanted(self, context: Context) -> Vector | None:
+        """The place (3,) in T that has to be looked at [m]; None if there is none."""
+        if not self._look_at.HasValue(context):
+            return None
+        p_WP = self._look_at.Eval(context)
+        return self._X_WT.Eval(context).inverse() @ p_WP if np.isfinite(p_WP).all() else None
 
     def _things(self, context: Context) -> Vector:
         """Points (P, 3) [m] in T above the surface on which the object stands."""

@@ -53,12 +53,14 @@ class _Memory:
         goal: What the filter believes.
         time_stamps: Of the last image used from each camera [s].
         thumbnails: A few pixels of it.
+        usable: Time of the newest image that could be looked at [s].
         looks: Images of which the measurement is yet to count, the oldest first.
     """
 
     goal: GoalState
     time_stamps: Mapping[str, float]
     thumbnails: Mapping[str, npt.NDArray[np.uint8]]
+    usable: float = -np.inf
     looks: tuple[_Look, ...] = ()
 
     def __deepcopy__(self, memo: dict) -> "_Memory":
@@ -85,6 +87,7 @@ class GoalEstimator(LeafSystem):
         - age
         - position_covariance
         - velocity
+        - image_age
 
     The three inputs of a camera (ImageRgba8U; s; RigidTransform at the image's time) come from a
     CameraModel; a camera with any of them unconnected is not used. The system looks for a new time
@@ -99,7 +102,8 @@ class GoalEstimator(LeafSystem):
     was seen within the last `hold_seconds`, else 0. `age` [s] is the time since it was seen;
     infinite before the first.
     `position_covariance` is the row-major (3, 3) covariance [m^2] of the object's position in W;
-    infinite on its diagonal before the first. `velocity` [m/s] is the object's in W.
+    infinite on its diagonal before the first. `velocity` [m/s] is the object's in W. `image_age`
+    [s] is that of the newest image that was not passed over; infinite before the first.
 
     A measurement counts `latency` after its image was looked at: so long the work may take, on a
     thread of its own while the simulation goes on. What it finds does not depend on how fast it is.
@@ -192,6 +196,9 @@ class GoalEstimator(LeafSystem):
         self.DeclareVectorOutputPort(
             "velocity", 3, self._calc_velocity, prerequisites_of_calc=state
         )
+        self.DeclareVectorOutputPort(
+            "image_age", 1, self._calc_image_age, prerequisites_of_calc=state_and_time
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._look)
 
     def goal_state(self, context: Context) -> GoalState:
@@ -244,7 +251,7 @@ class GoalEstimator(LeafSystem):
             R_WO_expected=track.R_WO if track is not None else None,
         )
         look = _Look(measurement, context.get_time() + self._latency)
-        return replace(used, looks=(*memory.looks, look))
+        return replace(used, usable=max(time, memory.usable), looks=(*memory.looks, look))
 
     def _use_due(self, memory: _Memory, time: float) -> _Memory:
         """Takes in the measurements that count by now, waiting for them if need be."""
@@ -269,6 +276,9 @@ class GoalEstimator(LeafSystem):
 
     def _calc_age(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self.goal_state(context).age(context.get_time()))
+
+    def _calc_image_age(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, context.get_time() - self._get_memory(context).usable)
 
     def _calc_covariance(self, context: Context, output: BasicVector) -> None:
         track = self.goal_state(context).track

@@ -132,7 +132,7 @@ BAD = {
     "part of the sensor": (MESSAGE.replace("x_offset: 0", "x_offset: 40"), "roi"),
     "not YAML": ("a: [1, 2\nb: }", "YAML"),
     "no mapping": ("- 1\n- 2\n", "camera_matrix"),
-    "reference": ("a: &x 3\nb: *x\n", "reference"),
+    "reference": ("a: &x 3\nb: *x\n", "aliases"),
     "broken storage": ("%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n", "9 numbers"),
     "unknown camera": ("camera: CameraChest\nresolution: kVGA\n", "CameraTop"),
     "unknown resolution": ("camera: CameraTop\nresolution: kHD\n", "kVGA"),

@@ -5,8 +5,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.mapping.near_field_occlusion import background_points, occluded_points
-from pepper_drake.perception.mapping.obstacle_map import ExcludedSolids
-from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.perception.mapping.solids import ExcludedSolids, Solid
 
 CAMERA = CAMERA_DEPTH.intrinsics
 X_WC = RigidTransform()  # Looks along +z.

@@ -121,6 +121,30 @@ def test_a_reach_that_the_planner_refuses_never_starts(status, when):
         assert one.state.places == TIMING.places
 
 
+def unseen_plan():
+    region = np.full((20, 3), [1.0, -0.3, 0.8])
+    return replace(plan(PlanStatus.NOT_SEEN, "not seen"), unseen=region)
+
+
+def test_what_was_not_seen_is_looked_at_before_the_arm_starts():
+    one = Supervised(ScriptedPlanner(reach=unseen_plan())).until(ReachMode.SETTLING)
+    one.advance(1.0)
+    np.testing.assert_allclose(one.state.look_at, [1.0, -0.3, 0.8])
+    assert not one.was_active
+    one.planner.reach = plan()
+    one.until(ReachMode.REACHING)
+    assert np.isnan(one.state.look_at).all()
+
+
+def test_what_stays_unseen_is_not_passed():
+    one = Supervised(ScriptedPlanner(reach=unseen_plan())).until(ReachMode.SETTLING)
+    settling = one.state.since
+    one.failed("not_seen", limit=30.0)
+    assert one.state.places == TIMING.places  # From elsewhere it might be seen.
+    assert one.state.since - settling > TIMING.places * TIMING.unseen_timeout
+    assert not one.was_active
+
+
 def test_a_base_that_does_not_arrive():
     assert not Supervised().set(base_arrived=False).failed("drive_failed").was_active
 
@@ -383,3 +407,15 @@ def test_the_state_does_not_depend_on_how_long_planning_took():
         return [(one.step().mode, one.state.since, one.state.movements) for _ in range(80)]
 
     assert history(0) == history(300_000)
+
+
+@pytest.mark.parametrize(
+    ("age", "words"), [(np.inf, "gave no image that is one"), (7.0, "for 7.0 s")]
+)
+def test_a_goal_that_is_not_seen_for_want_of_images_is_said_to_be_that(age, words):
+    unseen = {"goal_valid": False, "goal_age": np.inf}
+    one = Supervised().set(**unseen, image_age=age).failed("images_missing")
+    assert words in one.state.message
+    one = Supervised()
+    one.until(ReachMode.REACHING)
+    one.set(goal_age=TIMING.goal_lost + 1.0, image_age=age).failed("images_missing")

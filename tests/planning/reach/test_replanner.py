@@ -80,14 +80,42 @@ def test_an_arm_with_something_right_before_it_brakes_at_once():
     assert one.state.active_movement == 1
     one.step()
     assert one.state.active_movement == 0
-    # On until the arm brakes, and then to a stand with 10 rad/s².
+    # Three ticks on until the arm brakes, and then to a stand, 0.2 rad/s less each tick.
     start = one.planner.last("replan").arm
-    np.testing.assert_allclose(
-        start.position[0], 0.3 + 0.5 * (LATENCY.check + TICK) + 0.5**2 / 20.0, atol=0.006
-    )
+    expected = 0.3 + TICK * (3 * 0.5 + 0.3 + 0.1)
+    np.testing.assert_allclose(start.position, [expected, 0, 0, 0, 0], atol=1e-9)
     np.testing.assert_array_equal(start.velocity, np.zeros(5))
     one.advance(LATENCY.plan - STEP)
     assert one.state.active_movement == 2
+
+
+def test_an_arm_brakes_at_once_for_a_moving_obstacle_however_far_ahead():
+    one = on_its_way(ahead=0.0, ahead_from=1.0).set(predicted_cloud=BESIDE[None]).look()
+    assert one.step().active_movement == 0
+    one.advance(LATENCY.plan - STEP)
+    assert one.state.plan is one.planner.back
+    assert one.state.active_movement == 2
+
+
+def test_an_arm_goes_on_past_a_moving_obstacle_that_leaves_its_path_free():
+    one = on_its_way(ahead=0.02).set(predicted_cloud=BESIDE[None]).look().advance(0.3)
+    assert one.state.active_movement == 1
+
+
+def test_an_arm_that_brakes_from_high_speed_stands_before_another_movement_begins():
+    one = on_its_way(ahead=0.0, ahead_from=0.0)
+    first = one.time
+    velocity = np.array([0.5, 0.0, 3.0, 0.0, -0.4])
+    one.set(arm=ArmState(one.seen.arm.position, velocity)).look()
+    start = one.planner.last("replan").arm
+    np.testing.assert_array_equal(start.velocity, np.zeros(5))
+    braked = TICK * np.arange(0.2, 3.0, 0.2).sum()
+    np.testing.assert_allclose(start.position[2:], [braked, 0.0, -TICK * 0.2], atol=1e-9)
+    while one.state.movements == 1:
+        one.step()
+    # Three ticks on, then 3 rad/s that fall by 10 rad/s².
+    begun = one.time - STEP - first
+    assert 3 * TICK + 0.3 <= begun <= 3 * TICK + 0.3 + STEP
 
 
 def test_an_arm_with_something_far_ahead_does_not_brake():

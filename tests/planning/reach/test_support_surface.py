@@ -1,9 +1,13 @@
 import numpy as np
 import pytest
 
-from pepper_drake.planning.reach.support_surface import extrapolate_support_surface
+from pepper_drake.planning.reach.support_surface import (
+    SupportSurfaceParams,
+    extrapolate_support_surface,
+)
 
 HEIGHT, EDGE = 0.75, 0.6
+PARAMS = SupportSurfaceParams()
 
 
 def seen(yaw=0.0, noise=0.0):
@@ -24,7 +28,7 @@ def turn(yaw):
 def test_a_table_goes_on_along_its_edge(yaw, noise):
     goal = turn(yaw) @ [EDGE + 0.1, 0.05, HEIGHT]
     with_extrapolated_surface = extrapolate_support_surface(
-        seen(yaw, noise), goal, np.zeros(3)
+        seen(yaw, noise), goal, np.zeros(3), PARAMS
     ) @ turn(yaw)
     np.testing.assert_allclose(with_extrapolated_surface[:, 2], HEIGHT)
     assert with_extrapolated_surface[:, 0].min() == pytest.approx(EDGE, abs=0.03)
@@ -37,7 +41,7 @@ def test_a_table_goes_on_along_its_edge(yaw, noise):
 def test_what_was_seen_is_not_supposed():
     points = seen()
     with_extrapolated_surface = extrapolate_support_surface(
-        points, np.array([EDGE + 0.1, 0.0, HEIGHT]), np.zeros(3)
+        points, np.array([EDGE + 0.1, 0.0, HEIGHT]), np.zeros(3), PARAMS
     )
     inside = (
         np.abs(with_extrapolated_surface[:, 1])
@@ -50,4 +54,7 @@ def test_what_was_seen_is_not_supposed():
     "points", [np.zeros((0, 3)), np.random.default_rng(0).uniform(0, 1, (200, 3)) * [1, 1, 0.5]]
 )
 def test_where_no_surface_was_seen_none_is_supposed(points):
-    assert len(extrapolate_support_surface(points, np.array([0.7, 0.0, HEIGHT]), np.zeros(3))) == 0
+    assert (
+        len(extrapolate_support_surface(points, np.array([0.7, 0.0, HEIGHT]), np.zeros(3), PARAMS))
+        == 0
+    )

@@ -14,7 +14,9 @@ from pydrake.systems.sensors import ImageDepth16U
 
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_fault
-from pepper_drake.systems.faults.fault_injector import FaultInjector, FaultSet, Role
+from pepper_drake.systems.faults.fault_injector import FaultInjector
+from pepper_drake.systems.faults.fault_memory import Role
+from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 
 

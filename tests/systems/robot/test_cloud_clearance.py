@@ -33,7 +33,11 @@ def make_rig(kinematics, points, **options):
 
 
 def clearance(system, context):
-    return system.get_output_port().Eval(context)[0]
+    return system.GetOutputPort("clearance").Eval(context)[0]
+
+
+def approach(system, context):
+    return system.GetOutputPort("approach_clearance").Eval(context)[0]
 
 
 @pytest.fixture(scope="module")
@@ -140,3 +144,39 @@ def test_predicted_points_count_when_the_arm_is_about_to_go_there(kinematics):
     system.joint_velocity_input.FixValue(context, velocity)
     simulator.AdvanceTo(0.01)
     assert clearance(system, context) == np.inf
+
+
+def test_only_the_arms_own_motion_approaches(kinematics, brute_force):
+    """A point that is right at the hand: the arm may stand there, and go, but not go on."""
+    velocity = np.array([-0.6, 0.0, 0.0, 0.0, 0.0])
+    hand, ahead = (
+        kinematics.hand_pose(JOINTS + time * velocity).translation() for time in (0.0, 0.3)
+    )
+    points = [ahead + 0.03 * (ahead - hand) / np.linalg.norm(ahead - hand)]
+    system, simulator, context = make_rig(kinematics, points)
+    assert approach(system, context) == np.inf, "nothing is known before the first tick"
+    for factor, expected in (
+        (0.0, np.inf),
+        (0.01, np.inf),
+        (-1.0, np.inf),
+        (1.0, brute_force(JOINTS + 0.1 * velocity, points)),
+    ):
+        system.joint_velocity_input.FixValue(context, factor * velocity)
+        simulator.AdvanceTo(context.get_time() + 0.05)
+        assert np.isfinite(clearance(system, context))
+        assert approach(system, context) == pytest.approx(expected, abs=1e-6)
+
+
+def test_an_arm_that_all_but_stands_is_not_on_its_way_to_where_something_is_predicted(kinematics):
+    velocity = np.array([-0.6, 0.0, 0.0, 0.0, 0.0])
+    hand, ahead = (
+        kinematics.hand_pose(JOINTS + time * velocity).translation() for time in (0.0, 0.6)
+    )
+    points = [ahead + 0.05 * (ahead - hand) / np.linalg.norm(ahead - hand)]
+    for factor, counts in ((1.0, True), (0.01, False)):
+        system, simulator, context = make_rig(kinematics, [])
+        system.predicted_cloud_input.FixValue(context, cloud_of(points))
+        system.joint_velocity_input.FixValue(context, factor * velocity)
+        simulator.AdvanceTo(0.01)
+        assert np.isfinite(clearance(system, context)) == counts
+        assert approach(system, context) == clearance(system, context)

@@ -203,3 +203,24 @@ def test_a_missed_object_is_looked_for_above_and_below_with_all_cameras():
         pitches.append(bench.run(2.0 + 2.0 * len(pitches) + 2.0).output("head_position_command")[1])
     assert pitches[0] < middle - 0.3
     assert pitches[1] > middle + 0.2
+
+
+def test_a_place_that_has_to_be_seen_is_glanced_at_and_the_goal_looked_at_again():
+    system = GazeController(secondary_camera=CAMERA_DEPTH, radius=0.03, side=-1.0)
+    wanted = np.array([0.6, -0.5, 0.85])
+    bench = Bench(FAR, system, age=[0.1], look_at=wanted)
+
+    def shows(camera, p_WP):
+        X_WC = X_WT @ camera_pose(camera, bench.output("head_position_command"))
+        return bool(camera.intrinsics.sees((X_WC.inverse() @ p_WP)[None])[0])
+
+    wanted_seen, goal_seen = [], []
+    for time in np.arange(0.5, 4.0, 0.1):
+        bench.run(time)
+        wanted_seen.append(shows(CAMERA_DEPTH, wanted))
+        goal_seen.append(shows(CAMERA_TOP, FAR.translation()))
+    assert any(wanted_seen)
+    assert any(goal_seen[np.argmax(wanted_seen) :])
+    bench.fix("look_at", np.full(3, np.nan))
+    bench.run(6.0)
+    assert shows(CAMERA_TOP, FAR.translation())

@@ -167,6 +167,18 @@ def test_faulty_images_change_nothing(bench, X_CM, facing, fault):
     assert bench.estimator.goal_state(bench.context).track is track
 
 
+def test_the_age_of_images_counts_those_alone_that_can_be_looked_at(bench, X_CM):
+    bench.simulator.AdvanceTo(0.1)
+    assert np.isinf(bench.output("image_age")).all()
+    bench.see(X_CM, 2, start=0.2)
+    assert bench.output("image_age") == pytest.approx(0.05)
+    frozen = bench.picture(X_CM)
+    for pixels, time in ((frozen, 0.6), (frozen, 0.8), (frozen[::2, ::2], 1.0)):
+        bench.show(pixels, time)
+        bench.simulator.AdvanceTo(time + 0.05)
+    assert bench.output("image_age") == pytest.approx(0.45)
+
+
 def test_noiseless_images_are_used_when_told_so(draw_marker, X_CM):
     bench = Bench(draw_marker, expects_noise=False)
     pixels = bench.picture(X_CM)

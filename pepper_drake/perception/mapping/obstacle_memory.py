@@ -1,4 +1,4 @@
-"""Depth images taken in so far, as the state of the system that turns them into a cloud."""
+"""Memory of the depth images used so far: voxels, clouds, things that move."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ _SETTLED_SCORE = 3
 
 @dataclass(frozen=True)
 class ObstacleMemory:
-    """State of the DepthPointCloudSource. Never changed once made.
+    """State of the `DepthPointCloudSource`. Never changed once made.
 
     Attributes:
         voxels: What was seen.

@@ -1,0 +1,99 @@
+"""State of a translation in progress, and its step: what the TransformationSystem computes."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pepper_drake.learning.dmp.transformation import (
+    DelayedGoal,
+    Forcing,
+    TransformationModel,
+    node_phases,
+)
+
+POSITION, VELOCITY, GOAL, DELAYED, START = (slice(3 * k, 3 * k + 3) for k in range(5))
+"""Parts of the state (15,): position [m], velocity [m/s], goal, delayed goal, start [m]."""
+
+NUM_VALUES = 15
+"""Number of values of the state."""
+
+
+def start_state(start: Any, goal: Any, velocity: Any = None) -> Any:
+    """Returns the state (15,) of a motion that starts now.
+
+    Args:
+        start: (3,) where it starts [m].
+        goal: (3,) where it goes to [m].
+        velocity: (3,) with which it starts [m/s]; None means from rest.
+    """
+    velocity = np.zeros(3) if velocity is None else velocity
+    return np.concatenate((start, velocity, goal, goal, start))
+
+
+def state_started_anew(state: Any, goal: Any) -> Any:
+    """Returns the state (15,) of a motion to `goal` (3,) that starts within another one's motion.
+
+    Position and velocity are those of `state`.
+    """
+    return np.concatenate((state[:6], goal, goal, state[POSITION]))
+
+
+@dataclass(frozen=True)
+class MotionNow:
+    """A motion at one time. The values are floats, or a Drake scalar type.
+
+    Attributes:
+        attractor: The primitive's transformation system.
+        state: (15,) see `POSITION`.
+        goal: The goal as it is seen now.
+        forcing: The forcing term.
+        phase: Of the canonical system.
+        tau: [s].
+    """
+
+    attractor: TransformationModel
+    state: Any
+    goal: DelayedGoal
+    forcing: Forcing
+    phase: Any
+    tau: Any
+
+    def acceleration(self) -> Any:
+        """Returns the acceleration (3,) without coupling [m/s²]."""
+        forcing = self.forcing(np.array([self.phase]))[0]
+        return self.attractor.acceleration(
+            self.state[:6].reshape(2, 3), self.goal, forcing, self.tau
+        )
+
+    def later(self, time_step: float, phase_velocity: Any, coupling: Any) -> Any:
+        """Returns the state (15,) one step later.
+
+        Args:
+            time_step: [s].
+            phase_velocity: x' [1/s], for the step's length.
+            coupling: (3,) C_t [m], held over the step.
+        """
+        decay = -phase_velocity / self.phase if self.phase > 0.0 else 0.0
+        moved = self.attractor.advance(
+            self.state[:6].reshape(2, 3),
+            self.goal,
+            self.forcing(node_phases(self.phase, decay, time_step)),
+            self.tau,
+            time_step,
+            coupling,
+        )
+        goal = self.goal.later(time_step, self.attractor.goal_rate(self.tau))
+        return np.concatenate((moved.ravel(), goal.position, goal.delayed, self.state[START]))
+
+    def rates(self, coupling: Any) -> Any:
+        """Returns the time derivatives (9,) of position, velocity and delayed goal.
+
+        Args:
+            coupling: (3,) C_t [m].
+        """
+        following = (self.goal.position - self.goal.delayed) * self.attractor.goal_rate(self.tau)
+        push = coupling / (self.tau * self.tau)
+        return np.concatenate(
+            (self.state[VELOCITY], self.acceleration() + push, following + self.goal.line[1])
+        )

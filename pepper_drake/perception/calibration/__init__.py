@@ -1,0 +1,1 @@
+"""Calibration of joints and cameras by a marker on the hand."""

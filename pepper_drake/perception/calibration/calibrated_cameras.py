@@ -1,0 +1,30 @@
+"""The head's cameras as a calibration found them."""
+
+from pepper_drake.models.robot_calibration import RobotCalibration
+from pepper_drake.perception.cameras.camera import (
+    CAMERA_BOTTOM,
+    CAMERA_DEPTH,
+    CAMERA_TOP,
+    HeadCamera,
+    moved_camera,
+)
+
+HEAD_CAMERA_MODELS = {
+    "camera_top": CAMERA_TOP,
+    "camera_bottom": CAMERA_BOTTOM,
+    "camera_depth": CAMERA_DEPTH,
+}
+"""The cameras as in the model, by the station's name."""
+
+
+def calibrated_cameras(calibration: RobotCalibration | None) -> dict[str, HeadCamera]:
+    """Returns the cameras that a calibration knows, by the station's name; none without one."""
+    if calibration is None:
+        return {}
+    cameras = {}
+    for name, found in calibration.cameras.items():
+        (x, y, z), (roll, pitch, yaw) = found.position, found.rotation
+        cameras[name] = moved_camera(
+            HEAD_CAMERA_MODELS[name], (x, y, z), (roll, pitch, yaw), found.focal
+        )
+    return cameras

@@ -1,0 +1,148 @@
+"""A depth image taken into the memory of obstacles, or passed over if it is no image."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.mapping.cloud import depth_in_metres, to_point_cloud
+from pepper_drake.perception.mapping.depth_validity import DepthFault, depth_fault, image_fault
+from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
+    reset_while_driving,
+    update_tracker,
+)
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters, update_obstacles
+from pepper_drake.perception.mapping.obstacle_memory import ObstacleMemory
+from pepper_drake.perception.mapping.solids import ExcludedSolids, RobotSolids, Solid
+
+_MOVED, _TURNED = 0.002, 0.004
+"""A frame has moved when it moved or turned by this, m and rad."""
+
+
+@dataclass(frozen=True)
+class DepthImage:
+    """A depth image with all that belongs to its moment.
+
+    Attributes:
+        pixels: (height, width) depth [mm], uint16.
+        stamp: When it was taken [s].
+        X_WC: The camera's pose.
+        X_WO: The goal object's pose; None while it is not seen.
+        object_speed: The goal object's speed [m/s].
+        position: The robot's joints; None if they are not known.
+        drives: True while the robot drives.
+    """
+
+    pixels: npt.NDArray[np.uint16]
+    stamp: float
+    X_WC: RigidTransform
+    X_WO: RigidTransform | None = None
+    object_speed: float = 0.0
+    position: npt.NDArray[np.float64] | None = None
+    drives: bool = False
+
+
+@dataclass(frozen=True)
+class DepthImageMapper:
+    """Takes depth images into a memory of obstacles.
+
+    Attributes:
+        intrinsics: The depth camera.
+        parameters: How obstacles are seen and remembered.
+        robot: The robot's collision shapes, which are cut out; None cuts nothing out.
+        object_solids: Shapes of the goal object, which are cut out.
+    """
+
+    intrinsics: CameraIntrinsics
+    parameters: ObstacleParameters
+    robot: RobotSolids | None = None
+    object_solids: Sequence[Solid] = ()
+
+    def with_image(self, memory: ObstacleMemory, image: DepthImage) -> ObstacleMemory:
+        """Returns the memory after an image; if it is no image, only its fault is new."""
+        fault = image_fault(
+            image.pixels,
+            memory.image,
+            self.intrinsics,
+            moved=has_moved(memory.X_WC, image.X_WC),
+            parameters=self.parameters.validity,
+        )
+        received = replace(
+            memory, stamp=image.stamp, image=image.pixels.copy(), X_WC=image.X_WC, fault=fault
+        )
+        if fault != DepthFault.NONE:
+            return received
+        depth = depth_in_metres(image.pixels, self.intrinsics)
+        fault = depth_fault(
+            depth,
+            image.X_WC,
+            memory.settled_points(),
+            self.intrinsics,
+            self.parameters.validity,
+        )
+        if fault != DepthFault.NONE:
+            return replace(received, fault=fault)
+        view = DepthFrame(depth, image.X_WC, image.stamp, self.intrinsics)
+        return self._with_view(received, image, view)
+
+    def _with_view(
+        self, memory: ObstacleMemory, image: DepthImage, view: DepthFrame
+    ) -> ObstacleMemory:
+        X_WO = memory.X_WO if image.X_WO is None else image.X_WO
+        excluded = self._excluded(image, X_WO)
+        voxels = update_obstacles(
+            memory.voxels,
+            image.pixels,
+            view.time,
+            view.X_WC,
+            self.intrinsics,
+            excluded,
+            self.parameters,
+        )
+        if image.drives:
+            watch = reset_while_driving(memory.watch, view, self.parameters)
+        else:
+            # The goal object stands on the table.
+            table = -np.inf if X_WO is None else float(X_WO.translation()[2])
+            watch, voxels = update_tracker(
+                memory.watch, voxels, view, excluded, self.parameters, table
+            )
+        surface = voxels.surface()
+        return replace(
+            memory,
+            voxels=voxels,
+            time=view.time,
+            X_WO=X_WO,
+            surface=surface,
+            cloud=to_point_cloud(surface),
+            watch=watch,
+            space=memory.space.with_view(view, voxels),
+        )
+
+    def _excluded(self, image: DepthImage, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
+        """The robot and the goal object, where they are in the image."""
+        excluded = []
+        cloud = self.parameters.cloud
+        if self.robot is not None and image.position is not None:
+            poses = self.robot.poses(image.position)
+            excluded.append(
+                ExcludedSolids(self.robot.solids, poses, cloud.robot_margin, keep_known_voxels=True)
+            )
+        if X_WO is not None and self.object_solids:
+            margin = cloud.object_margin + min(
+                cloud.object_lag * image.object_speed, cloud.largest_object_lag
+            )
+            poses = [X_WO] * len(self.object_solids)
+            excluded.append(ExcludedSolids(self.object_solids, poses, margin))
+        return excluded
+
+
+def has_moved(X_WF: RigidTransform, X_WG: RigidTransform) -> bool:
+    """True if two poses of one frame differ by more than the noise of measured joints."""
+    moved = X_WF.InvertAndCompose(X_WG)
+    distance = float(np.linalg.norm(moved.translation()))
+    return distance > _MOVED or abs(moved.rotation().ToAngleAxis().angle()) > _TURNED

@@ -1,0 +1,1 @@
+"""Postures in which a robot is calibrated."""

@@ -1,0 +1,253 @@
+"""Postures of arm and head in which a head camera sees a marker on the hand, well told apart.
+
+They are drawn at random, kept where nothing touches and the marker is in view, and chosen so that
+together they tell most: greedily by the determinant of the information (D-optimal design; for
+robots Sun and Hollerbach 2008, "Observability index selection for robot calibration",
+doi 10.1109/ROBOT.2008.4543308).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.planning import SceneGraphCollisionChecker
+
+from pepper_drake.errors import PepperDrakeError
+from pepper_drake.models.control_model import ControlModel, arm_joints
+from pepper_drake.models.pepper import (
+    BODY_JOINTS,
+    JOINT_GROUPS,
+    elbow_roll_limits,
+    head_pitch_limits,
+)
+from pepper_drake.perception.calibration.calibrated_cameras import HEAD_CAMERA_MODELS
+from pepper_drake.perception.calibration.marker_kinematics import MarkerModel
+from pepper_drake.perception.gaze.head_aiming import aim_head
+from pepper_drake.planning.collision.sphere_model import arm_link_names
+
+Vector = npt.NDArray[np.float64]
+
+APPROACH = np.radians(3.0)
+"""Angle by which each joint comes to its posture from one side [rad]: more than any slack."""
+_PADDING = 0.03
+"""Room between links that the marker's plate and errors of the joints take [m]."""
+_MARGIN = 30.0
+"""The marker keeps this distance from the image's border, for what is not calibrated [pixel]."""
+_FACING = 0.6
+"""Least cosine of the angle between the marker's normal and the line of sight."""
+_NEAREST, _FARTHEST = 0.22, 0.6
+"""Distances from which the marker is sharp and large enough [m]."""
+_AROUND = 0.3
+"""Largest angle by which the head looks past the marker, so that the whole image is used [rad]."""
+_AHEAD = 0.1
+"""The marker is held so far ahead of the torso's middle at least [m]."""
+_LARGEST_YAW = 1.2
+"""Largest turn of the head [rad]."""
+_CANDIDATES = 120
+"""Postures to choose from; drawing ends with so many, ..."""
+_BATCH, _BATCHES = 2000, 20
+"""... or after so many draws: their number at a time, and how often."""
+_SPARE = (0, 2, 5, 10, 20, 40)
+"""Postures to choose from besides, where the arm does not get from one to another."""
+_STEP = 1e-3
+"""Step of differences, in standard deviations of the priors."""
+_PIXEL = 1.0
+"""Standard deviation of a corner with which postures are compared [pixel]."""
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationPosture:
+    """A posture, and from which side each joint comes to it.
+
+    Attributes:
+        joints: Head and arm (7,) [rad].
+        approach: Sense in which each joint moves last (7,), 1 or -1.
+    """
+
+    joints: Vector
+    approach: Vector
+
+    @property
+    def before(self) -> Vector:
+        """Posture (7,) from which it is come to [rad]."""
+        return self.joints - APPROACH * self.approach
+
+
+def choose_postures(
+    model: ControlModel, marker_model: MarkerModel, arm: str, start: Vector, count: int, seed: int
+) -> list[CalibrationPosture]:
+    """Chooses postures, in an order in which the arm gets from each to the next without a touch.
+
+    Args:
+        model: Pepper.
+        marker_model: The chain from the cameras to the marker, and what is to be estimated.
+        arm: "left" or "right".
+        start: All joints (15,) at the start [rad].
+        count: How many.
+        seed: Of the draw.
+
+    Raises:
+        PepperDrakeError: There are not so many.
+    """
+    rng = np.random.default_rng((seed, 0xCA))
+    room = _Room(model, arm, start)
+    postures: list[CalibrationPosture] = []
+    for _ in range(_BATCHES):
+        drawn = _draw(marker_model, arm, rng)
+        seen = np.any(list(_in_view(marker_model, drawn).values()), axis=0)
+        postures += [drawn[k] for k in np.flatnonzero(seen) if room.is_free(drawn[k])]
+        if len(postures) >= _CANDIDATES:
+            break
+    chosen = _most_informative(_informations(marker_model, postures), len(postures))
+    ordered: list[CalibrationPosture] = []
+    for spare in _SPARE:
+        ordered = room.ordered([postures[k] for k in chosen[: count + spare]], count)
+        if len(ordered) == count:
+            break
+    if len(ordered) < count:
+        raise PepperDrakeError(
+            f"only {len(ordered)} postures show the marker to a camera where nothing touches, and "
+            f"{count} are asked for: ask for fewer, or start with the arms beside the body"
+        )
+    return ordered
+
+
+def _draw(model: MarkerModel, arm: str, rng: np.random.Generator) -> list[CalibrationPosture]:
+    """Draws postures in which the head looks about where the marker is."""
+    lower, upper = model.arm_limits
+    margin = 1.5 * APPROACH
+    arms = rng.uniform(lower + margin, upper - margin, (_BATCH, 5))
+    approach = rng.choice((-1.0, 1.0), (_BATCH, 7))
+    cameras = rng.choice(model.cameras, _BATCH)
+    aside = rng.uniform(-_AROUND, _AROUND, (_BATCH, 2))
+    drawn = []
+    for k in np.flatnonzero(model.marker_places(arms)[:, 0] > _AHEAD):
+        low, high = elbow_roll_limits(float(arms[k, 2]), arm)
+        if not low + margin < arms[k, 3] < high - margin:
+            continue
+        p_TM = model.marker_places(arms[k : k + 1])[0]
+        yaw, pitch = (aim_head(HEAD_CAMERA_MODELS[str(cameras[k])], p_TM) + aside[k]).tolist()
+        low, high = head_pitch_limits(yaw)
+        if abs(yaw) < _LARGEST_YAW and low + margin < pitch < high - margin:
+            joints = np.concatenate(([yaw, pitch], arms[k]))
+            drawn.append(CalibrationPosture(joints, approach[k]))
+    return drawn
+
+
+def _in_view(
+    model: MarkerModel, postures: list[CalibrationPosture]
+) -> dict[str, npt.NDArray[np.bool_]]:
+    """Whether each camera has the whole marker well in view by the model, in each posture (N,)."""
+    joints = np.array([posture.joints for posture in postures]).reshape(-1, 7)
+    approach = np.array([posture.approach for posture in postures]).reshape(-1, 7)
+    zero = np.zeros(len(model.names))
+    seen = {}
+    for camera in model.cameras:
+        R_CM, p_CM = model.marker_poses(zero, camera, joints, approach)
+        distance = np.linalg.norm(p_CM, axis=1)
+        facing = -np.sum(R_CM[:, :, 2] * p_CM, axis=1) / distance
+        corners = model.project(zero, camera, joints, approach)
+        intrinsics = HEAD_CAMERA_MODELS[camera].intrinsics
+        last = np.array([intrinsics.width, intrinsics.height]) - _MARGIN
+        inside = np.all((corners > _MARGIN) & (corners < last), axis=(1, 2))  # False for NaN.
+        near = (distance > _NEAREST) & (distance < _FARTHEST)
+        seen[camera] = inside & near & (facing > _FACING)
+    return seen
+
+
+def _informations(model: MarkerModel, postures: list[CalibrationPosture]) -> Vector:
+    """Information (N, n, n) of each posture, the parameters in standard deviations of the priors.
+
+    By differences, from the corners in all cameras that see the marker.
+    """
+    zero = np.zeros(len(model.names))
+    total = np.zeros((len(postures), len(zero), len(zero)))
+    for camera, seen in _in_view(model, postures).items():
+        own = np.flatnonzero(seen)
+        joints = np.array([postures[k].joints for k in own])
+        approach = np.array([postures[k].approach for k in own])
+        corners = model.project(zero, camera, joints, approach)
+        columns = [
+            (model.project(step, camera, joints, approach) - corners).reshape(len(own), -1)
+            for step in np.diag(_STEP * model.prior_sigmas)
+        ]
+        jacobian = np.stack(columns, axis=-1) / (_STEP * _PIXEL)
+        total[own] += np.swapaxes(jacobian, 1, 2) @ jacobian
+    return total
+
+
+def _most_informative(informations: Vector, count: int) -> list[int]:
+    """Indices of the postures that together tell most (N, n, n), chosen greedily."""
+    chosen: list[int] = []
+    total = np.eye(informations.shape[-1])
+    left = np.ones(len(informations), dtype=bool)
+    for _ in range(min(count, len(informations))):
+        gains = np.linalg.slogdet(total + informations)[1]
+        best = int(np.argmax(np.where(left, gains, -np.inf)))
+        chosen.append(best)
+        left[best] = False
+        total = total + informations[best]
+    return chosen
+
+
+class _Room:
+    """Where Pepper does not touch itself."""
+
+    def __init__(self, model: ControlModel, arm: str, start: Vector) -> None:
+        self._model, self._start = model, start
+        self._checker = _make_checker(model, arm, _PADDING)
+        # At the start the arm may hang closer to the body than it is to come again.
+        self._bare_checker = _make_checker(model, arm, 0.0)
+        self._moving = [BODY_JOINTS.index(n) for n in (*JOINT_GROUPS["head"], *arm_joints(arm))]
+
+    def _positions(self, joints: Vector) -> Vector:
+        q = self._start.copy()
+        q[self._moving] = joints
+        return self._model.positions(q, np.zeros(3))
+
+    def is_free(self, posture: CalibrationPosture) -> bool:
+        """True if nothing touches in a posture, nor on the way to it."""
+        return self.is_clear_between(posture.before, posture.joints)
+
+    def is_clear_between(self, one: Vector, other: Vector) -> bool:
+        """True if nothing touches on the straight way between joints (7,)."""
+        ends = self._start[self._moving]
+        checker = self._checker
+        if np.array_equal(one, ends) or np.array_equal(other, ends):
+            checker = self._bare_checker
+        return bool(checker.CheckEdgeCollisionFree(self._positions(one), self._positions(other)))
+
+    def ordered(self, postures: list[CalibrationPosture], count: int) -> list[CalibrationPosture]:
+        """So many postures one after the other, the nearest that can be got to next.
+
+        Those that cannot be got to are left out; so is what cannot be left again to the start.
+        """
+        begin = self._start[self._moving]
+        here, left = begin, list(postures)
+        order: list[CalibrationPosture] = []
+        while left and len(order) < count:
+            left.sort(key=lambda posture: float(np.abs(posture.before - here).max()))
+            for posture in left:
+                if self.is_clear_between(here, posture.before):
+                    break
+            else:
+                break
+            left.remove(posture)
+            order.append(posture)
+            here = posture.joints
+        while order and not self.is_clear_between(order[-1].joints, begin):
+            order.pop()
+        return order
+
+
+def _make_checker(model: ControlModel, arm: str, padding: float) -> SceneGraphCollisionChecker:
+    """Pepper with itself, with some room [m] between forearm and hand and the body."""
+    checker = model.make_collision_checker()
+    checker.set_edge_step_size(0.05)
+    plant = checker.plant()
+    for name in arm_link_names(arm)[-2:]:
+        for other in ("torso", "Head", "Pelvis", "Hip", "Tibia"):
+            one, two = plant.GetBodyByName(name), plant.GetBodyByName(other)
+            if not checker.IsCollisionFilteredBetween(one.index(), two.index()):
+                checker.SetPaddingBetween(one.index(), two.index(), padding)
+    return checker

@@ -1,0 +1,61 @@
+"""What explains that a reach failed, where more is known than the symptom."""
+
+import numpy as np
+
+from pepper_drake.models.control_model import body_indices
+from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
+from pepper_drake.planning.reach.reach_state import ReachState
+
+_MOVED_BASE = 0.03
+"""Displacement of the base during a reach that is named as the cause of a failure [m]."""
+_BLIND = 2.0
+"""Waiting for depth images for longer is named as the cause of a failure [s]."""
+_MOVED_TORSO = 0.05
+"""The same for hip and knee [rad]."""
+
+
+def likely_cause(
+    state: ReachState, observation: Observation, params: ReachPlannerParams, symptom: str
+) -> tuple[str, str] | None:
+    """Returns reason and sentence of what explains a symptom; None if nothing does.
+
+    Args:
+        state: Of the supervision.
+        observation: What is known now.
+        params: How far the arm may be off its command, and the goal off its place.
+        symptom: The failure as a sentence.
+    """
+    planned = state.planned_with
+    joint_error = observation.joint_error
+    worst = int(np.argmax(np.abs(joint_error)))
+    if abs(joint_error[worst]) > params.following.contact:
+        degrees = abs(np.degrees(joint_error[worst]))
+        name = JOINT_GROUPS["right_arm"][worst][1:]
+        return "contact", (
+            f"the arm is held or touches something: its {name} is {degrees:.0f} degrees off "
+            f"its command; {symptom}"
+        )
+    if state.blind > _BLIND:
+        return "cloud_missing", (
+            f"the depth camera's images came so late or so seldom that the arm waited for "
+            f"them for {state.blind:.1f} s; {symptom}"
+        )
+    if planned is None:
+        return None
+    moved = float(np.linalg.norm(observation.p_WO - planned.p_WO))
+    if moved > params.tolerance.jumped:
+        return "goal_moved", (
+            f"the goal object is seen {1000 * moved:.0f} mm from where it was when the arm "
+            f"started; {symptom}"
+        )
+    torso = body_indices(JOINT_GROUPS["body"])
+    tilt = np.abs(observation.joint_position - planned.joint_position)[torso].max()
+    drift = np.linalg.norm((observation.base_pose - planned.base_pose)[:2])
+    if tilt > _MOVED_TORSO or drift > _MOVED_BASE:
+        return "robot_moved", (
+            f"the robot moved during the reach, the base by {1000 * drift:.0f} mm and the "
+            f"torso by {np.degrees(tilt):.0f} degrees; {symptom}"
+        )
+    return None

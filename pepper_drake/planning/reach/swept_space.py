@@ -1,0 +1,117 @@
+"""Space that the arm is going to sweep and that was not seen: not measured is not free."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.gaze.view_planning import within_possible_view
+from pepper_drake.perception.mapping.seen_space import SeenSpace, describe_place
+from pepper_drake.perception.mapping.voxel_map import voxel_keys
+from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass
+class UnseenSpaceParams:
+    """When a movement passes space that was not seen."""
+
+    oldest: float = 15.0
+    """Time since a place was seen to be free up to which that counts [s]: the longest that a look
+    around, a drive and its settling take."""
+    stride: float = 0.1
+    """Time between the configurations of the path that are compared [s]."""
+    cell: float = 0.03
+    """Edge of the cells of which an unseen region is counted [m]."""
+    least_cells: int = 16
+    """Cells of a region that is large enough to hold something: 0.43 litres, a drinking can. Single
+    cells are pixels that measured nothing, and what the edge of the robot's own arm hides."""
+    own_margin: float = 0.02
+    """Places this near to where the arm stands now are known to be free: it stands there [m]."""
+    out_of_view_is_clear: bool = True
+    """True if space that no head angle shows from where the robot stands, close to its chest,
+    counts as known: whoever starts the robot keeps it clear. How much the arm sweeps of it is
+    reported."""
+    accept: bool = False
+    """True to move through unseen space all the same."""
+
+
+class UnseenSpace(NamedTuple):
+    """Swept space that was not seen.
+
+    Attributes:
+        region: (K, 3) a point of each cell of the largest region, in W [m]; none if all was seen
+            but for regions that are too small to matter.
+        out_of_view: Volume of what cannot be seen from where the robot stands, and is left out of
+            `region` if the parameters say so [m³].
+    """
+
+    region: Vector
+    out_of_view: float
+
+
+def unseen_space(
+    kinematics: ArmKinematics,
+    joint_path: Vector,
+    X_WT: RigidTransform,
+    space: SeenSpace,
+    time: float,
+    params: UnseenSpaceParams,
+) -> UnseenSpace:
+    """Finds what of a movement's swept space was not seen.
+
+    The sweep is that of the centres of the arm's spheres, upper arm to hand.
+
+    Args:
+        kinematics: Of the arm.
+        joint_path: (N, 5) configurations, the present one first [rad].
+        X_WT: The torso's pose.
+        space: What was seen.
+        time: Now [s].
+        params: What counts as seen, and as large.
+    """
+    centers = kinematics.sphere_centers_at(joint_path)
+    radii = np.broadcast_to(kinematics.spheres.radii, centers.shape[:2]).ravel()
+    p_T = centers.reshape(-1, 3)
+    distance, _ = cKDTree(centers[0]).query(p_T)
+    p_T = p_T[distance > radii + params.own_margin]
+    p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
+    unseen = np.flatnonzero(space.unseen(p_W, time, oldest=params.oldest))
+    unseen = unseen[np.unique(voxel_keys(p_W[unseen], params.cell), return_index=True)[1]]
+    out_of_view = 0.0
+    if len(unseen) and params.out_of_view_is_clear:
+        shown = within_possible_view(CAMERA_DEPTH, p_T[unseen])
+        out_of_view = float(np.count_nonzero(~shown)) * params.cell**3
+        unseen = unseen[shown]
+    return UnseenSpace(_largest_region(p_W[unseen], params), out_of_view)
+
+
+def _largest_region(cells: Vector, params: UnseenSpaceParams) -> Vector:
+    """The largest connected region of cells (N, 3) [m]; none if it is too small."""
+    nothing = np.zeros((0, 3))
+    if len(cells) < params.least_cells:
+        return nothing
+    # Neighbours share a face, an edge or a corner; a point lies anywhere in its cell.
+    pairs = cKDTree(cells).query_pairs(2.0 * params.cell, output_type="ndarray")
+    shape = (len(cells), len(cells))
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)
+    _, labels = connected_components(graph, directed=False)
+    sizes = np.bincount(labels)
+    return cells[labels == np.argmax(sizes)] if sizes.max() >= params.least_cells else nothing
+
+
+def unseen_sentence(region: Vector, X_WT: RigidTransform, params: UnseenSpaceParams) -> str:
+    """Says where an unseen region (K, 3) of W is, and how large."""
+    p_T = X_WT.inverse() @ region.mean(axis=0)
+    litres = 1000.0 * len(region) * params.cell**3
+    return (
+        f"the arm would pass {litres:.1f} litres of space that the depth camera has not seen, "
+        f"{describe_place(p_T)}"
+    )

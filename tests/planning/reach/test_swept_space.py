@@ -1,0 +1,96 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RotationMatrix
+
+from pepper_drake.models.control_model import shared_control_model
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.gaze.head_aiming import camera_pose
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.seen_space import SeenSpace
+from pepper_drake.perception.mapping.voxel_map import VoxelMap
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.reach.swept_space import (
+    UnseenSpaceParams,
+    unseen_sentence,
+    unseen_space,
+)
+
+KINEMATICS = arm_kinematics(shared_control_model(), "right")
+HOME, FORWARD = np.array([1.4, -0.2, 1.2, 0.6, 0.0]), np.array([0.2, -0.3, 1.0, 0.4, 0.0])
+PATH = HOME + np.linspace(0.0, 1.0, 15)[:, None] * (FORWARD - HOME)
+X_WT = RigidTransform(RotationMatrix.MakeZRotation(0.3), [1.0, -2.0, 0.82])
+STRICT = UnseenSpaceParams(out_of_view_is_clear=False)
+NOTHING_SEEN = SeenSpace(VoxelMap.empty())
+
+
+class Seen:
+    """All is seen but a box of T."""
+
+    def __init__(self, lower, upper):
+        self.lower, self.upper = np.array(lower), np.array(upper)
+
+    def unseen(self, p_W, time, *, oldest):
+        p_T = (p_W - X_WT.translation()) @ X_WT.rotation().matrix()
+        return ((p_T > self.lower) & (p_T < self.upper)).all(axis=1)
+
+
+def find(space, params=STRICT, path=PATH, time=1.0):
+    return unseen_space(KINEMATICS, path, X_WT, space, time, params)
+
+
+def looked_through(heads, time=1.0):
+    """What images of an empty room tell, taken with the head at angles."""
+    camera = CAMERA_DEPTH.intrinsics
+    depth = np.full((camera.height, camera.width), 3.0, np.float32)
+    space = NOTHING_SEEN
+    for head in heads:
+        X_WC = X_WT @ camera_pose(CAMERA_DEPTH, head)
+        space = space.with_view(DepthFrame(depth, X_WC, time, camera), space.voxels)
+    return space
+
+
+def test_of_a_movement_where_nothing_was_seen_all_but_where_the_arm_stands_is_unseen():
+    region, _ = find(NOTHING_SEEN)
+    swept = KINEMATICS.sphere_centers_at(PATH)
+    p_T = (region - X_WT.translation()) @ X_WT.rotation().matrix()
+    nearest = np.linalg.norm(p_T[:, None] - swept.reshape(-1, 3), axis=2).min(axis=1)
+    np.testing.assert_allclose(nearest, 0.0, atol=1e-9)
+    own = np.linalg.norm(p_T[:, None] - swept[0], axis=2) - KINEMATICS.spheres.radii
+    assert own.min() > STRICT.own_margin - np.ptp(KINEMATICS.spheres.radii)
+    assert len(region) > 100
+
+
+def test_an_arm_that_stays_passes_nothing():
+    assert len(find(NOTHING_SEEN, path=np.repeat(HOME[None], 5, axis=0)).region) == 0
+
+
+def test_what_was_looked_through_is_known_and_what_is_out_of_view_is_reported():
+    space = looked_through([(-0.3, 0.4), (-0.9, 0.4), (-0.6, 0.1)])
+    region, out_of_view = find(space, UnseenSpaceParams())
+    assert len(region) == 0
+    assert 1e-4 < out_of_view < 0.02
+    assert len(find(space, STRICT).region) * STRICT.cell**3 == pytest.approx(out_of_view, rel=0.3)
+
+
+def test_what_was_seen_too_long_ago_is_not_known():
+    space = looked_through([(-0.3, 0.4), (-0.9, 0.4), (-0.6, 0.1)])
+    params = UnseenSpaceParams()
+    assert len(find(space, params, time=1.0 + 0.9 * params.oldest).region) == 0
+    assert len(find(space, params, time=1.0 + 1.1 * params.oldest).region) > 0
+
+
+def test_a_region_that_is_too_small_to_hold_anything_does_not_matter():
+    box = Seen([0.1, -0.5, -0.2], [0.3, 0.0, 0.3])
+    region, _ = find(box)
+    assert len(region) >= STRICT.least_cells
+    assert len(find(box, replace(STRICT, least_cells=len(region))).region) == len(region)
+    assert len(find(box, replace(STRICT, least_cells=len(region) + 1)).region) == 0
+
+
+def test_the_sentence_says_where_and_how_much():
+    region = X_WT @ np.array([[0.3, -0.2, 0.1], [0.3, -0.2, 0.1]]).T
+    sentence = unseen_sentence(region.T, X_WT, replace(STRICT, cell=0.1))
+    assert "2.0 litres" in sentence
+    assert "0.30 m ahead, 0.20 m to the right, 0.10 m above" in sentence
