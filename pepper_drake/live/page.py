@@ -236,7 +236,7 @@ class LivePage:
 
     def show_progress(self, share: float) -> None:
         """Puts the slider of the playback to a share of the demonstration."""
-        self._scrub.value = round(100 * share)
+        self._scrub.value = round(100 * share)  # type: ignore[misc] # Viser has a setter.
 
     def show_signals(self, times: Vector, signals: dict[str, Vector]) -> None:
         """Draws signals (N,) over times (N,) [s]; NaN leaves a gap."""
