@@ -18,15 +18,17 @@ from pepper_drake.web.viser_page import ViserPage
 Vector = npt.NDArray[np.float64]
 
 VIEWS = ("Front", "Shoulder", "Top", "Camera")
-_SIGNALS = (("phase", ""), ("clearance", " [cm]"), ("coupling", " [m/s²]"))
+CLEARANCE_SHOWN = 0.5
+"""Clearances are shown up to this [m]: beyond it, or where nothing is seen, they are cut."""
+_SIGNALS = (("phase", ""), ("clearance", " [cm], cut at 50"), ("coupling", " [m/s²]"))
 _LEGEND = """
 | seen | meaning |
 | --- | --- |
 | rings and arrows at the hand | drag them: the hand follows |
 | green line | from the hand to where it is led |
 | black path | the demonstration; grey: those before it |
-| green path | prediction: what Reach would do to where the goal is now, without obstacles |
-| pale hand | ghost: the demonstration played back, or the end of the prediction |
+| green path | prediction: what was learned, to where the goal is now, without obstacles |
+| pale hand | ghost: the hand of the demonstration that is played back |
 | blue path | the hand while it reaches; violet once the goal has moved |
 | dots | obstacles as Pepper sees them, red near the hand and blue far from it |
 | red arrow | push of the obstacles: the coupling's acceleration |
@@ -239,7 +241,7 @@ class LivePage:
         self._scrub.value = round(100 * share)  # type: ignore[misc] # Viser has a setter.
 
     def show_signals(self, times: Vector, signals: dict[str, Vector]) -> None:
-        """Draws signals (N,) over times (N,) [s]; NaN leaves a gap."""
+        """Draws signals (N,) over times (N,) [s]."""
         for name, values in signals.items():
             self._plots[name].data = (times, values)
 

@@ -19,7 +19,7 @@ from pepper_drake.live.controls import (
     within_reach,
 )
 from pepper_drake.live.drawing import LiveDrawing
-from pepper_drake.live.page import Action, LivePage
+from pepper_drake.live.page import CLEARANCE_SHOWN, Action, LivePage
 from pepper_drake.live.robot_drawing import RobotDrawing
 from pepper_drake.live.session import LiveSession, Mode
 from pepper_drake.perception.goal.marker import detect_markers
@@ -40,7 +40,7 @@ _LIMP = (Mode.GUIDED, Mode.RECORDED)
 _SIGNAL_PERIOD, _PLOT_PERIOD, _PICTURE_PERIOD = 4, 16, 32
 """Numbers of frames between two samples, two drawings of the plots, and two camera pictures."""
 _HISTORY = 160
-"""Samples that the plots show: 20 s."""
+"""Samples that the plots show: 20 s of what Pepper does by itself."""
 _TOWARDS, _ASIDE, _UP = 0.08, 0.22, 0.12
 """Where an obstacle is added, from the goal: towards Pepper, aside, up [m]."""
 
@@ -289,16 +289,11 @@ class LiveApp:
 
     def _show_signals(self, page: LivePage) -> None:
         simulation = self.session.simulation
-        if self._frame % _SIGNAL_PERIOD == 0:
-            clearance = 100 * simulation.clearance()
-            performs = self.session.mode not in _LIMP
+        performs = self.session.mode not in _LIMP
+        if performs and self._frame % _SIGNAL_PERIOD == 0:
+            clearance = 100 * min(simulation.clearance(), CLEARANCE_SHOWN)
             coupling = float(np.linalg.norm(simulation.coupling()))
-            sample = [
-                simulation.time,
-                simulation.phase() if performs else np.nan,
-                clearance if np.isfinite(clearance) else np.nan,
-                coupling if performs else np.nan,
-            ]
+            sample = [simulation.time, simulation.phase(), clearance, coupling]
             self._samples.append(np.array(sample))
         if self._frame % _PLOT_PERIOD == 0 and len(self._samples) > 1:
             times, phase, clearance_cm, coupling_size = np.array(self._samples).T

@@ -180,7 +180,6 @@ def test_obstacles_are_added_where_the_arm_is_not_and_removed(app):
 
 
 def test_a_session_left_alone_lives(app):
-    """Half a minute here; a script did 30 simulated minutes."""
     step_until(app, lambda: app.session.simulation.time > 3.0)
     assert app.session.mode == Mode.GUIDED
 
