@@ -151,7 +151,7 @@ def main() -> int:
         "seed": options.seed,
         "texture": options.texture,
     }
-    with open_meshcat(page=options.live, host=options.host) as (meshcat, url):
+    with open_meshcat(page=options.live, host=options.host) as (meshcat, page):
         draw_clouds(meshcat, clouds)
         with whole_results(options.output, RESULTS) as folder:
             (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
@@ -162,9 +162,8 @@ def main() -> int:
         if not options.quiet:
             print(summary(report))
             print(f"Results are in {options.output}")
-        if options.live:
-            print(f"Watch it at {url}", flush=True)
-            cli.wait_for_interrupt("Press Ctrl-C to end.")
+        if page is not None:
+            cli.wait_for_interrupt(f"Open {page.url} in a browser; Ctrl-C ends it.")
     return cli.EXIT_DONE
 
 

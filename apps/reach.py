@@ -68,6 +68,7 @@ from pepper_drake.scenario import (
     use_method,
 )
 from pepper_drake.user_code import names_code, register_code
+from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.drake_page import open_meshcat
 
 RESULTS = (
@@ -287,9 +288,9 @@ def reach(options: Namespace) -> int:
     """Reaches once, in simulation, and writes the results."""
     scenario = chosen_scenario(options)
     reaching = build_reaching(scenario)
-    with open_meshcat(page=options.live, host=options.host) as (meshcat, url):
-        if options.live:
-            print(f"Watch it at {url}", flush=True)
+    with open_meshcat(page=options.live, host=options.host) as (meshcat, page):
+        if page is not None:
+            wait_for_browser(page)
         drawn = options.live or not options.no_recording
         with cli.stop_on_interrupt() as should_stop:
             run = ReachSimulation(

@@ -56,6 +56,7 @@ from pepper_drake.models.joint_script import JOINT_SCRIPTS, load_joint_script
 from pepper_drake.models.marker_script import MARKER_SCRIPTS, load_marker_script
 from pepper_drake.models.pad_script import PAD_SCRIPTS, load_pad_script
 from pepper_drake.results.folder import whole_results
+from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.drake_page import open_meshcat
 
 MAX_FINAL_DISTANCE = 0.02
@@ -165,9 +166,9 @@ def record(arguments: argparse.Namespace) -> int:
     """Records a script and reports how it went."""
     quiet_libraries()
     start = time.perf_counter()
-    with open_meshcat(page=arguments.live, host=arguments.host) as (meshcat, url):
-        if arguments.live:
-            print(f"open {url}", flush=True)
+    with open_meshcat(page=arguments.live, host=arguments.host) as (meshcat, shown):
+        if shown is not None:
+            wait_for_browser(shown)
         with stop_on_interrupt() as should_stop:
             options = RecordOptions(
                 folder=arguments.output,

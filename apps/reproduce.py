@@ -46,6 +46,7 @@ from pepper_drake.models.pepper import POSTURES
 from pepper_drake.optimization.ratings import BEST_SCORE, load_scores
 from pepper_drake.results.folder import INTERRUPTED, whole_results
 from pepper_drake.systems.guiding.external_force import ForcePulse
+from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.drake_page import open_meshcat
 
 RESULTS = ("report.json", "log.npz", "recording.html", "corrected.yaml")
@@ -78,11 +79,11 @@ def main() -> int:
             save_report(report, inside)
 
     with (
-        open_meshcat(page=arguments.live, host=arguments.host) as (meshcat, url),
+        open_meshcat(page=arguments.live, host=arguments.host) as (meshcat, shown),
         stop_on_interrupt() as should_stop,
     ):
-        if arguments.live:
-            print(f"open {url}", flush=True)
+        if shown is not None:
+            wait_for_browser(shown)
         result = reproduce(
             primitive,
             arm,

@@ -1,7 +1,9 @@
 """Teach Pepper on one page in the browser: lead its hand, and it does it again by itself.
 
-The page has sliders and keys that lead the hand of the limp arm (a game pad does, too), the buttons
-Record, Stop, Learn, Reach and Save, and sliders that move the goal and the obstacles at any time.
+On the page the hand of the limp arm is dragged with the mouse, or led with keys or a game pad; goal
+and obstacles are dragged, too, and more obstacles added; Record, Stop, Learn, Reach, Undo and Save
+are buttons and keys. A second address is for a class that looks on. Nothing starts before somebody
+has opened the page.
 
   teach.py                              open the address that it prints; Ctrl-C ends
   teach.py --arm left                   the other arm
@@ -11,10 +13,9 @@ Record, Stop, Learn, Reach and Save, and sliders that move the goal and the obst
   teach.py --script story               do it all by itself: lead, record, learn, reach, save
   teach.py --script story --watch       the same in real time, to look on
 
-Drawn are the demonstration in black; what Pepper makes of it in white, and in blue once the goal
-has moved; the cloud that it sees, red near the hand and blue far from it; the push of the obstacles
-as a red arrow. What is recorded is kept in recording/ as it is recorded; Save writes demonstration/
-and primitive.yaml; at the end there is report.json.
+The page's legend tells what is drawn. What is recorded is kept in recording/ as it is recorded,
+each demonstration then in demonstrations/, and what was learned in primitive.yaml; Save writes the
+last demonstration to demonstration/; at the end there is report.json.
 Exit code 0: done; 1: the script did not get what it waits for; 2: bad input.
 """
 
@@ -23,7 +24,6 @@ import json
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 
-from pydrake.geometry import Meshcat
 from tqdm import tqdm
 
 from pepper_drake import cli
@@ -37,13 +37,15 @@ from pepper_drake.diagrams.robot_signals import STATION_SIGNALS
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.files import write_atomically
+from pepper_drake.live.controls import KEYS
 from pepper_drake.live.page import LivePage
 from pepper_drake.live.script import SCRIPTS, LiveScript, load_script, play
 from pepper_drake.live.session import LiveSession, Mode
 from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
-from pepper_drake.web.drake_page import open_meshcat
+from pepper_drake.web.announcement import wait_for_browser
+from pepper_drake.web.viser_page import ViserPage
 
 TEACHING_SCENE = SCENES_DIR / "teach.yaml"
 """A goal on a stand within reach, and a ball that can be moved into the way."""
@@ -97,7 +99,7 @@ def make_parser() -> ArgumentParser:
     return parser
 
 
-def make_session(options: Namespace, meshcat: Meshcat) -> LiveSession:
+def make_session(options: Namespace) -> LiveSession:
     """Makes the session that the options ask for."""
     scene = load_scene(options.scene)
     if options.arm not in (None, scene.arm):
@@ -113,7 +115,7 @@ def make_session(options: Namespace, meshcat: Meshcat) -> LiveSession:
         ),
         movables=[name for name in options.move.split(",") if name],
         coupling=options.coupling,
-        meshcat=meshcat,
+        spares=options.script is None,
         realtime=options.script is None or options.watch,
     )
     return LiveSession(simulation, options.output)
@@ -159,18 +161,31 @@ def main() -> int:
     script = load_script(options.script) if options.script is not None else None
     cli.quiet_libraries()
     shown = script is None or options.watch
-    with open_meshcat(page=shown, host=options.host) as (meshcat, url):
-        return teach(options, script, meshcat, url)
+    if not shown and options.host is not None:
+        raise InputError("--host: no page is shown; give --watch, too")
+    if not shown:
+        return teach(options, script, None)
+    with ViserPage(options.host, keys=KEYS) as page:
+        return teach(options, script, page)
 
 
-def teach(options: Namespace, script: LiveScript | None, meshcat: Meshcat, url: str) -> int:
-    """Runs the session on its page, which is shown at an address if it is not empty."""
-    session = make_session(options, meshcat)
-    if script is not None and script.arm != session.simulation.arm:
+def teach(options: Namespace, script: LiveScript | None, page: ViserPage | None) -> int:
+    """Runs the session, on its page if there is one."""
+    session = make_session(options)
+    simulation = session.simulation
+    if script is not None and script.arm != simulation.arm:
         script = script.mirrored()
-    show = LiveApp(session, LivePage(meshcat, session.simulation.diagram.movables))
-    if url:
-        print(f"Open {url} in a browser; Ctrl-C ends.", flush=True)
+    controls = None
+    if page is not None:
+        controls = LivePage(page, cameras=not options.no_cameras, spares=script is None)
+    show = LiveApp(session, controls)
+    if page is not None:
+        print(f"Those who look on open {page.class_url}", flush=True)
+        if options.seconds is None:
+            wait_for_browser(page)
+        else:
+            print(f"Open {page.url} in a browser; it starts at once.", flush=True)
+        simulation.begin()
     problem = ""
     if script is not None:
         problem = run_script(show, script, options)
@@ -195,7 +210,7 @@ def teach(options: Namespace, script: LiveScript | None, meshcat: Meshcat, url: 
     if not options.quiet:
         print(
             f"{pace.simulated_seconds:.1f} s in {pace.wall_seconds:.1f} s, "
-            f"{pace.frames_per_second:.0f} frames by second; report in {options.output}"
+            f"{pace.frames_per_second:.0f} frames per second; report in {options.output}"
         )
     if problem:
         raise PepperDrakeError(problem)

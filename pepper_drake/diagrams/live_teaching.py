@@ -4,7 +4,6 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.framework import DiagramBuilder, InputPort
 
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
@@ -14,7 +13,7 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.models.pepper import arm_group, hand_frame
-from pepper_drake.models.scene import Scene
+from pepper_drake.models.scene import Obstacle, Scene
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.guiding.guide_target import GuideTarget
@@ -28,6 +27,14 @@ PUBLISH_PERIOD = 1 / 32
 
 _STAYS = [[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
 """A path of nowhere: it puts an object on rails, and a port moves it."""
+
+_SPARES = (
+    Obstacle("spare_ball", "sphere", [0.045], color=[0.20, 0.55, 0.35, 1.0]),
+    Obstacle("spare_box", "box", [0.08, 0.08, 0.08], color=[0.55, 0.35, 0.65, 1.0]),
+    Obstacle("spare_bottle", "cylinder", [0.035, 0.22], color=[0.25, 0.45, 0.70, 1.0]),
+)
+SPARES = tuple(spare.name for spare in _SPARES)
+"""Names of the obstacles that `with_spare_obstacles` adds."""
 
 
 def with_movable_objects(scene: Scene, names: Collection[str] = ()) -> Scene:
@@ -50,6 +57,20 @@ def with_movable_objects(scene: Scene, names: Collection[str] = ()) -> Scene:
         replace(o, path=_STAYS) if o.path or o.name in names else o for o in scene.obstacles
     ]
     return replace(scene, goal=replace(scene.goal, path=_STAYS), obstacles=obstacles)
+
+
+def with_spare_obstacles(scene: Scene) -> Scene:
+    """Returns the scene with some obstacles more, on rails, out of sight below the floor.
+
+    A plant takes no bodies once it is made: what a person adds to the scene comes from there.
+    """
+    taken = {obstacle.name for obstacle in scene.obstacles}
+    spares = [
+        replace(spare, position=[-1.0, 0.4 * index, -1.0], path=_STAYS)
+        for index, spare in enumerate(_SPARES)
+        if spare.name not in taken
+    ]
+    return replace(scene, obstacles=[*scene.obstacles, *spares])
 
 
 class LiveTeaching(Diagram):
@@ -88,7 +109,6 @@ class LiveTeaching(Diagram):
         coupling: Coupling | None,
         *,
         station: StationConfig | None = None,
-        meshcat: Meshcat | None = None,
     ) -> None:
         """Makes the diagram.
 
@@ -98,7 +118,6 @@ class LiveTeaching(Diagram):
                 posture.
             coupling: How obstacles bend it; None to do without.
             station: How the robot is simulated; the taught arm starts limp whatever it says.
-            meshcat: Where to show it, if anywhere.
         """
         super().__init__()
         self.scene = scene = with_movable_objects(scene)
@@ -123,17 +142,9 @@ class LiveTeaching(Diagram):
         self._add_objects()
         self._add_guide()
         self._add_recorder()
-        if meshcat is not None:
-            self.visualizer = builder.AddNamedSystem(
-                "visualizer",
-                MeshcatVisualizer(
-                    meshcat,
-                    MeshcatVisualizerParams(
-                        publish_period=PUBLISH_PERIOD, delete_on_initialization_event=False
-                    ),
-                ),
-            )
-            self._connect("ground_truth.query", self.visualizer.query_object_input_port())
+        builder.ExportOutput(
+            self.reaching.GetOutputPort("ground_truth.query"), "ground_truth.query"
+        )
         del self._builder
         build_into(builder, self)
 

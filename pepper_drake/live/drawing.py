@@ -1,151 +1,159 @@
-"""Drawing of a live session beside the robot: paths, cloud, guide, coupling."""
+"""Drawing of a live session beside the robot: paths, cloud, guide, coupling, ghost."""
 
 import matplotlib
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, Sphere
-from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.perception import BaseField, Fields, PointCloud
+import viser
+from pydrake.geometry import Rgba, Role
+from pydrake.math import RigidTransform
 
+from pepper_drake.live.robot_drawing import triangles_of
 from pepper_drake.live.session import LiveSession, Mode
-from pepper_drake.models.scene import Scene
+from pepper_drake.models.pepper import hand_frame
 
 Vector = npt.NDArray[np.float64]
+Color = tuple[int, int, int]
 
-BLACK, WHITE, BLUE = Rgba(0.0, 0.0, 0.0), Rgba(1.0, 1.0, 1.0, 0.7), Rgba(0.1, 0.35, 0.95, 0.8)
-_GUIDE, _PULL = Rgba(0.1, 0.7, 0.3, 0.8), Rgba(0.1, 0.7, 0.3, 0.6)
-_PUSH = Rgba(0.95, 0.2, 0.1)
+BLACK, GREY, GREEN = (20, 20, 20), (150, 150, 150), (30, 160, 80)
+BLUE, VIOLET, RED = (30, 90, 230), (170, 50, 200), (230, 50, 30)
 
 _FAR = 0.3
 """At this distance from the hand the cloud is as blue as it gets [m]."""
 _MOVED = 0.003
 """A goal that moved by less has not moved [m]."""
-_ARROW = 0.04
-"""Length of the coupling's arrow for each m/s² [m]."""
-_LONGEST_ARROW = 0.3
+_ARROW, _LONGEST_ARROW = 0.04, 0.3
+"""Length of the coupling's arrow for each m/s² [m], and at most."""
 _OUTSIDE = 0.07
 """Distance [m] of the arrow's foot from the hand's control frame: outside the hand."""
-_HEAD = 0.035
+_PUSHED = 0.2
+"""Weaker couplings are not drawn [m/s²]."""
 _POINT_SPACING = 0.005
-_RADII = (0.004, 0.0025)
-"""Radii of paths [m]: Pepper's path lies as a thicker, translucent tube about what it was shown."""
+_LIMP = (Mode.GUIDED, Mode.RECORDED)
 _PERFORMS = (Mode.REACHING, Mode.WAITING, Mode.HOLDING)
-_PATH_PERIOD, _CLOUD_PERIOD = 4, 6
-"""Numbers of frames between two drawings of the paths, and of the cloud."""
+_PATH_PERIOD, _CLOUD_PERIOD, _PREDICTION_PERIOD = 4, 6, 16
+"""Numbers of frames between two drawings."""
 
 
-def tube(points: Vector, radius: float, sides: int = 6) -> tuple[Vector, npt.NDArray[np.int64]]:
-    """Returns a tube about a path as a triangle mesh: browsers draw all lines one pixel wide.
-
-    Args:
-        points: (N, 3) the path, N >= 2, neighbours apart.
-        radius: m.
-        sides: Of its cross-section.
-
-    Returns:
-        Vertices (N sides, 3) [m], and triangles (2 (N - 1) sides, 3).
-    """
-    tangents = np.gradient(points, axis=0)
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    normal = np.eye(3)[np.argmin(np.abs(tangents[0]))]
-    normals = np.empty_like(points)
-    for index, tangent in enumerate(tangents):  # Carried along, so that the tube does not twist.
-        normal = normal - (normal @ tangent) * tangent
-        normal /= np.linalg.norm(normal)
-        normals[index] = normal
-    across = np.cross(tangents, normals)
-    angles = 2 * np.pi * np.arange(sides) / sides
-    rings = (
-        np.cos(angles)[None, :, None] * normals[:, None]
-        + np.sin(angles)[None, :, None] * across[:, None]
-    )
-    vertices = (points[:, None] + radius * rings).reshape(-1, 3)
-    ring = sides * np.arange(len(points) - 1)[:, None]
-    here, beside = np.arange(sides), (np.arange(sides) + 1) % sides
-    first = np.stack((ring + here, ring + beside, ring + sides + here), axis=-1)
-    second = np.stack((ring + beside, ring + sides + beside, ring + sides + here), axis=-1)
-    return vertices, np.concatenate((first.reshape(-1, 3), second.reshape(-1, 3)))
-
-
-def colored_cloud(points: Vector, distances: Vector) -> PointCloud:
-    """Returns points (P, 3) coloured by a distance (P,) [m]: red is near, blue is far."""
+def cloud_colors(distances: Vector) -> npt.NDArray[np.uint8]:
+    """Returns colours (P, 3) for distances (P,) [m]: red is near, blue is far."""
     near = 1.0 - np.clip(distances / _FAR, 0.0, 1.0)
-    colors = matplotlib.colormaps["turbo"](0.08 + 0.84 * near, bytes=True)
-    cloud = PointCloud(len(points), Fields(BaseField.kXYZs | BaseField.kRGBs))
-    cloud.mutable_xyzs()[:] = points.T
-    cloud.mutable_rgbs()[:] = colors[:, :3].T
-    return cloud
-
-
-def stretched(start: Vector, end: Vector) -> Vector:
-    """Returns the transform (4, 4) that puts a cylinder of length 1 between two points (3,) [m]."""
-    along = end - start
-    length = max(float(np.linalg.norm(along)), 1e-6)
-    X = RigidTransform(_towards(along), (start + end) / 2).GetAsMatrix4()
-    X[:, 2] *= length
-    return X
+    colors: npt.NDArray[np.uint8] = matplotlib.colormaps["turbo"](0.08 + 0.84 * near, bytes=True)
+    return colors[:, :3]
 
 
 class LiveDrawing:
-    """Draws a session on its page, frame by frame.
+    """Draws a session on its page, frame by frame; the page's legend tells what is what."""
 
-    The demonstration is black, the reproduction white, and blue from when the goal has moved. A
-    green ball is the guide. The arrow at the hand is the coupling's acceleration.
-    """
-
-    def __init__(self, meshcat: Meshcat, scene: Scene) -> None:
-        self._meshcat = meshcat
+    def __init__(self, server: viser.ViserServer, session: LiveSession) -> None:
+        self._scene = server.scene
         self._frame = 0
         self._mode: Mode | None = None
         self._path: list[Vector] = []
-        self._name, self._color = "", WHITE
+        self._name, self._color = "", BLUE
         self._count = 0
         self._goal_at_start = np.zeros(3)
-        self._points = np.zeros((0, 3))
-        frame_workspace(meshcat, scene)
-        meshcat.SetObject("live/guide", Sphere(0.016), _GUIDE)
-        meshcat.SetObject("live/pull", Cylinder(0.003, 1.0), _PULL)
-        meshcat.SetObject("live/coupling/shaft", Cylinder(0.006, 1.0), _PUSH)
-        meshcat.SetObject("live/coupling/head", MeshcatCone(_HEAD, 0.016, 0.016), _PUSH)
-        meshcat.SetProperty("live/coupling", "visible", False)
-        self._pushed = False
+        self._shown: tuple[object, ...] = ()
+        self._predicted = self._has_cloud = self._has_arrow = False
+        self._lines: set[str] = set()
+        self._ghost = server.scene.add_frame("/ghost", show_axes=False, visible=False)
+        self._add_ghost(session)
 
-    def update(self, session: LiveSession) -> None:
-        """Draws what has changed since the last frame."""
+    def _add_ghost(self, session: LiveSession) -> None:
+        """A pale copy of the hand."""
+        simulation = session.simulation
+        plant = simulation.diagram.station.plant
+        wrist = plant.GetFrameByName(hand_frame(simulation.arm)).body()
+        letter = "R" if simulation.arm == "right" else "L"
+        joint = plant.GetJointByName(f"{letter}WristYaw").index()
+        bodies = plant.GetBodiesKinematicallyAffectedBy([joint])
+        query = simulation.query()
+        inspector = query.inspector()
+        X_WH = simulation.torso_pose() @ simulation.hand_pose()
+        for body in {wrist.index(), *bodies}:
+            frame = plant.GetBodyFrameIdOrThrow(body)
+            X_HB = X_WH.InvertAndCompose(query.GetPoseInWorld(frame))
+            for index, geometry in enumerate(inspector.GetGeometries(frame, Role.kIllustration)):
+                mesh = triangles_of(inspector.GetShape(geometry))
+                if mesh is None:
+                    continue
+                X = X_HB @ inspector.GetPoseInFrame(geometry)
+                self._scene.add_mesh_simple(
+                    f"/ghost/{int(body)}_{index}",
+                    np.asarray(mesh.vertices, dtype=np.float32),
+                    np.asarray(mesh.faces, dtype=np.uint32),
+                    color=_rgb(Rgba(0.45, 0.75, 0.95)),
+                    opacity=0.45,
+                    wxyz=X.rotation().ToQuaternion().wxyz(),
+                    position=X.translation(),
+                )
+
+    def show_ghost(self, X_WH: RigidTransform | None) -> None:
+        """Puts the ghost of the hand to a pose in W, or hides it."""
+        if X_WH is not None:
+            self._ghost.position = X_WH.translation()
+            self._ghost.wxyz = X_WH.rotation().ToQuaternion().wxyz()
+        if self._ghost.visible != (X_WH is not None):
+            self._ghost.visible = X_WH is not None
+
+    def update(self, session: LiveSession, target_T: RigidTransform, *, predicts: bool) -> None:
+        """Draws what has changed since the last frame.
+
+        Args:
+            session: What happens.
+            target_T: X_TG, where the hand is led.
+            predicts: Whether the prediction is drawn.
+        """
         simulation = session.simulation
         X_WT = simulation.torso_pose()
         p_WH = X_WT @ simulation.hand_pose().translation()
-        self._draw_guide(session, X_WT, p_WH)
+        limp = session.mode in _LIMP
+        self._line("pull", np.array([p_WH, X_WT @ target_T.translation()]), GREEN, 0.004, limp)
         self._draw_coupling(X_WT.rotation() @ simulation.coupling(), p_WH)
         self._follow(session, p_WH)
+        if session.shown != self._shown:
+            self._draw_demonstrations(session, X_WT)
         if self._frame % _CLOUD_PERIOD == 0:
             self._draw_cloud(simulation.cloud(), p_WH)
+        if self._frame % _PREDICTION_PERIOD == 0:
+            shown = predicts and session.mode == Mode.GUIDED
+            path = session.predicted() if shown else np.zeros((0, 3))
+            path = (X_WT.rotation().matrix() @ path.T).T + X_WT.translation()
+            self._line("prediction", path, GREEN, 0.006, len(path) > 1)
         self._frame += 1
 
-    def _draw_guide(self, session: LiveSession, X_WT: RigidTransform, p_WH: Vector) -> None:
-        limp = session.mode in (Mode.GUIDED, Mode.RECORDED)
-        if session.mode != self._mode:
-            for path in ("live/guide", "live/pull"):
-                self._meshcat.SetProperty(path, "visible", limp)
-        if limp:
-            p_WG = X_WT @ session.simulation.guide_pose().translation()
-            self._meshcat.SetTransform("live/guide", RigidTransform(p_WG))
-            self._meshcat.SetTransform("live/pull", stretched(p_WH, p_WG))
+    def _line(self, name: str, points: Vector, color: Color, width: float, shown: bool) -> None:
+        """Draws a line through points (N, 3) in W, or removes it."""
+        if shown and len(points) > 1:
+            segments = np.stack((points[:-1], points[1:]), axis=1).astype(np.float32)
+            self._scene.add_line_segments(f"/lines/{name}", segments, color, thickness=width)
+            self._lines.add(name)
+        elif name in self._lines:
+            self._scene.remove_by_name(f"/lines/{name}")
+            self._lines.discard(name)
+
+    def _draw_demonstrations(self, session: LiveSession, X_WT: RigidTransform) -> None:
+        for name in [name for name in self._lines if name.startswith("demonstration")]:
+            self._line(name, np.zeros((0, 3)), BLACK, 0.0, False)
+        self._shown = session.shown
+        for index, motion in enumerate(session.shown):
+            path = (X_WT @ motion.thinned(200).positions.T).T
+            last = index == len(session.shown) - 1
+            self._line(f"demonstration/{index}", path, BLACK if last else GREY, 0.006, True)
 
     def _draw_coupling(self, acceleration_W: Vector, p_WH: Vector) -> None:
         size = float(np.linalg.norm(acceleration_W))
-        pushed = size > 0.2
-        if pushed != self._pushed:
-            self._meshcat.SetProperty("live/coupling", "visible", pushed)
-            self._pushed = pushed
-        if pushed:
+        if size > _PUSHED:
             direction = acceleration_W / size
             start = p_WH + _OUTSIDE * direction
             end = start + min(_ARROW * size, _LONGEST_ARROW) * direction
-            self._meshcat.SetTransform("live/coupling/shaft", stretched(start, end))
-            # The cone's tip is at its origin, its base ahead along z.
-            X = RigidTransform(_towards(-direction), end + _HEAD * direction)
-            self._meshcat.SetTransform("live/coupling/head", X)
+            points = np.array([[start, end]], dtype=np.float32)
+            self._scene.add_arrows(
+                "/coupling", points, RED, shaft_radius=0.006, head_radius=0.016, head_length=0.035
+            )
+            self._has_arrow = True
+        elif self._has_arrow:
+            self._scene.remove_by_name("/coupling")
+            self._has_arrow = False
 
     def _follow(self, session: LiveSession, p_WH: Vector) -> None:
         """Draws the hand's path while it is recorded and while it reaches."""
@@ -154,29 +162,30 @@ class LiveDrawing:
         performs, performed = mode in _PERFORMS, before in _PERFORMS
         if mode != before:
             if mode == Mode.RECORDED:
-                self._meshcat.Delete("live/paths")
-                self._begin("demonstration", BLACK)
+                self._begin("recorded", BLACK)
             elif performs and not performed:
-                self._meshcat.Delete("live/paths/reproduction")
+                for index in range(self._count + 1):
+                    self._line(f"performed/{index}", np.zeros((0, 3)), BLUE, 0.0, False)
                 self._count = 0
                 self._goal_at_start = session.simulation.goal_position()
-                self._begin("reproduction/0", WHITE)
+                self._begin("performed/0", BLUE)
             elif not performs:
                 self._end()
+                self._line("recorded", np.zeros((0, 3)), BLACK, 0.0, False)
         if not self._name:
             return
-        if performs and self._color is not BLUE:
+        if performs and self._color is not VIOLET:
             moved = np.linalg.norm(session.simulation.goal_position() - self._goal_at_start)
             if moved > _MOVED:
                 self._add(p_WH)
                 self._end()
                 self._count += 1
-                self._begin(f"reproduction/{self._count}", BLUE)
+                self._begin(f"performed/{self._count}", VIOLET)
         self._add(p_WH)
         if self._frame % _PATH_PERIOD == 0:
             self._draw_path()
 
-    def _begin(self, name: str, color: Rgba) -> None:
+    def _begin(self, name: str, color: Color) -> None:
         self._path, self._name, self._color = [], name, color
 
     def _end(self) -> None:
@@ -189,40 +198,20 @@ class LiveDrawing:
             self._path.append(point)
 
     def _draw_path(self) -> None:
-        if len(self._path) < 2:
-            return
-        vertices, triangles = tube(np.array(self._path), _RADII[self._color is BLACK])
-        self._meshcat.SetTriangleMesh(
-            f"live/paths/{self._name}", vertices.T, triangles.T, self._color
-        )
+        if len(self._path) > 1:
+            self._line(self._name, np.array(self._path), self._color, 0.008, True)
 
     def _draw_cloud(self, points: Vector, p_WH: Vector) -> None:
-        if not len(points) and not len(self._points):
-            return
-        self._points = points
-        if not len(points):
-            self._meshcat.Delete("live/cloud")
-            return
-        distances = np.linalg.norm(points - p_WH, axis=1)
-        self._meshcat.SetObject("live/cloud", colored_cloud(points, distances), 0.012)
+        if len(points):
+            colors = cloud_colors(np.linalg.norm(points - p_WH, axis=1))
+            self._scene.add_point_cloud(
+                "/cloud", points.astype(np.float32), colors, point_size=0.008, point_shape="circle"
+            )
+            self._has_cloud = True
+        elif self._has_cloud:
+            self._scene.remove_by_name("/cloud")
+            self._has_cloud = False
 
 
-def frame_workspace(meshcat: Meshcat, scene: Scene) -> None:
-    """Looks at the taught arm's workspace from its side, without grid and axes."""
-    side = 1.0 if scene.arm == "left" else -1.0
-    target = np.array([scene.robot.x + 0.08, scene.robot.y + 0.1 * side, 0.86])
-    away = np.array([0.66, 0.64 * side, 0.34])
-    # The panel hides the right of the page: what matters is shown a little to the left.
-    right = np.cross(-away, [0.0, 0.0, 1.0])
-    target += 0.11 * right / np.linalg.norm(right)
-    meshcat.SetCameraPose(target + away, target)
-    for path in ("/Grid", "/Axes"):
-        meshcat.SetProperty(path, "visible", False)
-
-
-def _towards(direction: Vector) -> RotationMatrix:
-    """A rotation whose z axis is along a direction."""
-    length = float(np.linalg.norm(direction))
-    if length < 1e-9:
-        return RotationMatrix()
-    return RotationMatrix.MakeFromOneVector(direction / length, 2)
+def _rgb(color: Rgba) -> Color:
+    return round(255 * color.r()), round(255 * color.g()), round(255 * color.b())

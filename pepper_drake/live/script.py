@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pepper_drake.errors import InputError, PepperDrakeError
-from pepper_drake.live.page import BUTTONS
+from pepper_drake.live.controls import BUTTONS
 from pepper_drake.live.session import Mode
 from pepper_drake.live.show import LiveApp
 from pepper_drake.models.guide import ViaPoint

@@ -2,6 +2,7 @@
 
 import contextlib
 import time
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -26,6 +27,8 @@ _SHORTEST_WAY = 0.03
 """A recording in which the hand goes less far is no movement [m]."""
 _AT_START = 0.015
 """The arm is back at the start within this [rad]."""
+_FEWEST = 10
+"""A trimmed demonstration has at least so many samples."""
 _PATIENCE = 3.0
 """Time [s] that the arm may take to settle at the start."""
 _NOTICE = 4.0
@@ -56,6 +59,16 @@ _OF_REACH = {
 }
 
 
+@dataclass(frozen=True)
+class _Taught:
+    """What has been taught, for Undo."""
+
+    demonstration: Demonstration | None
+    shown: tuple[Demonstration, ...]
+    primitive: MovementPrimitive | None
+    learned: Demonstration | None
+
+
 class LiveSession:
     """Session of teaching and reaching, advanced frame by frame.
 
@@ -67,6 +80,7 @@ class LiveSession:
         simulation: The robot.
         mode: What Pepper is doing.
         demonstration: What was recorded last, if anything.
+        shown: All that was recorded and not discarded; Learn learns of them together.
         primitive: What was learned last, if anything.
     """
 
@@ -82,7 +96,10 @@ class LiveSession:
         self._doing: Mode | None = Mode.GUIDED
         self.demonstration: Demonstration | None = None
         self.primitive: MovementPrimitive | None = None
+        self.shown: tuple[Demonstration, ...] = ()
         self._learned: Demonstration | None = None
+        self._before: list[_Taught] = []
+        self._kept = 0
         self._writer: RecordingWriter | None = None
         self._retrace: Retrace | None = None
         self._since = self._notice_until = 0.0
@@ -126,7 +143,7 @@ class LiveSession:
             self._notify("Nothing is going on; Record keeps what you show")
         else:
             self._enter(Mode.GUIDED)
-            self._notify("The arm is limp again; lead the hand with sliders or keys")
+            self._notify("The arm is limp again; lead the hand with mouse or keys")
 
     def learn(self) -> None:
         """Learns the movement that was recorded last."""
@@ -136,14 +153,22 @@ class LiveSession:
             self._notify("There is nothing to learn yet; Record a movement first")
         else:
             started = time.perf_counter()
-            primitive = MovementPrimitive.fit(self.demonstration)
+            try:
+                primitive = MovementPrimitive.fit(self.shown)
+            except InputError as error:
+                self._notify(f"{error}; Discard one of them, or Undo")
+                return
             spent = 1000 * (time.perf_counter() - started)
+            self._remember()
             self.primitive, self._learned = primitive, self.demonstration
             self.simulation.set_primitive(primitive)
+            number = len(self.shown)
+            of = f" of {number} demonstrations" if number > 1 else ""
             self._notify(
                 f"Learned a movement of {primitive.duration:.1f} s and "
-                f"{primitive.path_length:.2f} m in {spent:.0f} ms; Reach performs it"
+                f"{primitive.path_length:.2f} m{of} in {spent:.0f} ms; Reach performs it"
             )
+            self._keep()
 
     def reach(self) -> None:
         """Takes the arm back to where the movement starts, and performs it."""
@@ -155,6 +180,75 @@ class LiveSession:
             assert self._learned.joints is not None
             self._retrace = Retrace(self.simulation.joints(), self._learned.joints)
             self._enter(Mode.RETURNING)
+
+    def trim(self, start: float, end: float) -> None:
+        """Keeps the part of the last demonstration between two times [s]."""
+        motion = self.demonstration
+        if self.mode != Mode.GUIDED or motion is None:
+            self._notify("There is nothing to trim; Record a movement, then Stop")
+            return
+        part = np.flatnonzero((motion.times >= start) & (motion.times <= end))
+        trimmed = motion.selected(part)
+        if len(part) < _FEWEST or trimmed.path_length < _SHORTEST_WAY:
+            self._notify("That would leave no movement; keep more of it")
+            return
+        trimmed = replace(trimmed, times=trimmed.times - trimmed.times[0])
+        self._remember()
+        self.demonstration, self.shown = trimmed, (*self.shown[:-1], trimmed)
+        self._notify(
+            f"Kept {trimmed.duration:.1f} s of {motion.duration:.1f} s; Undo brings it back"
+        )
+        self._keep(trimmed)
+
+    def discard(self) -> None:
+        """Discards the last demonstration."""
+        if self.mode != Mode.GUIDED or not self.shown:
+            self._notify("There is nothing to discard; Record a movement, then Stop")
+            return
+        self._remember()
+        self.shown = self.shown[:-1]
+        self.demonstration = self.shown[-1] if self.shown else None
+        self._notify("Discarded the last demonstration; Undo brings it back")
+
+    def undo(self) -> None:
+        """Takes back what was last recorded, trimmed, discarded or learned."""
+        if self.mode != Mode.GUIDED:
+            self._notify(f"Pepper is {self.mode}; Stop comes before Undo")
+        elif not self._before:
+            self._notify("There is nothing to undo")
+        else:
+            taught = self._before.pop()
+            self.demonstration, self.shown = taught.demonstration, taught.shown
+            self.primitive, self._learned = taught.primitive, taught.learned
+            if taught.primitive is not None:
+                self.simulation.set_primitive(taught.primitive)
+            self._notify("Undone: " + self._describe_next())
+
+    def predicted(self) -> Vector:
+        """Returns the hand's path (N, 3) in T [m] to where the goal is now, as it was learned.
+
+        It is the primitive's, without obstacles; empty before there is one.
+        """
+        if self.primitive is None:
+            return np.zeros((0, 3))
+        goal = self.simulation.goal_position()
+        return self.primitive.rollout(time_step=0.05, goal=goal).positions
+
+    def _remember(self) -> None:
+        self._before.append(_Taught(self.demonstration, self.shown, self.primitive, self._learned))
+
+    def _keep(self, demonstration: Demonstration | None = None) -> None:
+        """Writes what is new, so that nothing is lost whatever ends the session."""
+        if self._folder is None:
+            return
+        try:
+            if demonstration is not None:
+                self._kept += 1
+                demonstration.save(self._folder / "demonstrations" / f"{self._kept:02d}")
+            elif self.primitive is not None:
+                self.primitive.save(self._folder / "primitive.yaml")
+        except InputError as error:
+            self._notify(str(error))
 
     def save(self) -> None:
         """Writes the demonstration's files and `primitive.yaml`, as far as there are any."""
@@ -208,12 +302,15 @@ class LiveSession:
             self._end_writing(None)
             self._notify("The hand hardly moved; Record again")
             return
-        motion = self.demonstration = without_rest(recorded)
+        motion = without_rest(recorded)
+        self._remember()
+        self.demonstration, self.shown = motion, (*self.shown, motion)
         self._end_writing(motion)
         self._notify(
             f"Recorded {motion.duration:.1f} s and {motion.path_length:.2f} m; "
             "Learn makes a movement of it"
         )
+        self._keep(motion)
 
     def _end_writing(self, demonstration: Demonstration | None) -> None:
         """Ends the file that is written while it is recorded; None leaves nothing of it."""
@@ -239,6 +336,10 @@ class LiveSession:
         if is_there or self.simulation.is_stopped() or elapsed > way.duration + _PATIENCE:
             self.simulation.reach()
             self._doing, self._since = None, self.simulation.time
+
+    def tell(self, words: str) -> None:
+        """Shows the result of something that was done on the page, for some seconds."""
+        self._notify(words)
 
     def _notify(self, words: str) -> None:
         self._notice, self._notice_until = words, self.simulation.time + _NOTICE
@@ -276,7 +377,7 @@ class LiveSession:
 
     def _describe_next(self) -> str:
         if self.demonstration is None:
-            return "Lead the hand with sliders or keys; Record keeps what you show"
+            return "Lead the hand with mouse or keys; Record keeps what you show"
         if self._learned is not self.demonstration:
             return "Learn makes a movement of what you showed; Record shows another"
         return "Reach performs what was learned; Record shows another movement"

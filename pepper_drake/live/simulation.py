@@ -8,17 +8,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
-from pydrake.geometry import Meshcat
+from pydrake.geometry import QueryObject
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, System
 
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
-from pepper_drake.diagrams.live_teaching import PUBLISH_PERIOD, LiveTeaching, with_movable_objects
+from pepper_drake.diagrams.live_teaching import (
+    PUBLISH_PERIOD,
+    LiveTeaching,
+    with_movable_objects,
+    with_spare_obstacles,
+)
 from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points
@@ -64,7 +70,7 @@ class LiveSimulation:
         station: StationConfig | None = None,
         movables: Collection[str] = (),
         coupling: str | None = None,
-        meshcat: Meshcat | None = None,
+        spares: bool = False,
         realtime: bool = False,
     ) -> None:
         """Makes the simulation; Pepper stands where the scene has it, its arm limp and held.
@@ -74,15 +80,15 @@ class LiveSimulation:
             station: How the robot is simulated.
             movables: Obstacles that can be moved, besides those that have a path in the scene.
             coupling: The obstacle coupling's name; the scene's if left out.
-            meshcat: Where the robot is shown, if anywhere.
+            spares: Whether there are obstacles more that can be put into the scene.
             realtime: Whether it runs no faster than real time.
         """
+        movable = with_movable_objects(scene, movables)
         self.diagram = LiveTeaching(
-            with_movable_objects(scene, movables),
+            with_spare_obstacles(movable) if spares else movable,
             make_primitive(None, scene.arm),
             make_coupling(coupling or scene.coupling),
             station=station,
-            meshcat=meshcat,
         )
         self.simulator = Simulator(self.diagram)
         self.arm_mode = ArmMode.LIMP
@@ -122,6 +128,11 @@ class LiveSimulation:
     def pace(self) -> SimulationRate:
         """Speed since the start, all included."""
         return SimulationRate(self.time, time.perf_counter() - self._began, self._frames)
+
+    def begin(self) -> None:
+        """Counts real time from now on: what went by before is not caught up with."""
+        self.simulator.ResetStatistics()
+        self._began = time.perf_counter()
 
     def advance(self) -> None:
         """Simulates up to the next frame.
@@ -250,6 +261,60 @@ class LiveSimulation:
         if not np.array_equal(self._offsets[name], offset):
             self._offsets[name] = np.array(offset, dtype=float)
             self._fix(f"{name}.target", self._offsets[name])
+
+    def place(self, name: str, position: Vector) -> None:
+        """Puts an obstacle to a place (3,) in W [m] at once, as `set_offset` does by and by."""
+        place = next(o.position for o in self.scene.obstacles if o.name == name)
+        offset = np.asarray(position) - place
+        self.set_offset(name, offset)
+        mover = self.diagram.GetSubsystemByName(f"{name}_mover")
+        rest = np.concatenate((offset, np.zeros(3)))
+        mover.GetMyMutableContextFromRoot(self._root).SetDiscreteState(rest)
+        plant = self.diagram.station.plant
+        context = plant.GetMyMutableContextFromRoot(self._root)
+        for axis, value in zip("xyz", offset, strict=True):
+            plant.GetJointByName(f"{name}_{axis}").set_translation(context, value)
+
+    def position(self, name: str) -> Vector:
+        """Returns where something that can be moved is wanted, (3,) in W [m]."""
+        if name == GOAL_OBJECT:
+            start = self.scene.goal.position
+        else:
+            start = next(o.position for o in self.scene.obstacles if o.name == name)
+        return np.asarray(start) + self._offsets[name]
+
+    def offset(self, name: str) -> Vector:
+        """Returns the offset (3,) [m] to which something that can be moved is sent."""
+        return self._offsets[name].copy()
+
+    def query(self) -> QueryObject:
+        """Returns where all shapes are."""
+        return self.diagram.GetOutputPort("ground_truth.query").Eval(self.simulator.get_context())
+
+    def phase(self) -> float:
+        """Returns the movement's phase, 1 at its start and towards 0 at its end."""
+        return float(self._eval(self.diagram.reaching.controller, "phase")[0])
+
+    def clearance(self) -> float:
+        """Returns how far the arm is from what Pepper sees [m]; infinite while it rests."""
+        return float(self._eval(self.diagram.reaching.seen_clearance, "clearance")[0])
+
+    def camera_picture(self) -> tuple[str, npt.NDArray[np.uint8]] | None:
+        """Returns the head camera in use and its picture (H, W, 3); None without cameras."""
+        perception = self.diagram.reaching.perception
+        if not self.diagram.station.config.cameras:
+            return None
+        for camera in ("camera_bottom", "camera_top"):
+            if self._eval(perception, f"{camera}.enabled")[0]:
+                image = self._eval(self.diagram.station, f"{camera}.image").data
+                return (camera, image[..., :3].copy()) if image.size else None
+        return None
+
+    def camera_pose(self) -> RigidTransform:
+        """Returns X_WC of the head's bottom camera: x right, y down, z ahead."""
+        frame = self.diagram.station.plant.GetFrameByName("CameraBottom_optical_frame")
+        plant = self.diagram.station.plant
+        return frame.CalcPoseInWorld(plant.GetMyContextFromRoot(self._root))
 
     def _take_hand(self) -> None:
         """Lets the guide take the hand where the hand is now."""

@@ -7,12 +7,9 @@ connected to it, and which passes on only messages that it has checked and writt
 """
 
 import contextlib
-import json
 import os
 import socket
 import stat
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,8 +18,7 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
 
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.web.access import LOOPBACK, Access
-
-_END_SECONDS = 10.0
+from pepper_drake.web.served_process import ServedProcess
 
 
 class _Spare(threading.local):
@@ -75,55 +71,27 @@ class DrakePage:
         """
         access = Access.to(host)
         self.meshcat = _loopback_meshcat()
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "pepper_drake.web.page_process"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            # Ctrl-C is for the session alone, which then ends the page.
-            start_new_session=True,
-        )
+        order = {"meshcat": self.meshcat.web_url(), "host": access.host, "token": access.token}
         try:
-            port = self._start(access)
-            _shut(self.meshcat)
+            self._process = ServedProcess("pepper_drake.web.page_process", order)
         except BaseException:
-            self.close()
+            _shut(self.meshcat)
+            _put_away(self.meshcat)
             raise
-        self.url = access.url(port)
+        _shut(self.meshcat)
+        self.url = access.url(self._process.port)
         self.ws_url = self.url.replace("http://", "ws://")
 
-    def _start(self, access: Access) -> int:
-        """Tells the process what to serve, and returns the port."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        # On its standard input, because everybody on this computer sees its arguments.
-        order = {
-            "meshcat": self.meshcat.web_url(),
-            "host": access.host,
-            "token": access.token,
-        }
-        with contextlib.suppress(BrokenPipeError):
-            self._process.stdin.write(json.dumps(order).encode() + b"\n")
-            self._process.stdin.flush()
-        answer = json.loads(self._process.stdout.readline() or '{"error": "it ends at once"}')
-        if "error" in answer:
-            raise InputError(f"no page can be served: {answer['error']}")
-        return int(answer["port"])
+    def wait_for_browser(self) -> None:
+        """Waits until somebody has opened the page."""
+        while not self._process.wait(1.0):
+            pass
 
     def close(self) -> None:
         """Ends the page; it may be called twice."""
-        if self._process.returncode is not None:
-            return
-        for pipe in (self._process.stdin, self._process.stdout):
-            assert pipe is not None
-            with contextlib.suppress(BrokenPipeError):
-                pipe.close()
-        try:
-            self._process.wait(_END_SECONDS)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        _put_away(self.meshcat)
+        if not self._process.is_closed:
+            self._process.close()
+            _put_away(self.meshcat)
 
     def __enter__(self) -> "DrakePage":
         return self
@@ -133,8 +101,10 @@ class DrakePage:
 
 
 @contextlib.contextmanager
-def open_meshcat(*, page: bool, host: str | None = None) -> Iterator[tuple[Meshcat, str]]:
-    """Gives a Meshcat and the address of its page, which is empty where there is none.
+def open_meshcat(
+    *, page: bool, host: str | None = None
+) -> Iterator[tuple[Meshcat, DrakePage | None]]:
+    """Gives a Meshcat and its page, if there is one.
 
     Args:
         page: Whether anybody may look on; if not, nothing listens anywhere.
@@ -145,12 +115,12 @@ def open_meshcat(*, page: bool, host: str | None = None) -> Iterator[tuple[Meshc
     """
     if page:
         with DrakePage(host) as shown:
-            yield shown.meshcat, shown.url
+            yield shown.meshcat, shown
     elif host is not None:
         raise InputError("--host: no page is shown; give --live, too")
     else:
         with offline_meshcat() as meshcat:
-            yield meshcat, ""
+            yield meshcat, None
 
 
 def _loopback_meshcat() -> Meshcat:

@@ -72,17 +72,17 @@ def read_message(data: bytes | str, controls: Mapping[str, Mapping[str, Any]]) -
     Raises:
         BadMessageError: It is none of the messages that Drake's page sends.
     """
-    fields = _unpack(data)
+    fields = unpack(data)
     kind, name = fields.get("type"), fields.get("name", "")
     if not isinstance(name, str):
         raise BadMessageError("a name that is no text")
     if kind == "camera_pose":
         return None
     if kind == "gamepad":
-        return _read_gamepad(fields.get("gamepad"))
+        return read_gamepad(fields.get("gamepad"))
     if kind not in ("button", "slider"):
         raise BadMessageError("an unknown type")
-    value = _number(fields.get("value")) if kind == "slider" else None
+    value = number(fields.get("value")) if kind == "slider" else None
     control = controls.get(name)
     if control is None:  # It went while somebody pressed it.
         return None
@@ -113,7 +113,12 @@ def pack_message(message: Message) -> bytes:
     return packed
 
 
-def _unpack(data: bytes | str) -> dict[Any, Any]:
+def unpack(data: bytes | str) -> dict[Any, Any]:
+    """Reads a message's map.
+
+    Raises:
+        BadMessageError: It is no map, or too long.
+    """
     if isinstance(data, str):
         raise BadMessageError("a text")
     if len(data) > MESSAGE_LIMIT:
@@ -127,7 +132,12 @@ def _unpack(data: bytes | str) -> dict[Any, Any]:
     return fields
 
 
-def _read_gamepad(pad: object) -> GamepadChange:
+def read_gamepad(pad: object) -> GamepadChange:
+    """Reads what a browser says of a game pad: `index`, `axes` and `button_values`.
+
+    Raises:
+        BadMessageError: It makes no sense.
+    """
     if not isinstance(pad, dict):
         raise BadMessageError("no game pad")
     index = pad.get("index")
@@ -145,10 +155,15 @@ def _read_gamepad(pad: object) -> GamepadChange:
 def _numbers(values: object, lower: float) -> tuple[float, ...]:
     if not isinstance(values, list) or len(values) > _MOST_AXES:
         raise BadMessageError("no list of numbers")
-    return tuple(min(max(_number(value), lower), 1.0) for value in values)
+    return tuple(min(max(number(value), lower), 1.0) for value in values)
 
 
-def _number(value: object) -> float:
+def number(value: object) -> float:
+    """Returns a finite number.
+
+    Raises:
+        BadMessageError: It is none.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise BadMessageError("no finite number")
     return float(value)

@@ -36,11 +36,14 @@ async def serve_page(order: dict[str, Any]) -> int:
         with contextlib.suppress(WebSocketClosedError):
             upstream.write_message(pack_message(message), binary=True)
 
+    def tell() -> None:
+        print(json.dumps({"opened": True}), flush=True)
+
     def show(data: bytes | str | None) -> None:
         if isinstance(data, bytes):
             server.broadcast(data)
 
-    server = PageServer(await _assets(url), Access(order["host"], order["token"]), pass_on)
+    server = PageServer(await _assets(url), Access(order["host"], order["token"]), pass_on, tell)
     upstream = await websocket_connect(
         url.replace("http://", "ws://"),
         on_message_callback=show,

@@ -61,6 +61,7 @@ class PageServer:
         assets: Mapping[str, Asset],
         access: Access,
         on_message: Callable[[Message], None],
+        on_open: Callable[[], None] = lambda: None,
     ) -> None:
         """Makes a server that does not listen yet.
 
@@ -68,8 +69,10 @@ class PageServer:
             assets: The page's files by path; "/" is the page.
             access: Who may open it.
             on_message: Is told what browsers do.
+            on_open: Is told when a browser has opened the page.
         """
         self._access, self._assets, self._on_message = access, assets, on_message
+        self._on_open = on_open
         self._scene = RetainedScene()
         self._browsers: set[_Browser] = set()
         self._has_pad: _Browser | None = None
@@ -122,6 +125,7 @@ class PageServer:
         self._browsers.add(browser)
         for data in self._scene.messages():
             browser.send(data)
+        self._on_open()
         return True
 
     def leave(self, browser: "_Browser") -> None:

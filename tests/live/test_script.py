@@ -64,7 +64,7 @@ def test_a_script_leads_the_hand_and_moves_objects(show):
     assert "Recorded" in lines[-1]
     moved = show.session.simulation.hand_pose().translation() - start.translation()
     np.testing.assert_allclose(moved, [0.08, 0, 0], atol=0.015)
-    np.testing.assert_allclose(show.page.offsets()["ball"], [0.02, 0, 0])
+    np.testing.assert_allclose(show.session.simulation.offset("ball"), [0.02, 0, 0])
 
 
 def test_a_script_that_waits_in_vain_fails_with_what_pepper_says(show):

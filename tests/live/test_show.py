@@ -1,134 +1,265 @@
-"""A control is pressed where a person presses it, and the robot moves."""
+"""What is done on the page happens to the robot: by messages, and in a real browser."""
 
+import os
+import shutil
 import time
+from pathlib import Path
 
+import msgpack
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
+import viser
+from websockets.sync.client import connect
 
+from pepper_drake.live.controls import KEYS
+from pepper_drake.live.page import LivePage
 from pepper_drake.live.session import Mode
-from tests.live.clients import BrowserClient, ProtocolClient, find_browser
+from pepper_drake.live.show import LiveApp
+from pepper_drake.web.viser_page import ViserPage
 
-UP = "hand up PgDn PgUp"
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
+)
+FLAGS = (
+    *("--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader"),
+    *("--enable-unsafe-swiftshader", "--no-first-run", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync", "--disable-quic"),
+)
 
 
-class ByProtocol(ProtocolClient):
-    """Without a browser: the messages that the page sends for a key and for a click."""
+@pytest.fixture
+def page():
+    with ViserPage(keys=KEYS) as page:
+        yield page
 
-    def __init__(self, drake_page):
-        super().__init__(drake_page)
-        self._meshcat = drake_page.meshcat
 
-    def go_ahead(self):
-        label = "hand ahead ↓↑"
-        self.slide(label, self._meshcat.GetSliderValue(label) + 0.005)
+@pytest.fixture
+def app(page, make_session, tmp_path):
+    session = make_session(tmp_path, spares=True)
+    return LiveApp(session, LivePage(page, cameras=False, spares=True))
+
+
+@pytest.fixture
+def say(page):
+    """Returns a function that sends what a browser would."""
+    socket = connect(
+        page.url.replace("http:", "ws:"),
+        subprotocols=[f"viser-v{viser.__version__}"],
+        max_size=None,
+        close_timeout=0.2,  # What it was shown is not read.
+    )
+
+    def send(kind, **fields):
+        socket.send(msgpack.packb({"type": kind, "owner": "", **fields}))
+
+    camera = {"wxyz": [1.0, 0.0, 0.0, 0.0], "position": [1.0, 0.0, 1.0], "fov": 1.0}
+    camera |= {"near": 0.1, "far": 100.0, "image_height": 600, "image_width": 800}
+    camera |= {"look_at": [0.0, 0.0, 0.0], "up_direction": [0.0, 0.0, 1.0]}
+    # A browser counts from when it has told where it looks from.
+    socket.send(msgpack.packb({"type": "ViewerCameraMessage", **camera}))
+    end = time.monotonic() + 20
+    while not page.server.get_clients():
+        assert time.monotonic() < end
         time.sleep(0.02)
-
-    def record(self):
-        self.press("Record (R)")
-
-    def status(self):
-        (label,) = (n for n in self._meshcat.GetButtonNames() if 'id="status"' in n)
-        return label
+    yield send
+    socket.close()
 
 
-class InBrowser(BrowserClient):
-    """With a browser: real keys and clicks."""
-
-    def __init__(self, drake_page):
-        super().__init__(drake_page.url)
-
-    def go_ahead(self):
-        self.key("ArrowUp")
-
-    def record(self):
-        self.click("Record")
-
-    def status(self):
-        return self.evaluate("document.querySelector('#status')?.innerText ?? ''")
-
-
-@pytest.fixture(params=[ByProtocol] + [InBrowser] * (find_browser() is not None))
-def person(request, drake_page, show):
-    show.step()
-    person = request.param(drake_page)
-    yield person
-    person.close()
-
-
-def step_until(show, done, longest=60.0):
+def step_until(app, done, longest=60.0):
     end = time.monotonic() + longest
     while not done():
-        assert time.monotonic() < end
-        show.step()
+        assert time.monotonic() < end, app.session.status
+        app.step()
 
 
-def test_a_person_leads_the_hand_and_records(show, person):
-    simulation = show.session.simulation
-    step_until(show, lambda: "Lead the hand" in person.status())
-    before = simulation.hand_pose().translation()
-    for _ in range(12):
-        person.go_ahead()
-    step_until(show, lambda: simulation.hand_pose().translation()[0] > before[0] + 0.04)
-    for _ in range(40):
-        show.step()
-    moved = simulation.hand_pose().translation() - before
-    np.testing.assert_allclose(moved, [0.06, 0, 0], atol=0.015)
-    person.record()
-    step_until(show, lambda: show.session.mode == Mode.RECORDED)
-    step_until(show, lambda: "Recording" in person.status())
-
-
-def test_a_game_pad_leads_the_hand_and_the_sliders_follow(show, drake_page):
-    simulation, pad = show.session.simulation, ProtocolClient(drake_page)
-    show.step()
-    before = simulation.hand_pose().translation()
-    pad.pad([0.0, 0.0, 0.0, -1.0], [0.0] * 16)
-    step_until(show, lambda: simulation.hand_pose().translation()[2] > before[2] + 0.05)
-    assert drake_page.meshcat.GetSliderValue(UP) > before[2] + 0.04
-    pad.pad([0.0, 0.0, 0.0, 0.0], [0.0] * 16)
-    step_until(show, lambda: not show.page.pad_velocity().any())
-    for _ in range(20):
-        show.step()
-    rest = simulation.hand_pose().translation()
-    for _ in range(20):
-        show.step()
-    np.testing.assert_allclose(simulation.hand_pose().translation(), rest, atol=0.004)
-    pad.close()
-
-
-def test_objects_move_with_their_sliders(show, meshcat):
-    meshcat.SetSliderValue("goal up", 0.05)
-    before = show.session.simulation.goal_position()
-    for _ in range(64):
-        show.step()
-    moved = show.session.simulation.goal_position() - before
-    R_WT = show.session.simulation.torso_pose().rotation()
-    np.testing.assert_allclose(R_WT @ moved, [0, 0, 0.05], atol=0.002)
-
-
-def test_paths_are_drawn_in_their_colours(show, meshcat):
-    show.step()
-    show.press("Record")
-    start = show.session.simulation.hand_pose()
-    for share in np.linspace(0.0, 1.0, 96):
-        show.lead(
-            RigidTransform(
-                start.rotation(), start.translation() + share * np.array([0.08, -0.06, 0.08])
-            )
+def drag_hand(app, say, offset):
+    simulation = app.session.simulation
+    X_WG = simulation.torso_pose() @ app.target
+    for share in np.linspace(0.1, 1.0, 10):
+        say(
+            "TransformControlsUpdateMessage",
+            name="/hand",
+            wxyz=X_WG.rotation().ToQuaternion().wxyz().tolist(),
+            position=(X_WG.translation() + share * np.asarray(offset)).tolist(),
         )
-        show.step()
-    assert meshcat.HasPath("live/paths/demonstration")
-    show.press("Stop")
-    show.press("Learn")
-    show.press("Reach")
-    step_until(show, lambda: show.session.mode == Mode.REACHING)
-    for _ in range(16):
-        show.step()
-    assert meshcat.HasPath("live/paths/reproduction/0")
-    assert not meshcat.HasPath("live/paths/reproduction/1")
-    show.move("goal_object", np.array([0.0, 0.0, 0.05]))
-    for _ in range(24):
-        show.step()
-    assert meshcat.HasPath("live/paths/reproduction/1")
-    assert meshcat.HasPath("live/paths/demonstration")
+        for _ in range(4):
+            app.step()
+
+
+def test_the_hand_follows_the_mouse_and_is_recorded_learned_and_undone(app, say, tmp_path):
+    session, simulation = app.session, app.session.simulation
+    app.step()
+    before = simulation.torso_pose() @ simulation.hand_pose().translation()
+    app.press("Record")
+    drag_hand(app, say, [0.08, -0.06, 0.08])
+    step_until(app, lambda: simulation.time > 2.5)
+    moved = simulation.torso_pose() @ simulation.hand_pose().translation() - before
+    np.testing.assert_allclose(moved, [0.08, -0.06, 0.08], atol=0.015)
+    assert "Recording" in app.page.status
+    app.press("Stop")
+    assert len(session.shown) == 1
+    assert (tmp_path / "demonstrations" / "01" / "translation.txt").exists()
+    app.press("Learn")
+    assert (tmp_path / "primitive.yaml").exists()
+    path = session.predicted()
+    np.testing.assert_allclose(path[-1], simulation.goal_position(), atol=0.01)
+    app.press("Undo")
+    assert session.primitive is None
+    app.press("Undo")
+    assert session.shown == ()
+    app.press("Undo")
+    assert "nothing to undo" in session.status
+
+
+def test_a_demonstration_is_trimmed_discarded_and_brought_back(app, say):
+    session = app.session
+    app.press("Record")
+    drag_hand(app, say, [0.08, -0.06, 0.08])
+    app.press("Stop")
+    whole = session.demonstration
+    session.trim(0.25 * whole.duration, whole.duration)
+    trimmed = session.demonstration
+    assert trimmed.duration == pytest.approx(0.75 * whole.duration, abs=0.05)
+    np.testing.assert_allclose(trimmed.positions[-1], whole.positions[-1])
+    assert trimmed.times[0] == 0.0
+    session.trim(0.0, 0.01)
+    assert "no movement" in session.status
+    session.discard()
+    assert session.shown == ()
+    session.undo()
+    session.undo()
+    assert session.demonstration is whole
+
+
+def test_keys_lead_the_hand_and_objects_are_dragged_within_their_range(app, page, say):
+    simulation = app.session.simulation
+    app.step()
+    with connect(page.url.replace("http:", "ws:") + "input") as keys:
+        before = app.target.translation()
+        for _ in range(6):
+            keys.send('{"key": "PageUp"}')
+        step_until(app, lambda: app.target.translation()[2] > before[2] + 0.0299)
+        keys.send('{"key": "KeyR"}')
+        step_until(app, lambda: app.session.mode == Mode.RECORDED)
+    start = simulation.position("goal_object")
+    grab = start + [0.0, 0.0, 0.1]
+    drag = {"name": goal_node(app), "instance_index": None, "button": "left", "modifier": None}
+    drag |= {"start_screen_pos": [0.5, 0.5], "end_screen_pos": [0.5, 0.5]}
+    for phase, end in (("start", grab), ("update", grab + [0, 0, 0.05]), ("end", grab + [0, 0, 9])):
+        say(
+            "SceneNodeDragMessage",
+            phase=phase,
+            start_position=grab.tolist(),
+            end_position=end.tolist(),
+            **drag,
+        )
+    step_until(app, lambda: simulation.offset("goal_object")[2] == 0.2)
+
+
+def goal_node(app):
+    name = app._robot.bodies["goal_object"].name
+    return f"{name}/0"
+
+
+def test_obstacles_are_added_where_the_arm_is_not_and_removed(app):
+    simulation = app.session.simulation
+    app.add("spare_ball")
+    for _ in range(8):
+        app.step()
+    place = simulation.position("spare_ball")
+    frame = simulation.diagram.station.plant.GetBodyByName("spare_ball")
+    context = simulation.diagram.station.plant.GetMyContextFromRoot(
+        simulation.simulator.get_context()
+    )
+    at = frame.EvalPoseInWorld(context).translation()
+    np.testing.assert_allclose(at, place, atol=1e-3)
+    assert place[2] > 0.8
+    app.remove_added()
+    app.step()
+    assert frame.EvalPoseInWorld(context).translation()[2] < -0.5
+
+
+def test_a_session_left_alone_lives(app):
+    step_until(app, lambda: app.session.simulation.time > 3.0)
+    assert app.session.mode == Mode.GUIDED
+
+
+def pixel(pg, camera, point):
+    """Returns where a browser shows a point (3,) in W."""
+    R = viser.transforms.SO3(np.array(camera.wxyz)).as_matrix()
+    x, y, z = R.T @ (point - np.array(camera.position))
+    size = pg.viewport_size
+    scale = 0.5 * size["height"] / np.tan(0.5 * camera.fov)
+    return 0.5 * size["width"] + scale * x / z, 0.5 * size["height"] + scale * y / z
+
+
+@pytest.mark.skipif(not CHROMIUM, reason="there is no Chromium: apt-get install chromium")
+def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, tmp_path):
+    pytest.importorskip("playwright", reason="the extra [browser] is not installed")
+    from playwright.sync_api import sync_playwright
+
+    kept = Path(os.environ.get("PEPPER_SCREENSHOTS", tmp_path))
+    simulation, session = app.session.simulation, app.session
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        pg = browser.new_page(viewport={"width": 1000, "height": 640})
+        pg.set_default_timeout(90_000)
+        pg.goto(page.url)
+        step_until(app, lambda: page.server.get_clients(), 90.0)
+        pg.get_by_text("Lead the hand").wait_for()
+
+        def press(name):
+            pg.get_by_role("button", name=name).click()
+            app.step()
+            app.step()
+
+        press("Record")
+        step_until(app, lambda: session.mode == Mode.RECORDED)
+        (client,) = page.server.get_clients().values()
+        X_WG = simulation.torso_pose() @ app.target
+        tip = X_WG @ np.array([0.0, 0.0, 0.11])
+        x, y = pixel(pg, client.camera, tip)
+        before = simulation.hand_pose().translation()
+        pg.mouse.move(x, y)
+        pg.mouse.down()
+        for step in range(1, 9):
+            pg.mouse.move(x - 4 * step, y - 12 * step)
+            for _ in range(6):
+                app.step()
+        pg.mouse.up()
+        for _ in range(20):
+            app.step()
+        pg.screenshot(path=kept / "recording.png")
+        assert np.linalg.norm(simulation.hand_pose().translation() - before) > 0.03
+        press("Stop")
+        step_until(app, lambda: session.shown)
+        press("Learn")
+        step_until(app, lambda: session.primitive is not None)
+        pg.get_by_text("Learned a movement").wait_for()
+        for _ in range(20):
+            app.step()
+        pg.screenshot(path=kept / "learned.png")
+        press("Reach")
+        step_until(app, lambda: session.mode in (Mode.REACHING, Mode.STOPPED, Mode.HOLDING))
+        pg.screenshot(path=kept / "reaching.png")
+        pg.get_by_role("tab", name="Scene").click()
+        press("Add ball")
+        step_until(app, lambda: simulation.offset("spare_ball").any())
+        (client,) = page.server.get_clients().values()
+        x, y = pixel(pg, client.camera, simulation.position("goal_object") + [0, 0, 0.2])
+        pg.mouse.move(x, y)
+        pg.mouse.down()
+        for step in range(1, 6):
+            pg.mouse.move(x, y - 5 * step)
+            app.step()
+        pg.mouse.up()
+        step_until(app, lambda: simulation.offset("goal_object").any())
+        press("Stop")
+        press("Save")
+        step_until(app, lambda: (tmp_path / "demonstration" / "translation.txt").exists())
+        pg.reload()
+        pg.get_by_text("ready").first.wait_for()
+        pg.get_by_role("tab", name="Demonstrations").click()
+        pg.get_by_role("cell", name="1", exact=True).wait_for()
+        pg.screenshot(path=kept / "reloaded.png")
+        browser.close()

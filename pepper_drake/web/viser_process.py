@@ -1,0 +1,213 @@
+"""The process that serves a viser page; see `served_process` for what it reads and tells."""
+
+import asyncio
+import contextlib
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import tornado.web
+import viser
+from tornado.httpserver import HTTPServer
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+from websockets.asyncio.client import ClientConnection, unix_connect
+from websockets.exceptions import ConnectionClosed, WebSocketException
+from websockets.typing import Subprotocol
+
+from pepper_drake.errors import PepperDrakeError
+from pepper_drake.web.access import Access
+from pepper_drake.web.guarded_handler import GuardedHandler
+from pepper_drake.web.messages import MESSAGE_LIMIT, BadMessageError, read_gamepad
+from pepper_drake.web.page_server import listening_sockets, quiet_tornado
+from pepper_drake.web.viser_messages import checked
+
+_POLICY_VIOLATION, _TRY_AGAIN = 1008, 1013
+_PING_PERIOD, _PING_TIMEOUT = 20, 20  # [s]
+_MOST_BROWSERS = 64
+_SCRIPT = Path(__file__).with_name("page_input.js")
+
+
+def _tell(event: dict[str, Any]) -> None:
+    print(json.dumps(event), flush=True)
+
+
+class _Page(GuardedHandler, WebSocketHandler):
+    """The page, and its websocket at the same address, which is passed on to viser's."""
+
+    browsers = 0
+
+    def initialize(self, access: Access, leads: bool, html: bytes, path: str) -> None:
+        self.guard(access, public=False)
+        self._leads, self._html, self._path = leads, html, path
+        self._upstream: ClientConnection | None = None
+        self._is_counted = False
+
+    async def get(self, *arguments: str) -> None:
+        if self.request.headers.get("Upgrade", "").lower() == "websocket":
+            await super().get(*arguments)
+            return
+        self.set_header("Content-Type", "text/html; charset=utf-8")
+        self.finish(self._html)
+
+    def check_origin(self, origin: str) -> bool:
+        return True  # `prepare` has checked it.
+
+    def select_subprotocol(self, subprotocols: list[str]) -> str | None:
+        return next((name for name in subprotocols if name.startswith("viser-v")), None)
+
+    async def open(self, *arguments: str, **options: str) -> None:
+        if _Page.browsers >= _MOST_BROWSERS:
+            self.close(_TRY_AGAIN, "too many browsers have this page open")
+            return
+        _Page.browsers += 1
+        self._is_counted = True
+        subprotocol = Subprotocol(f"viser-v{viser.__version__}")
+        try:
+            self._upstream = await unix_connect(
+                self._path,
+                uri="ws://page/",
+                subprotocols=[subprotocol],
+                compression=None,
+                max_size=None,
+                ping_interval=None,
+            )
+        except (OSError, WebSocketException):
+            self.close(_TRY_AGAIN, "the session has ended")
+            return
+        self._showing = asyncio.ensure_future(self._show(self._upstream))
+        _tell({"opened": self._leads})
+
+    async def _show(self, upstream: ClientConnection) -> None:
+        """Passes on what viser shows, as fast as the browser takes it."""
+        with contextlib.suppress(ConnectionClosed, WebSocketClosedError):
+            async for data in upstream:
+                await self.write_message(data, binary=True)
+        self.close()
+
+    async def on_message(self, message: bytes | str) -> None:
+        try:
+            data = checked(message, leads=self._leads)
+        except BadMessageError as error:
+            self.close(_POLICY_VIOLATION, str(error))
+            return
+        if data is not None and self._upstream is not None:
+            with contextlib.suppress(ConnectionClosed):
+                await self._upstream.send(data)
+
+    def on_close(self) -> None:
+        _Page.browsers -= self._is_counted
+        if self._upstream is not None:
+            asyncio.ensure_future(self._upstream.close())  # noqa: RUF006 It ends by itself.
+
+
+class _Input(GuardedHandler, WebSocketHandler):
+    """What keyboard and game pad of a page that leads say."""
+
+    holder: "_Input | None" = None
+    """Whose game pad counts."""
+
+    def initialize(self, access: Access, keys: frozenset[str]) -> None:
+        self.guard(access, public=False)
+        self._keys = keys
+
+    def check_origin(self, origin: str) -> bool:
+        return True  # `prepare` has checked it.
+
+    def on_message(self, message: bytes | str) -> None:
+        try:
+            self._read(message)
+        except (BadMessageError, ValueError, RecursionError):
+            self.close(_POLICY_VIOLATION, "no key and no game pad")
+
+    def _read(self, message: bytes | str) -> None:
+        fields = json.loads(message)
+        if not isinstance(fields, dict) or len(fields) != 1:
+            raise BadMessageError("no map of one")
+        if "key" in fields:
+            key = fields["key"]
+            if not isinstance(key, str) or key not in self._keys:
+                raise BadMessageError("an unknown key")
+            _tell({"key": key})
+            return
+        pad = read_gamepad(fields.get("gamepad"))
+        if pad.index is None and self is not _Input.holder:
+            return
+        _Input.holder = self if pad.index is not None else None
+        _tell({"axes": pad.axes, "buttons": pad.buttons})
+
+    def on_close(self) -> None:
+        if self is _Input.holder:
+            _Input.holder = None
+            _tell({"axes": [], "buttons": []})
+
+
+def serve(order: dict[str, Any]) -> int:
+    """Starts to serve, and returns the port.
+
+    Args:
+        order: Its fields are `socket`, where viser is; `lead` and `look`, the `Access` of those who
+            lead and of those who look on; and `keys`, which are told.
+    """
+    quiet_tornado()
+    lead, look = Access(**order["lead"]), Access(**order["look"])
+    html = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
+    before, head, after = html.partition(b"</head>")
+    setting = json.dumps(order["keys"]).encode()
+    script = b"<script>const PEPPER_KEYS=" + setting + b";\n" + _SCRIPT.read_bytes() + b"</script>"
+    title = (
+        b"<title>Pepper</title><style>.class-banner{position:fixed;left:12px;top:12px;z-index:9;"
+    )
+    title += b"padding:6px 12px;background:#1c3d5a;color:#fff;font:14px sans-serif}</style>"
+    banner = (
+        b"<script>addEventListener('DOMContentLoaded',()=>{const b=document.createElement('div');"
+        b"b.className='class-banner';b.textContent='You look on; the teacher leads.';"
+        b"document.body.append(b)})</script>"
+    )
+    options = {"path": order["socket"]}
+    leading = options | {
+        "access": lead,
+        "leads": True,
+        "html": before + title + script + head + after,
+    }
+    looking = options | {
+        "access": look,
+        "leads": False,
+        "html": before + title + banner + head + after,
+    }
+    application = tornado.web.Application(
+        [
+            (r"/(?:index\.html)?", _Page, leading),
+            (r"/class/?", _Page, looking),
+            (r"/input", _Input, {"access": lead, "keys": frozenset(order["keys"])}),
+        ],
+        log_function=lambda handler: None,
+        websocket_ping_interval=_PING_PERIOD,
+        websocket_ping_timeout=_PING_TIMEOUT,
+        websocket_max_message_size=MESSAGE_LIMIT,
+    )
+    http = HTTPServer(
+        application,
+        max_header_size=16 * 2**10,
+        max_body_size=2**10,
+        idle_connection_timeout=60,
+        body_timeout=10,
+    )
+    sockets = listening_sockets(lead.host)
+    http.add_sockets(sockets)
+    return int(sockets[0].getsockname()[1])
+
+
+async def main() -> None:
+    """Serves until the standard input ends."""
+    try:
+        answer: dict[str, Any] = {"port": serve(json.loads(sys.stdin.readline()))}
+    except (PepperDrakeError, OSError, ValueError) as error:
+        answer = {"error": str(error)}
+    _tell(answer)
+    if "error" not in answer:
+        await asyncio.to_thread(sys.stdin.read)
+
+
+if __name__ == "__main__":
+    asyncio.run(main())
