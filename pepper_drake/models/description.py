@@ -82,18 +82,18 @@ def _standard_tree(*, keep_capsules: bool = False) -> ET.Element:
                 size = {"radius": f"{radius:.9g}", "length": f"{length + 2 * radius:.9g}"}
                 ET.SubElement(geometry, "cylinder", size)
     for name, (joint_name, carrier, height) in LINK_SHIFTS.items():
-        link = robot.find(f"link[@name='{name}']")
-        assert link is not None
-        for part in link:
+        shifted = robot.find(f"link[@name='{name}']")
+        assert shifted is not None
+        for part in shifted:
             _shift(part, height)
         for joint in robot.findall("joint"):
-            parent, child = joint.find("parent"), joint.find("child")
-            assert parent is not None
-            assert child is not None
-            if parent.get("link") == name:
+            above, below = joint.find("parent"), joint.find("child")
+            assert above is not None
+            assert below is not None
+            if above.get("link") == name:
                 _shift(joint, height)
             if joint.get("name") == joint_name:
-                child.set("link", carrier)
+                below.set("link", carrier)
         _fixed_link(robot, f"{name}_origin", carrier, f"0 0 {height}", "0 0 0")
         # The fixed joint ends at the link itself, not at a frame of its own.
         robot.remove(robot.findall("link")[-1])
