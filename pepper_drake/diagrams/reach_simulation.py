@@ -390,7 +390,9 @@ class ReachSimulation:
 
     def _judge(self, report: ReachReport, mode: ReachMode, reason: str, message: str) -> None:
         """Fills in outcome and reason: what the robot says of itself, then what is true."""
-        tolerance = self.reaching.config.planner.tolerance.accept
+        limits = self.reaching.config.planner.tolerance
+        tolerance = limits.accept
+        touched = f"a link touched an obstacle ({report.closest_pair})"
         if self._fault:
             report.reason, report.message = "simulation_failed", self._fault
         elif mode == ReachMode.FAILED:
@@ -403,7 +405,13 @@ class ReachSimulation:
             report.message = f"the reach was not over after {_LONGEST:g} s"
         elif report.contacts:
             report.reason = "touched"
-            report.message = f"a link touched an obstacle ({report.closest_pair})"
+            report.message = touched
+        elif report.goal_force > limits.force:
+            report.reason = "goal_pushed"
+            report.message = (
+                f"the goal object was pushed with {report.goal_force:.0f} N, more than "
+                f"{limits.force:g} N (planner.tolerance.force)"
+            )
         elif report.final_position_error is None or report.final_position_error > tolerance:
             report.reason = "not_at_goal"
             report.message = "the hand is farther from the true goal than the robot believes"
@@ -417,6 +425,8 @@ class ReachSimulation:
             report.outcome, report.reason, report.message = UNCONFIRMED, reason, message
         else:
             report.outcome = "reached"
+        if report.contacts and report.reason != "touched":
+            report.message = f"{report.message}; {touched}" if report.message else touched
 
 
 def measure_cloud(station: PepperStation, query: QueryObject, points_W: Vector) -> CloudReport:

@@ -20,6 +20,8 @@ class GoalTolerances:
     """The hand has arrived, in planning as on the robot [m]."""
     accept: float = 0.010
     """The same when the time is over, and for the true goal in reports [m]."""
+    force: float = 10.0
+    """Largest force with which the goal object may be pushed [N]."""
     moved: float = 0.005
     """A plan whose goal moved farther before the arm starts is made anew [m]."""
     jumped: float = 0.030
