@@ -76,9 +76,9 @@ def test_single_channels_are_those_of_the_whole(rgb):
         for first, channels in ((0, whole), (3, rgb), (6, hsy)):
             one = _through(encode_color(rgb, first + k), 8, 6, first + k, TOP).pixels
             np.testing.assert_array_equal(one, channels[:, :, k])
-    np.testing.assert_array_equal(
-        _through(encode_color(rgb, 0), 8, 6, 0, TOP).pixels, cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
-    )
+    gray = _through(encode_color(rgb, 0), 8, 6, 0, TOP).pixels.astype(int)
+    # OpenCV rounds grey and the Y of YUV in two ways.
+    np.testing.assert_allclose(gray, cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY).astype(int), atol=1)
 
 
 @given(_COLORS)
