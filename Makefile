@@ -11,7 +11,7 @@ help: ## List the targets.
 
 setup: $(STAMP) ## Prepare .venv, the pinned packages and the system libraries.
 
-$(STAMP): pyproject.toml constraints.txt scripts/setup.sh
+$(STAMP): pyproject.toml constraints.txt scripts/setup.sh scripts/install_packages.sh
 	@PYTHON="$(PYTHON)" sh scripts/setup.sh
 	@touch $@
 
@@ -27,6 +27,7 @@ faults: $(STAMP) ## Inject every fault into whole reaches; writes docs/faults.md
 test: export OMP_NUM_THREADS = 1
 test: export LP_NUM_THREADS = 1
 test: $(STAMP) ## Run the tests. ARGS="-k name" picks some.
+	@sh scripts/browser.sh
 	@$(BIN)/python -m pytest -n auto --dist worksteal $(ARGS)
 
 lint: $(STAMP) ## Check format, lint and types.

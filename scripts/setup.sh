@@ -20,16 +20,7 @@ for pair in libglib-2.0.so.0:libglib2.0-0 libEGL.so.1:libegl1; do
 done
 find /usr/lib /usr/lib64 -name 'swrast_dri.so' -o -name 'libgallium*.so' 2>/dev/null | grep -q . ||
     missing="$missing libgl1-mesa-dri"
-if [ -n "$missing" ]; then
-    advice="install the Debian/Ubuntu packages:$missing (apt-get install$missing), then run make again."
-    sudo=""
-    [ "$(id -u)" = 0 ] || sudo="sudo -n"
-    command -v apt-get >/dev/null 2>&1 || fail "missing system libraries; $advice"
-    [ -z "$sudo" ] || sudo -n true 2>/dev/null || fail "missing system libraries; $advice"
-    echo "setup: installing$missing"
-    $sudo apt-get update -qq && $sudo apt-get install -y -qq --no-install-recommends $missing >/dev/null ||
-        fail "could not install them; $advice"
-fi
+[ -z "$missing" ] || sh scripts/install_packages.sh $missing || exit 1
 
 [ -x .venv/bin/python ] || "$PYTHON" -m venv .venv ||
     fail "could not make .venv; install the Debian/Ubuntu package python3-venv."

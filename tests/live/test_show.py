@@ -9,6 +9,7 @@ import msgpack
 import numpy as np
 import pytest
 import viser
+from playwright.sync_api import sync_playwright
 from websockets.sync.client import connect
 
 from pepper_drake.live.controls import KEYS
@@ -193,11 +194,8 @@ def pixel(pg, camera, point):
     return 0.5 * size["width"] + scale * x / z, 0.5 * size["height"] + scale * y / z
 
 
-@pytest.mark.skipif(not CHROMIUM, reason="there is no Chromium: apt-get install chromium")
 def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, tmp_path):
-    pytest.importorskip("playwright", reason="the extra [browser] is not installed")
-    from playwright.sync_api import sync_playwright
-
+    assert CHROMIUM, "there is no browser: apt-get install chromium, as make test does"
     kept = Path(os.environ.get("PEPPER_SCREENSHOTS", tmp_path))
     simulation, session = app.session.simulation, app.session
     with sync_playwright() as playwright:
