@@ -4,8 +4,9 @@ import asyncio
 import contextlib
 import logging
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import tornado.web
 from tornado.httpserver import HTTPServer
@@ -84,25 +85,8 @@ class PageServer:
         Raises:
             InputError: No port is free.
         """
-        quiet_tornado()
         options = {"access": self._access, "assets": self._assets, "server": self}
-        application = tornado.web.Application(
-            [(r"(/.*)", _Page, options)],
-            log_function=lambda handler: None,
-            websocket_ping_interval=_PING_PERIOD,
-            websocket_ping_timeout=_PING_TIMEOUT,
-            websocket_max_message_size=MESSAGE_LIMIT,
-        )
-        http = HTTPServer(
-            application,
-            max_header_size=16 * 2**10,
-            max_body_size=2**10,
-            idle_connection_timeout=60,
-            body_timeout=10,
-        )
-        sockets = listening_sockets(self._access.host)
-        http.add_sockets(sockets)
-        return int(sockets[0].getsockname()[1])
+        return listen([(r"(/.*)", _Page, options)], self._access.host)
 
     def broadcast(self, data: bytes) -> None:
         """Sends a message to all browsers."""
@@ -161,6 +145,36 @@ def quiet_tornado() -> None:
     """Keeps what strangers send wrong off the terminal."""
     for name in ("access", "application", "general"):
         logging.getLogger(f"tornado.{name}").setLevel(logging.CRITICAL)
+
+
+def listen(handlers: Sequence[tuple[str, type, dict[str, Any]]], host: str) -> int:
+    """Starts to serve pages, within limits of size and time, and returns the port.
+
+    Args:
+        handlers: Paths, who answers there, and what each is made with.
+        host: Address to listen at.
+
+    Raises:
+        InputError: No port is free.
+    """
+    quiet_tornado()
+    application = tornado.web.Application(
+        handlers,
+        log_function=lambda handler: None,
+        websocket_ping_interval=_PING_PERIOD,
+        websocket_ping_timeout=_PING_TIMEOUT,
+        websocket_max_message_size=MESSAGE_LIMIT,
+    )
+    http = HTTPServer(
+        application,
+        max_header_size=16 * 2**10,
+        max_body_size=2**10,
+        idle_connection_timeout=60,
+        body_timeout=10,
+    )
+    sockets = listening_sockets(host)
+    http.add_sockets(sockets)
+    return int(sockets[0].getsockname()[1])
 
 
 def listening_sockets(host: str) -> list[socket.socket]:

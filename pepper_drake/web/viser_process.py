@@ -7,9 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import tornado.web
 import viser
-from tornado.httpserver import HTTPServer
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from websockets.asyncio.client import ClientConnection, unix_connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
@@ -18,12 +16,11 @@ from websockets.typing import Subprotocol
 from pepper_drake.errors import PepperDrakeError
 from pepper_drake.web.access import Access
 from pepper_drake.web.guarded_handler import GuardedHandler
-from pepper_drake.web.messages import MESSAGE_LIMIT, BadMessageError, read_gamepad
-from pepper_drake.web.page_server import listening_sockets, quiet_tornado
+from pepper_drake.web.messages import BadMessageError, read_gamepad
+from pepper_drake.web.page_server import listen
 from pepper_drake.web.viser_messages import checked
 
 _POLICY_VIOLATION, _TRY_AGAIN = 1008, 1013
-_PING_PERIOD, _PING_TIMEOUT = 20, 20  # [s]
 _MOST_BROWSERS = 64
 _SCRIPT = Path(__file__).with_name("page_input.js")
 
@@ -149,7 +146,6 @@ def serve(order: dict[str, Any]) -> int:
         order: Its fields are `socket`, where viser is; `lead` and `look`, the `Access` of those who
             lead and of those who look on; and `keys`, which are told.
     """
-    quiet_tornado()
     lead, look = Access(**order["lead"]), Access(**order["look"])
     html = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
     before, head, after = html.partition(b"</head>")
@@ -175,27 +171,12 @@ def serve(order: dict[str, Any]) -> int:
         "leads": False,
         "html": before + title + banner + head + after,
     }
-    application = tornado.web.Application(
-        [
-            (r"/(?:index\.html)?", _Page, leading),
-            (r"/class/?", _Page, looking),
-            (r"/input", _Input, {"access": lead, "keys": frozenset(order["keys"])}),
-        ],
-        log_function=lambda handler: None,
-        websocket_ping_interval=_PING_PERIOD,
-        websocket_ping_timeout=_PING_TIMEOUT,
-        websocket_max_message_size=MESSAGE_LIMIT,
-    )
-    http = HTTPServer(
-        application,
-        max_header_size=16 * 2**10,
-        max_body_size=2**10,
-        idle_connection_timeout=60,
-        body_timeout=10,
-    )
-    sockets = listening_sockets(lead.host)
-    http.add_sockets(sockets)
-    return int(sockets[0].getsockname()[1])
+    handlers = [
+        (r"/(?:index\.html)?", _Page, leading),
+        (r"/class/?", _Page, looking),
+        (r"/input", _Input, {"access": lead, "keys": frozenset(order["keys"])}),
+    ]
+    return listen(handlers, lead.host)
 
 
 async def main() -> None:
