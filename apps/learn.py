@@ -143,7 +143,7 @@ def learn_rhythmic(demonstration: Demonstration, arguments: argparse.Namespace) 
     write_atomically(arguments.output / "report.json", json.dumps(report, indent=2) + "\n")
     if not arguments.quiet:
         print(
-            f"{demonstration.name}: a period of {primitive.period:.3f} s, given back to"
+            f"{demonstration.name}: a period of {primitive.period:.3f} s, reproduced to"
             f" {1000 * error:.2g} mm; wrote rhythmic.yaml and learn.png to {arguments.output}"
         )
     return EXIT_DONE
@@ -172,7 +172,7 @@ def learn_joints(arguments: argparse.Namespace) -> int:
     write_atomically(arguments.output / "report.json", json.dumps(report, indent=2) + "\n")
     if not arguments.quiet:
         print(
-            f"{recording.name}: {len(primitive.names)} joints, given back to {error:.2g} rad; wrote"
+            f"{recording.name}: {len(primitive.names)} joints, reproduced to {error:.2g} rad; wrote"
             f" joints.yaml to {arguments.output}"
         )
     return EXIT_DONE
@@ -284,7 +284,7 @@ def main() -> int:
                 f" velocities and accelerations {row['derivatives']}"
             )
             print(
-                f"  given back to {row['position_distance']:.2g} m and"
+                f"  reproduced to {row['position_distance']:.2g} m and"
                 f" {row['velocity_distance']:.2g} m/s (equation 4.1)"
             )
             if row["largest_position_distance"] > FIT_TOLERANCE:

@@ -1,4 +1,4 @@
-"""The report's figure 4.5: how the approximators give back one demonstration, and which is best."""
+"""The report's figure 4.5: how the approximators reproduce one demonstration, and which is best."""
 
 from collections.abc import Mapping, Sequence
 
@@ -18,11 +18,11 @@ def draw_comparison(
 
     Args:
         demonstration: The motion that was shown.
-        paths: By approximator, that motion given back.
+        paths: By approximator, that motion reproduced.
         rows: Of `compare`.
     """
     figure = Figure(figsize=(13, 8), layout="constrained")
-    figure.suptitle("Which approximator gives a demonstration back best, and how fast?")
+    figure.suptitle("Which approximator reproduces a demonstration best, and how fast?")
     grid = figure.add_gridspec(2, 6)
     colors = {name: f"C{index}" for index, name in enumerate(paths)}
     space = figure.add_subplot(grid[0, :3], projection="3d")
@@ -32,7 +32,7 @@ def draw_comparison(
     for name, path in paths.items():
         space.plot(*path.positions.T, color=colors[name], lw=1.2, label=name)
     space.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    space.set_title(f"{demonstration.name}: shown and given back", fontsize=10)
+    space.set_title(f"{demonstration.name}: shown and reproduced", fontsize=10)
     space.set_aspect("equal")
     space.locator_params(nbins=4)
     space.legend(fontsize=8, loc="center left", bbox_to_anchor=(-0.45, 0.5))

@@ -36,7 +36,7 @@ def draw_learning(
     """
     figure = Figure(figsize=(18, 9), layout="constrained")
     figure.suptitle(
-        f"Is {primitive.name} given back, and how does it go on to other goals?"
+        f"Is {primitive.name} reproduced, and what becomes of it for other goals?"
         f" ({primitive.approximator} with {primitive.num_basis} basis functions,"
         f" scaling '{primitive.translation.scaling}')"
     )
@@ -126,7 +126,7 @@ def _draw_joints(
             axes.plot(_times(demo, primitive), np.degrees(demo.joints), color="0.7", lw=4)
     for name, joint in zip(primitive.posture.names, np.degrees(path.joints.T), strict=True):
         axes.plot(path.times, joint, lw=1.2, label=name)
-    axes.legend(fontsize=8, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.06))
+    axes.legend(fontsize=8, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.13))
     axes.grid(alpha=0.3)
 
 

@@ -154,7 +154,7 @@ def draw_timeline(log: ReachLog) -> Figure:
     rows[1].plot(log.time_s, np.degrees(log.axis_error_rad), color=GOAL, label="axis that counts")
     rows[1].set(ylabel="hand to goal,\nturn [degrees]")
     rows[1].set_ylim(bottom=0)
-    rows[1].legend(fontsize=8, loc="lower left")
+    rows[1].legend(fontsize=8, loc="upper left")
     cut = 1000 * _CUT
     rows[2].plot(log.time_s, 1000 * log.clearance_m, color="tab:red", label="true, all links")
     rows[2].plot(

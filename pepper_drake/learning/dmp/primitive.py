@@ -164,7 +164,7 @@ class MovementPrimitive:
             return cls._fit(demos, approximator, num_basis, scaling, orientation, alpha_z, seed)
         fewest = min(len(demo.times) for demo in demos)
         number = min(DEFAULT_NUM_BASIS, max(_FEWEST_NUM_BASIS, fewest - 1))
-        # Seconds at the usual rates are known to be given back by the usual number.
+        # Seconds at the usual rates are known to be reproduced by the usual number.
         usual = 2 * DEFAULT_NUM_BASIS <= fewest < 8 * DEFAULT_NUM_BASIS
         while True:
             learned = cls._fit(demos, approximator, number, scaling, orientation, alpha_z, seed)
