@@ -140,7 +140,7 @@ def make_parser() -> ArgumentParser:
     add(
         "--free",
         choices=FREE,
-        help="search the hand's way, the joints, or both (default: joints with --rollouts "
+        help="search the hand's path, the joints, or both (default: joints with --rollouts "
         "kinematics, else hand)",
     )
     add(

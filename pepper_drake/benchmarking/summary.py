@@ -156,7 +156,8 @@ def markdown_table(summaries: Sequence[MethodSummary]) -> str:
     """The summaries as a table in Markdown that is as readable in a terminal."""
     header = [
         *("method", "scenes", "reached", "touched", "refused", "failed"),
-        *("first motion (90 %) [ms]", "way [m]", "jerk [m/s³]", "demonstration_distance 4.1 [m]"),
+        *("first motion (90 %) [ms]", "path length [m]", "jerk [m/s³]"),
+        "to the taught path, eq. 4.1 [m]",
         "clearance [mm]",
     ]
     rows = [

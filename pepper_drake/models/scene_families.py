@@ -146,7 +146,7 @@ def _pickets(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[Ob
 
 
 def _side_panels(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[Obstacle]]:
-    """A board stands on each side of the goal, along the way of the hand."""
+    """A board stands on each side of the goal, along the hand's path."""
     edge, depth, height = _usual_table(rng)
     goal = draw_goal(rng, edge, side, height)
     x, y, _ = goal.position

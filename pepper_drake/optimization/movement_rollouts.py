@@ -25,7 +25,7 @@ ROLLOUTS = ("fast", "kinematics", "diagram")
 """The equations alone; the whole arm without dynamics; all of Pepper, its cameras and the scene."""
 
 FREE = ("hand", "joints", "arm")
-"""The hand's way; the joints, which the hand follows; the hand's way and the spare joints."""
+"""The hand's path; the joints, which the hand follows; the hand's path and the spare joints."""
 
 KERNELS = 6
 """Default number of bumps where joints are searched."""
@@ -74,7 +74,7 @@ def make_parameters(
     Args:
         primitive: Where the search starts.
         free: One of `FREE`.
-        kernels: How many bumps; left out, all weights of the hand's way, or `KERNELS` of joints.
+        kernels: How many bumps; left out, all weights of the hand's path, or `KERNELS` of joints.
         end_state: Whether the movement may end elsewhere.
 
     Raises:

@@ -69,7 +69,7 @@ class Frames:
         clock: (F,) the motion's times that they show [s].
         yaw: Where Pepper faces when the arm starts, from W's x axis [rad].
         bodies: All bodies that can be seen.
-        hand_W: (K, 3) the way of the hand from when the arm starts.
+        hand_W: (K, 3) the hand's path from when the arm starts.
         shown_W: (M, 3) the demonstrated way, from where the hand starts.
         cloud_W: (P, 3) the obstacles as they were seen.
     """

@@ -40,9 +40,9 @@ class Motion:
             joint that is left out rests where the scene, or else the posture "stand", has it.
         scene: What is around Pepper, if anything.
         arm_starts: When the arm starts [s].
-        hand_T: (N, 3) the way of the hand where no joints tell it.
+        hand_T: (N, 3) the hand's path where no joints tell it.
         hand_rotations_T: (N, 4) unit quaternions w, x, y, z that go with `hand_T`.
-        shown_T: (M, 3) the way of the hand that was demonstrated.
+        shown_T: (M, 3) the hand's demonstrated path.
         cloud_T: (P, 3) the obstacles as they were seen when the arm started.
         stages: What the robot was doing, by the time from which on.
         signals: Figures over time, by name.

@@ -52,7 +52,7 @@ def draw_ways(
     obstacles: Array | None,
     clearance: float,
 ) -> Figure:
-    """Draws the hand's way before and after a search.
+    """Draws the hand's path before and after a search.
 
     Args:
         before: What the search started with.
@@ -71,7 +71,7 @@ def draw_ways(
     space.plot(*old.positions.T, color="0.6", lw=3, label="before")
     space.plot(*new.positions.T, color="tab:blue", lw=1.8, label="after")
     space.plot(*goal[:, None], "*", color="tab:purple", ms=13, label="goal")
-    title = "the hand's way"
+    title = "the hand's path"
     if obstacles is not None:
         title += f", {1000 * clearance:g} mm of clearance wanted"
     space.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=title)

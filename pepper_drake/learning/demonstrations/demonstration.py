@@ -166,7 +166,7 @@ class Demonstration:
 
     @property
     def path_length(self) -> float:
-        """Length of the way of the hand [m]."""
+        """Length of the hand's path [m]."""
         return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
 
     def translated(self, offset: npt.ArrayLike) -> Self:
