@@ -26,6 +26,7 @@ faults: $(STAMP) ## Inject every fault into whole reaches; writes docs/faults.md
 # stay together, as they share what it builds.
 test: export OMP_NUM_THREADS = 1
 test: export LP_NUM_THREADS = 1
+test: export PEPPER_SCREENSHOTS = $(CURDIR)/out/screenshots
 test: $(STAMP) ## Run the tests. ARGS="-k name" picks some.
 	@sh scripts/browser.sh
 	@$(BIN)/python -m pytest -n auto --dist worksteal $(ARGS)

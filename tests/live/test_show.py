@@ -197,6 +197,7 @@ def pixel(pg, camera, point):
 def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, tmp_path):
     assert CHROMIUM, "there is no browser: apt-get install chromium, as make test does"
     kept = Path(os.environ.get("PEPPER_SCREENSHOTS", tmp_path))
+    kept.mkdir(parents=True, exist_ok=True)
     simulation, session = app.session.simulation, app.session
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
