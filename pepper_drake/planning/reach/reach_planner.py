@@ -21,6 +21,7 @@ from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, RemainingClearance
 from pepper_drake.planning.reach.remaining_reach import (
+    path_ahead,
     plan_retreat,
     remaining_clearance,
     replan,
@@ -134,7 +135,31 @@ class ReachPlanner:
 
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
-        return remaining_clearance(self._evaluator, plan, observation)
+        rest = remaining_clearance(self._evaluator, plan, observation)
+        return rest._replace(stale=self._stale(plan, observation))
+
+    def _stale(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
+        """A place in W that the arm passes soon and that was not seen lately [m]; NaN for none."""
+        params, space = self.params.unseen, observation.space
+        nowhere = (np.nan, np.nan, np.nan)
+        if plan.joint_path is None or space is None:
+            return nowhere
+        stride = max(round(params.stride / plan.time_step), 1)
+        rest = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1 : stride]
+        X_WT = observation.X_WO @ self._evaluator.scenes(observation).X_TO.inverse()
+        region, _ = unseen_space(
+            self._evaluator.kinematics,
+            rest,
+            X_WT,
+            space,
+            observation.time,
+            replace(params, oldest=params.recent),
+            self._body_spheres(observation, X_WT),
+        )
+        if not len(region):
+            return nowhere
+        x, y, z = region.mean(axis=0)
+        return (x, y, z)
 
     def simulate_taught(self, observation: Observation) -> ReachPlan:
         """Returns the plan of the movement as it was taught, coupling included, not adapted."""

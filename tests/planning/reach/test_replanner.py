@@ -13,6 +13,7 @@ from tests.planning.reach.scripted_planner import (
     P_TG,
     TIMING,
     X_WO,
+    ScriptedPlanner,
     Supervised,
     on_its_way,
     path_plan,
@@ -32,6 +33,17 @@ def test_the_rest_of_the_movement_is_checked_once_for_each_cloud():
     np.testing.assert_array_equal(
         one.planner.last("remaining_clearance").arm.position, one.seen.arm.position
     )
+
+
+def test_the_head_looks_where_the_arm_passes_soon_and_was_not_seen_lately():
+    planner = ScriptedPlanner(reach=path_plan(), stale=(0.9, -0.3, 0.8))
+    one = Supervised(planner)
+    one.until(ReachMode.REACHING)
+    assert np.isnan(one.state.look_at).all()
+    one.look()
+    assert one.state.look_at == planner.stale
+    planner.stale = (np.nan, np.nan, np.nan)
+    assert np.isnan(one.look().state.look_at).all()
 
 
 def test_a_detour_takes_effect_a_planning_latency_after_its_observation():
