@@ -13,7 +13,6 @@ from tests.planning.reach.scripted_planner import (
     P_TG,
     TIMING,
     X_WO,
-    ScriptedPlanner,
     Supervised,
     on_its_way,
     path_plan,
@@ -36,13 +35,11 @@ def test_the_rest_of_the_movement_is_checked_once_for_each_cloud():
 
 
 def test_the_head_looks_where_the_arm_passes_soon_and_was_not_seen_lately():
-    planner = ScriptedPlanner(reach=path_plan(), stale=(0.9, -0.3, 0.8))
-    one = Supervised(planner)
-    one.until(ReachMode.REACHING)
+    one = on_its_way()
     assert np.isnan(one.state.look_at).all()
-    one.look()
-    assert one.state.look_at == planner.stale
-    planner.stale = (np.nan, np.nan, np.nan)
+    one.planner.stale = (0.9, -0.3, 0.8)
+    assert one.look().state.look_at == (0.9, -0.3, 0.8)
+    one.planner.stale = (np.nan, np.nan, np.nan)
     assert np.isnan(one.look().state.look_at).all()
 
 
