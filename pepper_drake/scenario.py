@@ -18,6 +18,7 @@ from pepper_drake.diagrams.compliance import ComplianceConfig
 from pepper_drake.diagrams.factory import LearningParams, make_coupling, make_gentle, make_primitive
 from pepper_drake.diagrams.head_perception import PerceptionConfig
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.safety_layer import SafetyParams
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
@@ -92,6 +93,8 @@ class Scenario:
     """The arm's inverse kinematics."""
     supervisor: ReachTiming = field(default_factory=ReachTiming)
     """Durations, timeouts, and the time that planning takes."""
+    safety: SafetyParams = field(default_factory=SafetyParams)
+    """When the robot is stopped, and how the base drives and brakes."""
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something."""
 
@@ -133,6 +136,7 @@ class Scenario:
             planner=self.planner,
             timing=self.supervisor,
             perception=self.perception,
+            safety=self.safety,
             contact=self.contact,
             compliance=ComplianceConfig(pushes=pushes) if pushes else None,
         )

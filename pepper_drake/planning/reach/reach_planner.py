@@ -1,6 +1,5 @@
 """The reach planner: whether the hand can reach its goal, from where, and along which path."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +7,8 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.coupling import Coupling
-from pepper_drake.models.control_model import CommandLimits, ControlModel
-from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
-from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.base_placement import BasePlacement, BasePlacementPlanner
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
@@ -20,6 +16,7 @@ from pepper_drake.planning.reach.planning_scene import PlanningScene
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, RemainingClearance
+from pepper_drake.planning.reach.reach_task import ReachTask
 from pepper_drake.planning.reach.remaining_reach import (
     path_ahead,
     plan_retreat,
@@ -27,7 +24,6 @@ from pepper_drake.planning.reach.remaining_reach import (
     replan,
 )
 from pepper_drake.planning.reach.swept_space import unseen_sentence, unseen_space
-from pepper_drake.planning.trajectories.trajectory_adapter import AdaptationParams
 
 __all__ = ["PlanStatus", "ReachPlan", "ReachPlanner", "ReachPlannerParams"]
 
@@ -45,15 +41,8 @@ class ReachPlanner:
     on its arguments alone.
 
     Args:
-        model: Pepper.
-        arm: "left" or "right".
-        X_OG: The hand's pre-grasp pose in the goal object's frame.
         primitive: With orientation and posture.
-        coupling: None to do without.
-        ik: Parameters of the inverse kinematics.
-        params: Criteria of a good reach.
-        adaptation: How a movement is adapted.
-        goal_solids: The goal object's shapes in its frame: an adapted movement keeps off them.
+        task: Arm, goal and criteria.
 
     Attributes:
         base_placement: Candidate base poses.
@@ -62,34 +51,17 @@ class ReachPlanner:
         InputError: The primitive has no orientation or no posture.
     """
 
-    def __init__(
-        self,
-        *,
-        model: ControlModel,
-        arm: str,
-        X_OG: RigidTransform,
-        primitive: MovementPrimitive,
-        coupling: Coupling | None,
-        ik: DifferentialIkParams,
-        params: ReachPlannerParams,
-        adaptation: AdaptationParams | None = None,
-        goal_solids: Sequence[Solid] = (),
-    ) -> None:
-        self._evaluator = ReachEvaluator(
-            model=model,
-            arm=arm,
-            X_OG=X_OG,
-            primitive=primitive,
-            coupling=coupling,
-            ik=ik,
-            params=params,
-            adaptation=adaptation,
-            goal_solids=goal_solids,
-        )
-        self.base_placement = BasePlacement(model, arm, X_OG, primitive.goal, params)
+    def __init__(self, primitive: MovementPrimitive, task: ReachTask) -> None:
+        self._task, model, arm = task, task.model, task.arm
+        self._evaluator = ReachEvaluator(primitive, task)
+        self.base_placement = BasePlacement(model, arm, task.X_OG, primitive.goal, task.params)
         links = [name for name in body_links(model, arm) if name not in _AROUND_CAMERA]
         self._body = BodyClearance(model, links)
         self._base_planner = BasePlacementPlanner(self._evaluator, self.base_placement)
+
+    def with_primitive(self, primitive: MovementPrimitive) -> "ReachPlanner":
+        """Returns the planner of another movement for the same task."""
+        return ReachPlanner(primitive, self._task)
 
     @property
     def demonstrated(self) -> Movement:

@@ -29,6 +29,7 @@ from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import GoalTolerances, ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
+from pepper_drake.planning.reach.reach_task import ReachTask
 
 MODEL = shared_control_model()
 STAND = np.array([posture_positions("stand", {})[name] for name in BODY_JOINTS])
@@ -49,13 +50,15 @@ def planner(right_primitive):
 
 def make_planner(primitive, coupling, **params):
     return ReachPlanner(
-        model=MODEL,
-        arm="right",
-        X_OG=default_pre_grasp("right", 0.033).pose(),
-        primitive=primitive,
-        coupling=coupling,
-        ik=DifferentialIkParams(),
-        params=ReachPlannerParams(**params),
+        primitive,
+        ReachTask(
+            model=MODEL,
+            arm="right",
+            X_OG=default_pre_grasp("right", 0.033).pose(),
+            coupling=coupling,
+            ik=DifferentialIkParams(),
+            params=ReachPlannerParams(**params),
+        ),
     )
 
 
