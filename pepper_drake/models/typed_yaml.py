@@ -13,7 +13,7 @@ import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text
+from pepper_drake.files import read_text, write_atomically
 from pepper_drake.yaml_files import compose, construct, number_of
 
 T = TypeVar("T")
@@ -109,8 +109,12 @@ def with_settings(config: T, settings: Sequence[str]) -> T:
 
 
 def save_yaml(data: Any, path: Path) -> None:
-    """Writes a dataclass to a YAML file that `load_yaml` reads back."""
-    path.write_text(yaml_dump_typed(data, schema=type(data)), encoding="utf-8")
+    """Writes a dataclass to a YAML file that `load_yaml` reads back.
+
+    Raises:
+        InputError: The folder cannot be written to.
+    """
+    write_atomically(path, yaml_dump_typed(data, schema=type(data)))
 
 
 def line_of_field(path: Path, field: str) -> int:
