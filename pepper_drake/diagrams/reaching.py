@@ -40,7 +40,11 @@ from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, slowed_latency
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
-from pepper_drake.systems.robot.base_position_controller import BasePositionController
+from pepper_drake.systems.robot.base_position_controller import (
+    SENT_TO_PLACES,
+    BaseMotion,
+    BasePositionController,
+)
 from pepper_drake.systems.robot.body_watch import BodyWatch
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
 from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
@@ -48,6 +52,12 @@ from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 from pepper_drake.systems.robot.touch_monitor import TouchMonitor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 from pepper_drake.systems.robot.true_clearance import TrueClearance
+
+_LONGEST_GAP = 0.12
+"""How long measurements may fail to come [s]."""
+_LINK_GAP = 2.0
+"""The same of a robot over a link [s], which holds the arm after 0.1 s by itself, goes on where
+measurements come again, and ends the run after 1 s."""
 
 
 @dataclass
@@ -126,9 +136,12 @@ class Reaching(Diagram):
         # A real robot's station has the same ports, less those of the truth.
         chosen = station or PepperStation(scene, config.station, model)
         self.station: PepperStation = builder.AddNamedSystem("station", cast(PepperStation, chosen))
-        self._faults = (
-            chosen.config.faults if isinstance(chosen, PepperStation) else config.station.faults
-        )
+        if isinstance(chosen, PepperStation):
+            self._faults, self._base_motion = chosen.config.faults, BaseMotion()
+            self._longest_gap = _LONGEST_GAP
+        else:
+            self._faults, self._base_motion = config.station.faults, SENT_TO_PLACES
+            self._longest_gap = _LINK_GAP
         self.logs: dict[str, VectorLogSink] = {}
 
         self._add_perception()
@@ -218,7 +231,9 @@ class Reaching(Diagram):
     def _add_base(self) -> None:
         """Drives the base where the supervisor sends it, and stops it before what is seen."""
         builder, station = self._builder, self.station
-        self.driver = driver = builder.AddNamedSystem("base_driver", BasePositionController())
+        self.driver = driver = builder.AddNamedSystem(
+            "base_driver", BasePositionController(self._base_motion)
+        )
         builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
         builder.Connect(station.GetOutputPort("base_pose"), driver.base_pose_input)
         velocity = driver.GetOutputPort("base_velocity_command")
@@ -324,6 +339,7 @@ class Reaching(Diagram):
                 start_position=[self.scene.robot.positions()[name] for name in BODY_JOINTS],
                 minimum_clearance=self.config.planner.clearance.stop,
                 contact=self._contact_params(),
+                longest_gap=self._longest_gap,
                 time_step=self.config.ik.time_step,
             ),
         )

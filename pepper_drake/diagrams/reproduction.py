@@ -47,6 +47,8 @@ class ReproductionParams:
 class Reproduction(Diagram):
     """Pepper alone performs a primitive: the station, its arm soft, and the arm controller.
 
+    It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
+
     .. pydrake_system::
 
         name: Reproduction
@@ -54,7 +56,7 @@ class Reproduction(Diagram):
         - movement
         - goal_pose
         - cloud (optional)
-        - push (optional)
+        - push (optional, simulated)
         output_ports:
         - hand_pose
         - hand_position
@@ -66,7 +68,7 @@ class Reproduction(Diagram):
         - slowdown
         - coupling
         - active
-        - query
+        - query (simulated)
 
     The goal is known, not seen. Inputs: `movement`, abstract Movement: it starts where the hand is
     when its number becomes 1; `goal_pose` X_TG of the object that its X_OG refers to; `cloud`
@@ -76,7 +78,7 @@ class Reproduction(Diagram):
     the geometry.
 
     Attributes:
-        plant: The plant with Pepper alone.
+        plant: The simulated plant with Pepper alone; None for a robot.
         logs: Vector logs by the name of what they log.
     """
 
@@ -87,6 +89,7 @@ class Reproduction(Diagram):
         arm: str,
         positions: Mapping[str, float],
         params: ReproductionParams | None = None,
+        robot: Diagram | None = None,
     ) -> None:
         """Makes the diagram.
 
@@ -95,6 +98,7 @@ class Reproduction(Diagram):
             arm: "left" or "right".
             positions: Where every joint starts [rad, m], by name.
             params: How the arm follows and gives way.
+            robot: A robot's station, which stands as `positions` say; simulated if left out.
 
         Raises:
             InputError: The primitive has no orientation or no posture.
@@ -113,10 +117,14 @@ class Reproduction(Diagram):
         )
         builder = DiagramBuilder()
         builder.AddNamedSystem("arm_controller", controller)
-        config = StationConfig(cameras=False)
-        config.stiffness[arm_group(arm)] = params.stiffness
-        station = builder.AddNamedSystem("station", PepperStation(None, config, model, positions))
-        self.plant: MultibodyPlant = station.plant
+        self.plant: MultibodyPlant | None = None
+        simulated: PepperStation | None = None
+        if robot is None:
+            config = StationConfig(cameras=False)
+            config.stiffness[arm_group(arm)] = params.stiffness
+            robot = simulated = PepperStation(None, config, model, positions)
+            self.plant = simulated.plant
+        station = builder.AddNamedSystem("station", robot)
         measured = station.GetOutputPort("joint_position")
         arm_position = select_joints(builder, measured, "arm_position", joints)
         commands = builder.AddNamedSystem(
@@ -134,17 +142,14 @@ class Reproduction(Diagram):
             (base.get_output_port(), station.GetInputPort("base_velocity_command")),
         ):
             builder.Connect(source, target)
-        force = add_hand_force(builder, self.plant, arm, station.GetInputPort("applied_forces"))
         builder.ExportInput(controller.GetInputPort("movement"), "movement")
         builder.ExportInput(controller.GetInputPort("object_pose"), "goal_pose")
         builder.ExportInput(controller.GetInputPort("cloud"), "cloud")
-        builder.ExportInput(force.force_input, "push")
         outputs = {
             "hand_pose": station.GetOutputPort(f"{arm}_hand_pose"),
             "hand_position": station.GetOutputPort(f"{arm}_hand_position"),
             "torso_pose": station.GetOutputPort("torso_pose"),
             "joint_position": measured,
-            "query": station.GetOutputPort("ground_truth.query"),
         }
         controlled = ("desired_position", "phase", "tau", "slowdown", "coupling", "active")
         outputs |= {name: controller.GetOutputPort(name) for name in controlled}
@@ -156,8 +161,13 @@ class Reproduction(Diagram):
             "arm_position": arm_position,
             "joint_command": controller.GetOutputPort("position_command"),
             "joint_velocity_command": controller.GetOutputPort("velocity_command"),
-            "state": station.GetOutputPort("ground_truth.state"),
         }
+        if simulated is not None:
+            forces = station.GetInputPort("applied_forces")
+            force = add_hand_force(builder, simulated.plant, arm, forces)
+            builder.ExportInput(force.force_input, "push")
+            builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "query")
+            logged["state"] = station.GetOutputPort("ground_truth.state")
         self.logs: dict[str, VectorLogSink] = {
             name: LogVectorOutput(port, builder, params.log_period) for name, port in logged.items()
         }

@@ -1,22 +1,29 @@
 """Options of apps that lead a robot."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Callable
 from pathlib import Path
+
+from tqdm import tqdm
 
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
+from pepper_drake.hardware.dead_man import KEYBOARD, dead_man_key
+from pepper_drake.hardware.preflight import PreflightOptions
 from pepper_drake.hardware.qi_client import RobotAddress
+from pepper_drake.hardware.robot_run import HardwareRun
 from pepper_drake.hardware.transport import LINKS, RobotAccess
 from pepper_drake.models.robot_wear import ROBOTS
 
 
-def add_link_options(parser: ArgumentParser, *, required: bool = False) -> None:
-    """Adds the way to a robot.
+def add_link_options(parser: ArgumentParser, *, required: bool = False, moves: bool = True) -> None:
+    """Adds the way to a robot, and how it is led.
 
     Args:
         parser: An app's.
         required: Whether there is no simulation that the app could take instead; else the app has
             `--robot` of `pepper_drake.cli_robot`.
+        moves: Whether it moves the robot by itself.
     """
     if required:
         parser.add_argument(
@@ -56,6 +63,38 @@ def add_link_options(parser: ArgumentParser, *, required: bool = False) -> None:
         action="store_true",
         help="switch the robot's autonomous life off where it is on, which would move the arms",
     )
+    if not moves:
+        return
+    key = parser.add_mutually_exclusive_group()
+    key.add_argument(
+        "--pad",
+        metavar="DEVICE",
+        help="a game pad, as /dev/input/js0: the robot moves while one of its buttons is held "
+        "(default: while the space bar is)",
+    )
+    key.add_argument(
+        "--unattended",
+        action="store_true",
+        help="do without the dead man's key: the robot moves though nobody holds it",
+    )
+    parser.add_argument(
+        "--arm-protection",
+        choices=("on", "off"),
+        default="on",
+        help="off: over a table the robot's own protection slows or stalls its arms; without it "
+        "they go on, and nobody but you looks out (default: %(default)s)",
+    )
+
+
+def add_robot_address(parser: ArgumentParser) -> None:
+    """Adds `--robot` to an app whose simulated robot has no faults and no wear."""
+    parser.add_argument(
+        "--robot",
+        default="ideal",
+        metavar="ADDRESS",
+        help="with --station naoqi the address of a Pepper, as tcp://192.168.1.10:9559, or of "
+        "apps/serve_naoqi.py",
+    )
 
 
 def clock_rate(text: str) -> float:
@@ -85,6 +124,28 @@ def robot_access(options: Namespace) -> RobotAccess:
         if not colon or not password:
             raise InputError(f"{options.password_file}, line 1: must be USER:PASSWORD")
     return RobotAccess(address, user, password, options.link)
+
+
+def hardware_run(options: Namespace, should_stop: Callable[[], bool]) -> HardwareRun:
+    """Returns how the robot is led that the options name.
+
+    Raises:
+        InputError: There is no address, or nobody can hold the dead man's key.
+    """
+    dead_man = "" if options.unattended else options.pad or KEYBOARD
+    key = dead_man_key(dead_man)
+    if key is not None:
+        key.close()  # It is the link's process that reads it.
+    return HardwareRun(
+        robot_access(options),
+        PreflightOptions(disable_life=options.disable_life),
+        should_stop,
+        lambda line: None if options.quiet else tqdm.write(line),
+        holds=getattr(options, "hold_at_end", False),
+        clock_rate=options.clock_rate,
+        dead_man=dead_man,
+        protects_arms=options.arm_protection == "on",
+    )
 
 
 def check_station(options: Namespace, simulated_only: dict[str, object]) -> bool:

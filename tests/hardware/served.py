@@ -1,11 +1,15 @@
 """A served Pepper of kinematics alone, in real time on a thread, with faults on demand."""
 
 import asyncio
+import multiprocessing
 import threading
 import time
 from contextlib import asynccontextmanager, contextmanager
 
-from pepper_drake.naoqi.constants import CYCLE
+import numpy as np
+
+from pepper_drake.models.pepper import POSTURES
+from pepper_drake.naoqi.constants import CYCLE, JOINTS
 from pepper_drake.robot_server.robot_port import KinematicRobot
 from pepper_drake.robot_server.served_pepper import ServedPepper
 from pepper_drake.robot_server.server import QiServer
@@ -100,3 +104,50 @@ async def delayed(address, seconds):
         await asyncio.gather(*pumps, return_exceptions=True)
         for writer in writers:
             writer.close()
+
+
+class ServedApart:
+    """A served robot in a process of its own, beside which Drake may take all of the time."""
+
+    def __init__(self, pipe):
+        self._pipe, self.address = pipe, pipe.recv()
+
+    def do(self, action, *arguments):
+        """Does something with the ServedRobot, on its loop: a function of a module."""
+        self._pipe.send((action, arguments))
+        return self._pipe.recv()
+
+
+@contextmanager
+def served_apart():
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve_apart, args=(theirs,), daemon=True)
+    process.start()
+    try:
+        yield ServedApart(ours)
+    finally:
+        ours.send(None)
+        process.join(10)
+
+
+def _serve_apart(pipe):
+    with served() as robot:
+        robot.do(lambda: stand(robot))
+        pipe.send(robot.address)
+        while request := pipe.recv():
+            action, arguments = request
+            pipe.send(robot.do(lambda: action(robot, *arguments)))  # noqa: B023
+
+
+def stand(robot):
+    """Puts all joints to where a standing Pepper has them."""
+    posture = np.array([POSTURES["stand"].get(name, 0.0) for name in JOINTS])
+    robot.robot.lead(dict(zip(JOINTS, posture.tolist(), strict=True)))
+    controller = robot.pepper.motion.joints
+    controller.command[:] = controller._target[:] = posture
+
+
+def right_hand(robot):
+    """Returns the right hand's place in the torso's frame [m]."""
+    return robot.pepper.motion.get_position("RArm", 0, True)[:3]
