@@ -37,9 +37,9 @@ from pepper_drake.hardware.calibration_run import calibrate_robot
 from pepper_drake.hardware.options import (
     add_link_options,
     check_station,
-    hardware_run,
     robot_access,
 )
+from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.models.robot_calibration import (
     RobotCalibration,
     save_calibration,

@@ -48,10 +48,10 @@ from pepper_drake.errors import InputError
 from pepper_drake.hardware.options import (
     add_link_options,
     check_station,
-    hardware_run,
     robot_access,
 )
 from pepper_drake.hardware.reach_run import reach_with_robot
+from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.models.robot_calibration import load_calibration
 from pepper_drake.models.robot_wear import ROBOTS
 from pepper_drake.models.scene import COUPLINGS
@@ -190,11 +190,6 @@ def make_parser() -> ArgumentParser:
     )
     cli.add_host_option(parser)
     add_link_options(parser)
-    parser.add_argument(
-        "--hold-at-end",
-        action="store_true",
-        help="leave a robot's arm stiff at the goal; without it the arm is lowered and relaxed",
-    )
     parser.add_argument(
         "--no-recording", action="store_true", help="leave recording.html out, which is faster"
     )

@@ -44,9 +44,9 @@ from pepper_drake.hardware.options import (
     add_link_options,
     add_robot_address,
     check_station,
-    hardware_run,
 )
 from pepper_drake.hardware.perform_run import perform_with_robot
+from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.correction import learn_correction
 from pepper_drake.learning.dmp.joint_primitive import JointPrimitive, is_joint_primitive

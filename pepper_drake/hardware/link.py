@@ -342,11 +342,12 @@ class RobotLink:
         newest = self._measured.newest
         now = self._clock()
         ahead = lookahead(self._round_trip)
-        if self._fault is not None or newest is None or ahead is None or not self._is_held:
+        if self._fault is not None or newest is None or ahead is None:
             self._hold()
             return
-        if now - newest.time > FRESH or now - command["time"] > FRESH:
-            # The station or the robot may come back; until then the arm stands.
+        is_fresh = now - newest.time <= FRESH and now - command["time"] <= FRESH
+        if not is_fresh or not self._is_held:
+            # The station, the robot or a person may come back; until then the arm stands.
             self._measured.excuse(_REACTION)
             self._followed = now
             self._hold()

@@ -1,17 +1,11 @@
 """Options of apps that lead a robot."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Callable
 from pathlib import Path
-
-from tqdm import tqdm
 
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
-from pepper_drake.hardware.dead_man import KEYBOARD, dead_man_key
-from pepper_drake.hardware.preflight import PreflightOptions
 from pepper_drake.hardware.qi_client import RobotAddress
-from pepper_drake.hardware.robot_run import HardwareRun
 from pepper_drake.hardware.transport import LINKS, RobotAccess
 from pepper_drake.models.robot_wear import ROBOTS
 
@@ -84,6 +78,11 @@ def add_link_options(parser: ArgumentParser, *, required: bool = False, moves: b
         help="off: over a table the robot's own protection slows or stalls its arms; without it "
         "they go on, and nobody but you looks out (default: %(default)s)",
     )
+    parser.add_argument(
+        "--hold-at-end",
+        action="store_true",
+        help="leave the arm stiff at the end; without it the arm is lowered and relaxed",
+    )
 
 
 def add_robot_address(parser: ArgumentParser) -> None:
@@ -124,28 +123,6 @@ def robot_access(options: Namespace) -> RobotAccess:
         if not colon or not password:
             raise InputError(f"{options.password_file}, line 1: must be USER:PASSWORD")
     return RobotAccess(address, user, password, options.link)
-
-
-def hardware_run(options: Namespace, should_stop: Callable[[], bool]) -> HardwareRun:
-    """Returns how the robot is led that the options name.
-
-    Raises:
-        InputError: There is no address, or nobody can hold the dead man's key.
-    """
-    dead_man = "" if options.unattended else options.pad or KEYBOARD
-    key = dead_man_key(dead_man)
-    if key is not None:
-        key.close()  # It is the link's process that reads it.
-    return HardwareRun(
-        robot_access(options),
-        PreflightOptions(disable_life=options.disable_life),
-        should_stop,
-        lambda line: None if options.quiet else tqdm.write(line),
-        holds=getattr(options, "hold_at_end", False),
-        clock_rate=options.clock_rate,
-        dead_man=dead_man,
-        protects_arms=options.arm_protection == "on",
-    )
 
 
 def check_station(options: Namespace, simulated_only: dict[str, object]) -> bool:
