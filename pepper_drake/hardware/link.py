@@ -140,6 +140,7 @@ class RobotLink:
         self._rows = body_indices(config.joints)
         self._limits: CommandLimits = shared_control_model().command_limits(config.joints)
         self._columns = [BODY.index(name) for name in BODY_JOINTS]
+        self._commanded = mailbox.command.read()
         self._measured = Measurements()
         self._shortest_trip = np.inf
         self._round_trip = 0.0
@@ -210,11 +211,21 @@ class RobotLink:
 
         return asyncio.ensure_future(guarded())
 
+    def _command(self) -> npt.NDArray[np.void]:
+        """Returns the newest command, or the one before while it is being written.
+
+        The station, which may be interrupted in the middle, is not waited for.
+        """
+        newest = self._mailbox.command.read_at_once()
+        if newest is not None:
+            self._commanded = newest
+        return self._commanded
+
     async def _beat(self) -> None:
         """Does one cycle each 20 ms; one that is late is left out, and never made up for."""
         due = self._clock()
         while True:
-            command = self._mailbox.command.read()
+            command = self._command()
             mode = int(command["mode"])
             if mode == END or self._ended:
                 return
@@ -330,7 +341,7 @@ class RobotLink:
                 raise LinkFault("taken_over", ", ".join(who))
 
     def _streams(self) -> bool:
-        return int(self._mailbox.command.read()["mode"]) == STREAM
+        return int(self._command()["mode"]) == STREAM
 
     def _slow(self, value: Any) -> None:
         self._slowed_until = self._clock() + _SLOWED_SECONDS
@@ -407,7 +418,7 @@ class RobotLink:
 
     def _wanted_drive(self) -> Vector | None:
         """Returns the base's velocity that is wanted now, zeros to stand, None if it is unknown."""
-        command = self._mailbox.command.read()
+        command = self._command()
         if int(command["mode"]) != STREAM or self._fault is not None:
             return np.zeros(3)
         if self._clock() - command["time"] > FRESH:
@@ -417,7 +428,7 @@ class RobotLink:
     # Images.
 
     def _wants(self, camera: int) -> bool:
-        command = self._mailbox.command.read()
+        command = self._command()
         return bool(command["enabled"][camera]) and int(command["mode"]) not in (END, HAND_OVER)
 
     async def _take_image(self, camera: int, stamp: float, pixels: npt.NDArray[Any]) -> bool:
@@ -466,7 +477,7 @@ class RobotLink:
             await self._time.pause(CYCLE)
 
     def _is_handing_over(self) -> bool:
-        return int(self._mailbox.command.read()["mode"]) == HAND_OVER and not self._ended
+        return int(self._command()["mode"]) == HAND_OVER and not self._ended
 
     def _measured_arm(self) -> Vector:
         newest = self._measured.newest

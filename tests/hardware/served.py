@@ -165,3 +165,18 @@ def stand(robot):
 def right_hand(robot):
     """Returns the right hand's place in the torso's frame [m]."""
     return robot.pepper.motion.get_position("RArm", 0, True)[:3]
+
+
+def limp(robot, names):
+    """Returns whether joints are limp."""
+    return max(robot.pepper.motion.get_stiffnesses(names)) == 0.0
+
+
+def lead(robot, joints):
+    """Leads joints by hand to positions by name [rad]."""
+    robot.robot.lead(joints)
+
+
+def press_chest(robot):
+    """Presses the chest button."""
+    robot.robot.touch("ChestBoard/Button")
