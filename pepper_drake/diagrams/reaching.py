@@ -109,7 +109,8 @@ class Reaching(Diagram):
         # A real robot's station has the same ports, less those of the truth.
         chosen = cast(PepperStation, station or PepperStation(scene, config.station, model))
         self.station: PepperStation = builder.AddNamedSystem("station", chosen)
-        self._faults = config.station.faults
+        self._is_simulated = isinstance(chosen, PepperStation)
+        self._faults = chosen.config.faults if self._is_simulated else config.station.faults
         self._is_checked = config.planner.collision_checked and coupling is not None
         self.logs: dict[str, VectorLogSink] = {}
         self._add_systems(coupling)
@@ -153,7 +154,7 @@ class Reaching(Diagram):
         safety = SafetyLayer(
             model,
             scene,
-            config.safety,
+            config.safety if self._is_simulated else config.safety.over_link(),
             self._faults,
             contact=contact if compliance is None else None,
             control_period=config.ik.time_step,
