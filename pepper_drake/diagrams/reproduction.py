@@ -14,7 +14,7 @@ from pepper_drake.diagrams.compliance import ComplianceConfig, add_hand_force
 from pepper_drake.diagrams.lone_pepper import add_lone_pepper
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
-from pepper_drake.models.control_model import arm_joints
+from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.systems.framework import Diagram, build_into, connect
 
@@ -87,21 +87,19 @@ class Reproduction(Diagram):
         self.primitive, self.arm = primitive, arm
         self.params = params = params or ReproductionParams()
         builder = DiagramBuilder()
+        controller = ArmController(
+            shared_control_model(),
+            arm,
+            primitive,
+            [positions.get(name, 0.0) for name in arm_joints(arm)],
+            ik=params.ik,
+            phase_stopping=params.tracking,
+        )
+        builder.AddNamedSystem("arm_controller", controller)
         station, commands, arm_position = add_lone_pepper(
             builder, arm, positions, params.stiffness, robot
         )
         self.plant: MultibodyPlant | None = None if robot is not None else station.plant
-        controller = builder.AddNamedSystem(
-            "arm_controller",
-            ArmController(
-                station.control_model,
-                arm,
-                primitive,
-                [positions.get(name, 0.0) for name in arm_joints(arm)],
-                ik=params.ik,
-                phase_stopping=params.tracking,
-            ),
-        )
         builder.Connect(arm_position, controller.GetInputPort("arm_position"))
         connect(builder, station, controller, **{f"{arm}_hand_pose": "hand_pose"})
         # The goal is given in T.
