@@ -1,11 +1,11 @@
-"""Services with little behind them: life, system, battery, abilities, sonar, lights."""
+"""Services with little behind them: life, battery, abilities, sonar, lights."""
 
 from collections.abc import Callable
 from typing import Any
 
 from pepper_drake.robot_server.extractors import Extractor
 from pepper_drake.robot_server.robot_port import SENSORS
-from pepper_drake.robot_server.waiting import VERSION, Module, RobotTimer
+from pepper_drake.robot_server.waiting import Module, RobotTimer
 
 _LIFE = ("solitary", "interactive", "safeguard", "disabled")
 
@@ -201,41 +201,6 @@ class BasicAwareness(Ability):
     def reset_all_parameters(self) -> None:
         """Forgets the parameters."""
         self._parameters.clear()
-
-
-class System(Module):
-    """ALSystem."""
-
-    def __init__(self) -> None:
-        super().__init__("ALSystem")
-        self._robot_name = "Pepper"
-        self._timezone = "Europe/Paris"
-
-    def system_version(self) -> str:
-        """Returns the version of NAOqi."""
-        return VERSION
-
-    def previous_system_version(self) -> str:
-        """Returns the version before: there was none."""
-        return ""
-
-    def robot_name(self) -> str:
-        """Returns the robot's name."""
-        return self._robot_name
-
-    def set_robot_name(self, name: str) -> bool:
-        """Sets the robot's name."""
-        self._robot_name = name
-        return True
-
-    def timezone(self) -> str:
-        """Returns the time zone."""
-        return self._timezone
-
-    def set_timezone(self, timezone: str) -> bool:
-        """Sets the time zone."""
-        self._timezone = timezone
-        return True
 
 
 class Battery(Module):
