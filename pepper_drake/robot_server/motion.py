@@ -428,6 +428,26 @@ class Motion(BaseMoves, MotionSettings, Module):
     set_transforms = _refuse_cartesian
     change_transform = _refuse_cartesian
 
+    def _refuse_whole_body(self, *_: Any) -> None:
+        raise ValueError("whole-body control is not available on Pepper")
+
+    wb_enable = _refuse_whole_body
+    wb_enable_balance_constraint = _refuse_whole_body
+    wb_enable_effector_control = _refuse_whole_body
+    wb_enable_effector_optimization = _refuse_whole_body
+    wb_foot_state = _refuse_whole_body
+    wb_go_to_balance = _refuse_whole_body
+    wb_go_to_balance_with_speed = _refuse_whole_body
+    wb_set_effector_control = _refuse_whole_body
+
+    def _refuse_steps(self, *_: Any) -> None:
+        raise ValueError("Pepper rolls on wheels and takes no steps")
+
+    set_foot_steps = _refuse_steps
+    set_foot_steps_with_speed = _refuse_steps
+    get_foot_steps = _refuse_steps
+    get_foot_gait_config = _refuse_steps
+
 
 def _named(name: str, compute: Callable[[], _T]) -> _T:
     """Computes something of a frame; a ValueError if there is none of that name."""

@@ -165,7 +165,7 @@ class VideoRecorder(_Recorder):
         )
         self._fps = _FPS
         self._task: asyncio.Task[int] | None = None
-        self._path = ""
+        self._path, self._stop = "", False
 
     def set_frame_rate(self, fps: float) -> None:
         """Sets the frame rate [1/s]."""
@@ -190,7 +190,7 @@ class VideoRecorder(_Recorder):
             raise ValueError(f"{told} is there already")
         fps = self._fps
         handle = self._subscribe(fps)
-        self._path = told
+        self._path, self._stop = told, False
         loop = asyncio.get_running_loop()
         self._task = loop.create_task(self._film(handle, path, fps))
 
@@ -199,11 +199,9 @@ class VideoRecorder(_Recorder):
         if self._task is None:
             raise ValueError("it does not record")
         task, self._task = self._task, None
-        task.cancel()
-        frames = (await asyncio.gather(task, return_exceptions=True))[0]
-        if not isinstance(frames, int):
-            raise ValueError(f"the film could not be written: {frames}")
-        return [frames, self._path]
+        # Not cancelled: an image may be on its way into the file.
+        self._stop = True
+        return [await task, self._path]
 
     async def _film(self, handle: str, path: Path, fps: int) -> int:
         size = RESOLUTIONS[int(self._setting("resolution"))]
@@ -212,12 +210,12 @@ class VideoRecorder(_Recorder):
         film = cv2.VideoWriter(str(path), fourcc, float(fps), size, isColor=color)
         frames = 0
         try:
-            while frames < fps * _LONGEST:
+            while frames < fps * _LONGEST and not self._stop:
                 await asyncio.to_thread(film.write, await self._image(handle))
                 frames += 1
                 await self._timer.sleep(1.0 / fps)
-        except (asyncio.CancelledError, ValueError):
-            return frames
+        except ValueError:
+            return frames  # The camera gives no more images.
         finally:
             film.release()
             self._video.unsubscribe(handle)

@@ -6,6 +6,7 @@ from pathlib import Path
 from pepper_drake.robot_server.dialog import Dialog
 from pepper_drake.robot_server.expression_watcher import ExpressionWatcher
 from pepper_drake.robot_server.extractors import quiet_extractors
+from pepper_drake.robot_server.leds import Leds
 from pepper_drake.robot_server.media_services import (
     AnimationPlayer,
     AudioDevice,
@@ -21,10 +22,10 @@ from pepper_drake.robot_server.plain_services import (
     ABILITIES,
     Ability,
     AutonomousLife,
+    AutonomousMoves,
     BasicAwareness,
     Battery,
     BodyTemperature,
-    Leds,
     RobotModel,
     Sonar,
     Touch,
@@ -32,7 +33,7 @@ from pepper_drake.robot_server.plain_services import (
 from pepper_drake.robot_server.posture import Posture
 from pepper_drake.robot_server.recorders import PhotoCapture, RobotDisk, VideoRecorder
 from pepper_drake.robot_server.robot_port import RobotPort
-from pepper_drake.robot_server.sensor_keys import TouchEvents, install_keys
+from pepper_drake.robot_server.sensor_keys import DEVICES, TouchEvents, install_keys
 from pepper_drake.robot_server.service import Service, ServiceFinder
 from pepper_drake.robot_server.signatures import make_service, service_signatures
 from pepper_drake.robot_server.speech import AnimatedSpeech, TextToSpeech
@@ -113,6 +114,7 @@ class ServedPepper:
         self._gestures = TactileGesture(self.memory)
         self._expressions = ExpressionWatcher(self.memory.value_or_none, lambda: self._timer.now)
         disk = RobotDisk(files)
+        leds = Leds(self._timer, log)
         modules: list[Module] = [
             self.motion,
             self.memory,
@@ -130,7 +132,8 @@ class ServedPepper:
             RobotModel(),
             Sonar(),
             Touch(lambda: self.motion.state.touched),
-            Leds(self._timer, log),
+            leds,
+            AutonomousMoves(),
             *quiet_extractors(log),
             Dialog(log),
             Tablet(log),
@@ -165,6 +168,7 @@ class ServedPepper:
             Navigation(self.motion),
         ]
         install_keys(self.memory, self.motion)
+        self.memory.compute({DEVICES + key: value for key, value in leds.keys().items()})
         self.memory.put("robotIsWakeUp", awake)
         served = {module.name: module for module in modules}
         self.services: list[Service] = []

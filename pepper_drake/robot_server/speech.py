@@ -80,6 +80,21 @@ class TextToSpeech(Module):
             self._raise_event("ALTextToSpeech/TextDone", 1)
             self._raise_event("ALTextToSpeech/CurrentSentence", "")
 
+    def say_to_file(self, text: str, name: str) -> None:
+        """Would write what it says to a file: no sound is simulated."""
+        self._log(f'"{spoken(text)}" is to be written; no sound is simulated, and {name} is not')
+
+    async def say_to_file_and_play(self, text: str) -> None:
+        """Says a text; as on a robot, a file is only on the way."""
+        await self.say(text)
+
+    def load_voice_preference(self, _name: str) -> None:
+        """Takes the voice of a file of preferences; there are none."""
+
+    def set_language_default_voice(self, language: str, _voice: str) -> None:
+        """Takes the voice of a language."""
+        _known(language)
+
     def stop_all(self) -> None:
         """Stops what is being said and what was to follow."""
         self._stop += 1

@@ -1,5 +1,6 @@
 """Resources, networks, modules, logs and preferences of the robot's system."""
 
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -25,6 +26,14 @@ class System(Module):
     def previous_system_version(self) -> str:
         """Returns the version before: there was none."""
         return ""
+
+    def total_memory(self) -> int:
+        """Returns the memory of the machine that simulates the robot [kB]."""
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 1024
+
+    def free_memory(self) -> int:
+        """Returns the free memory of the machine that simulates the robot [kB]."""
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_AVPHYS_PAGES") // 1024
 
     def robot_icon(self) -> bytes:
         """Returns a picture of the robot: none."""

@@ -178,6 +178,11 @@ class Tracker(Module):
         """Returns how far a target would be followed [m]."""
         return self._range
 
+    def initialize(self) -> None:
+        """Sets all settings to what they are at first."""
+        self._targets.clear()
+        self._effector, self._mode = "None", "Head"
+
     def set_relative_position(self, position: Any) -> None:
         """Sets where the robot would stand to a target."""
         self._relative = position
