@@ -10,6 +10,7 @@ ends with 1 if a call failed or the memory grew by more than a tenth.
 
 import argparse
 import asyncio
+import logging
 import random
 import sys
 import time
@@ -35,6 +36,7 @@ def main() -> int:
     parser.add_argument("--process", type=int, help="process of the server, to see its memory")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
+    logging.getLogger("asyncio").setLevel(logging.ERROR)  # It tells of every connection that ends.
     return asyncio.run(_run(options))
 
 
@@ -75,6 +77,7 @@ def _memory(process: int | None) -> float:
 
 
 async def _attack(port: int, rng: random.Random, frames: int) -> int:
+    """Sends frames over one connection after the other; returns how many."""
     sent = 0
     while sent < frames:
         try:
@@ -87,8 +90,11 @@ async def _attack(port: int, rng: random.Random, frames: int) -> int:
             if rng.random() < 0.8:
                 writer.write(_hello())
             for _ in range(_BURST):
+                if drain.done() or sent == frames:
+                    break  # The server has ended this connection.
                 writer.write(_frame(rng))
                 sent += 1
+                await asyncio.sleep(0.0005)
             await asyncio.wait_for(writer.drain(), 5.0)
             await asyncio.wait({drain}, timeout=0.02)
         except (ConnectionError, TimeoutError):

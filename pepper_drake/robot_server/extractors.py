@@ -89,55 +89,6 @@ class Extractor(Module):
         return self._subscribers[name]
 
 
-class FaceDetection(Extractor):
-    """ALFaceDetection: it sees no face, so it can learn none."""
-
-    def __init__(self, log: Log) -> None:
-        super().__init__("ALFaceDetection", log, ("FaceDetected",), "faces")
-        tracking, recognition = ("is_tracking_enabled", False), ("is_recognition_enabled", True)
-        keep_settings(
-            self,
-            {
-                "enable_tracking": tracking,
-                "set_tracking_enabled": tracking,
-                "enable_recognition": recognition,
-                "set_recognition_enabled": recognition,
-                "set_recognition_confidence_threshold": (
-                    "get_recognition_confidence_threshold",
-                    0.4,
-                ),
-            },
-        )
-
-    def learn_face(self, _name: str) -> bool:
-        """Returns whether a face was learned: none is seen."""
-        return False
-
-    def re_learn_face(self, _name: str) -> bool:
-        """Returns whether a face was learned again: none is seen."""
-        return False
-
-    def forget_person(self, _name: str) -> bool:
-        """Returns whether somebody was known: nobody is."""
-        return False
-
-    def clear_database(self) -> bool:
-        """Forgets all faces; returns that it was done."""
-        return True
-
-    def get_learned_faces_list(self) -> list[str]:
-        """Returns who is known: nobody."""
-        return []
-
-    def set_resolution(self, _resolution: int) -> bool:
-        """Takes the resolution to look with."""
-        return True
-
-    def set_active_camera(self, camera: int) -> bool:
-        """Takes the camera to look with; returns whether it has one of that number."""
-        return camera in (0, 1)
-
-
 class FaceCharacteristics(Module):
     """ALFaceCharacteristics."""
 
@@ -319,6 +270,51 @@ class Looker(Extractor):
     def get_top_of_blob(self, *_: Any) -> list[float]:
         """Returns the top of a blob: none is seen."""
         return []
+
+
+class FaceDetection(Looker):
+    """ALFaceDetection: it sees no face, so it can learn none."""
+
+    def __init__(self, log: Log) -> None:
+        super().__init__("ALFaceDetection", log, "FaceDetected", "faces")
+        tracking, recognition = ("is_tracking_enabled", False), ("is_recognition_enabled", True)
+        keep_settings(
+            self,
+            {
+                "enable_tracking": tracking,
+                "set_tracking_enabled": tracking,
+                "enable_recognition": recognition,
+                "set_recognition_enabled": recognition,
+                "set_recognition_confidence_threshold": (
+                    "get_recognition_confidence_threshold",
+                    0.4,
+                ),
+            },
+        )
+
+    def learn_face(self, _name: str) -> bool:
+        """Returns whether a face was learned: none is seen."""
+        return False
+
+    def re_learn_face(self, _name: str) -> bool:
+        """Returns whether a face was learned again: none is seen."""
+        return False
+
+    def forget_person(self, _name: str) -> bool:
+        """Returns whether somebody was known: nobody is."""
+        return False
+
+    def clear_database(self) -> bool:
+        """Forgets all faces; returns that it was done."""
+        return True
+
+    def get_learned_faces_list(self) -> list[str]:
+        """Returns who is known: nobody."""
+        return []
+
+    def set_active_camera(self, camera: int) -> bool:
+        """Takes the camera to look with; returns whether it has one of that number."""
+        return camera in (0, 1)
 
 
 class VisionRecognition(Looker):

@@ -57,12 +57,12 @@ class AutonomousLife(Module):
         """Stops the activities; there are none."""
 
     def set_autonomous_ability_enabled(self, ability: str, enabled: bool) -> None:
-        """Switches an ability; the simulated robot does not use it."""
-        self.abilities[_ability(ability)] = enabled
+        """Switches an ability, or "All"; the simulated robot does not use them."""
+        self.abilities |= dict.fromkeys(_abilities(ability), enabled)
 
     def get_autonomous_ability_enabled(self, ability: str) -> bool:
-        """Returns whether an ability is switched on."""
-        return self.abilities[_ability(ability)]
+        """Returns whether an ability is switched on, for "All" whether all are."""
+        return all(self.abilities[name] for name in _abilities(ability))
 
     def get_autonomous_abilities_status(self) -> list[dict[str, Any]]:
         """Returns each ability, whether it is switched on, and that it does not run."""
@@ -325,7 +325,9 @@ class Touch(Module):
         return [[sensor, sensor in self._touched(), []] for sensor in SENSORS]
 
 
-def _ability(name: str) -> str:
+def _abilities(name: str) -> tuple[str, ...]:
+    if name == "All":
+        return ABILITIES
     if name not in ABILITIES:
         raise ValueError(f"there is no ability {name!r}; it must be one of {', '.join(ABILITIES)}")
-    return name
+    return (name,)

@@ -122,7 +122,7 @@ class ServedPepper:
             self._posture,
             Tracker(self.motion, log),
             speech,
-            AnimatedSpeech(speech),
+            AnimatedSpeech(speech, tell),
             life,
             BasicAwareness(life),
             *(Ability(name, life) for name in ABILITIES if name != "BasicAwareness"),

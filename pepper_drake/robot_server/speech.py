@@ -77,6 +77,8 @@ class TextToSpeech(Module):
                 left -= 0.1
             ended = "done" if stops == self._stop else "stopped"
             self._raise_event("ALTextToSpeech/Status", [number, ended])
+            if ended == "stopped":
+                self._raise_event("ALTextToSpeech/TextInterrupted", 1)
             self._raise_event("ALTextToSpeech/TextDone", 1)
             self._raise_event("ALTextToSpeech/CurrentSentence", "")
 
@@ -183,8 +185,9 @@ class TextToSpeech(Module):
 class AnimatedSpeech(Module):
     """ALAnimatedSpeech: says the text; of the gestures none is simulated."""
 
-    def __init__(self, speech: TextToSpeech) -> None:
+    def __init__(self, speech: TextToSpeech, raise_event: Callable[[str, Any], None]) -> None:
         super().__init__("ALAnimatedSpeech")
+        self._raise_event = raise_event
         self._speech = speech
         self._mode = 1
         self._enabled = True
@@ -192,6 +195,7 @@ class AnimatedSpeech(Module):
     async def say(self, text: Any, _configuration: Any = None) -> None:
         """Says a text without its gestures."""
         await self._speech.say(text)
+        self._raise_event("ALAnimatedSpeech/EndOfAnimatedSpeech", 1)
 
     def set_body_language_mode(self, mode: int) -> None:
         """Sets which gestures there would be: 0 none, 1 random, 2 contextual."""
