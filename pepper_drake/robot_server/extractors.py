@@ -89,18 +89,6 @@ class Extractor(Module):
         return self._subscribers[name]
 
 
-class FaceCharacteristics(Module):
-    """ALFaceCharacteristics."""
-
-    def __init__(self) -> None:
-        super().__init__("ALFaceCharacteristics")
-        keep_settings(self, {"set_smiling_threshold": ("get_smiling_threshold", 0.7)})
-
-    def analyze_face_characteristics(self, _person: int) -> bool:
-        """Returns whether a face was there to be analysed: none is."""
-        return False
-
-
 class PeoplePerception(Extractor):
     """ALPeoplePerception: its settings; it sees nobody."""
 
@@ -195,6 +183,8 @@ class SpeechRecognition(Extractor):
     add_word_list_to_slot = _grammar
     remove_word_list_from_slot = _grammar
     compile = _grammar
+    push_contexts = _grammar
+    pop_contexts = _grammar
     load_vocabulary = _grammar
 
     def get_rules(self, _context: str, _kind: str) -> list[str]:
@@ -317,6 +307,19 @@ class FaceDetection(Looker):
         return camera in (0, 1)
 
 
+class FaceCharacteristics(Looker):
+    """ALFaceCharacteristics."""
+
+    def __init__(self, log: Log) -> None:
+        settings = {"set_smiling_threshold": ("get_smiling_threshold", 0.7)}
+        key, finds = "FaceCharacteristics/PersonSmiling", "faces"
+        super().__init__("ALFaceCharacteristics", log, key, finds, settings)
+
+    def analyze_face_characteristics(self, _person: int) -> bool:
+        """Returns whether a face was there to be analysed: none is."""
+        return False
+
+
 class VisionRecognition(Looker):
     """ALVisionRecognition: it sees no picture that it knows, and can learn none."""
 
@@ -365,7 +368,7 @@ def quiet_extractors(log: Log) -> list[Module]:
     """
     return [
         FaceDetection(log),
-        FaceCharacteristics(),
+        FaceCharacteristics(log),
         PeoplePerception(log),
         SpeechRecognition(log),
         VisionRecognition(log),
