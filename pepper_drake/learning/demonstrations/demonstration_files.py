@@ -25,7 +25,6 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text, write_atomically
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.demonstrations.check import refuse_impossible
 from pepper_drake.learning.demonstrations.demonstration import RECORDED, Demonstration
 from pepper_drake.learning.demonstrations.importers import ImportOptions, Track, read_tracks
 from pepper_drake.learning.demonstrations.importers.table import check_file
@@ -35,6 +34,7 @@ from pepper_drake.learning.demonstrations.interpretation import (
     interpret_joints,
 )
 from pepper_drake.learning.demonstrations.recording import PARTIAL, read_partial
+from pepper_drake.learning.demonstrations.refusals import refuse_impossible
 from pepper_drake.learning.demonstrations.text_files import (
     format_table,
     parse_table,

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators.registry import LinearForcingModel
-from pepper_drake.learning.demonstrations.check import refuse_impossible, refuse_unlike
 from pepper_drake.learning.demonstrations.conditioning import hermite
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.demonstrations.refusals import refuse_impossible, refuse_unlike
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.learning.dmp.orientation import OrientationAttractor, learn_orientation
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
