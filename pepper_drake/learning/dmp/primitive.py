@@ -57,6 +57,8 @@ FIT_TOLERANCE = 0.005
 is left open, it is doubled."""
 
 _MOST_SAMPLES, _FEWEST_NUM_BASIS = 6000, 8
+_SAMPLES_EACH = 6
+"""Samples for each basis function, at least: with two, the last are weighted beyond measure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +189,7 @@ class MovementPrimitive:
         seed: int,
     ) -> Self:
         demos = [
-            demo.thinned(_MOST_SAMPLES).filled(demo.duration / (2 * max(num_basis, 1)))
+            demo.thinned(_MOST_SAMPLES).filled(demo.duration / (_SAMPLES_EACH * max(num_basis, 1)))
             for demo in demonstrations
         ]
         samples = [motion_sample(demo) for demo in demos]

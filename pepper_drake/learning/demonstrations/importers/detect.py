@@ -71,12 +71,12 @@ def _read_text(path: Path) -> list[Track]:
     if is_vicon(table):
         return read_vicon(table)
     header = find_header(table)
-    start = header[1] if header is not None else first_data(table) or 0
+    first = header[1] if header is not None else first_data(table) or 0
     titles = [(line, " ".join(row)) for row, line in zip(table.rows, table.lines, strict=True)]
     if header is not None:
         tracks = read_named_columns(table, *header)
     else:
         tracks = read_number_columns(
-            replace(table, rows=table.rows[start:], lines=table.lines[start:])
+            replace(table, rows=table.rows[first:], lines=table.lines[first:])
         )
-    return with_comments(tracks, (*table.comments, *titles[:start]))
+    return with_comments(tracks, (*table.comments, *titles[:first]))

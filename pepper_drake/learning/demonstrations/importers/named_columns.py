@@ -65,10 +65,10 @@ def find_header(table: Table) -> tuple[list[str], int] | None:
         units, above = table.rows[start - 1], start - 1
     width = len(table.rows[start])
     for row in reversed(table.rows[:above]):
-        known = sum(meaning(word) is not None for word in row)
+        num_known = sum(meaning(word) is not None for word in row)
         fits = len(row) in (width - 1, width)
         # Words between blanks may be a sentence.
-        if known and len(row) > 1 and (fits or (known > 1 and table.separator != " ")):
+        if num_known and len(row) > 1 and (fits or (num_known > 1 and table.separator != " ")):
             return _with_units(row, units), start
     if start and len(table.rows[start - 1]) == width:
         return list(table.rows[start - 1]), start  # Names, but none that is known.
