@@ -34,7 +34,8 @@ STOP_SENTENCES: dict[StopReason, str] = {
     StopReason.COMMAND_TOO_FAST: "a joint command asked for more than the rated velocity",
     StopReason.LINK_TOO_CLOSE: "the arm went too close to an obstacle",
     StopReason.REQUESTED: "the robot was asked to stop",
-    StopReason.JOINT_HELD: "a joint did not follow its command: it is stuck, or something holds it",
+    StopReason.JOINT_HELD: "a joint did not follow its command: it is stuck, something holds "
+    "it, or it is measured late",
     StopReason.JOINTS_NOT_MEASURED: "a joint's encoder gave no number",
     StopReason.BASE_NOT_MEASURED: "the base's odometry gave no number",
     StopReason.BASE_HELD: "the base did not follow its command: it slips, or something holds it",
@@ -46,7 +47,10 @@ STOP_SENTENCES: dict[StopReason, str] = {
 def stop_sentence(reason: StopReason, joint: str = "") -> str:
     """Says in a sentence why the robot stopped, with the joint's name where it is known."""
     if joint and reason == StopReason.JOINT_HELD:
-        return f"{joint} did not follow its command: it is stuck, or something holds it"
+        return (
+            f"{joint} did not follow its command: it is stuck, something holds it, or it is "
+            "measured late"
+        )
     if joint and reason == StopReason.JOINTS_NOT_MEASURED:
         return f"the encoder of {joint} gave no number"
     return STOP_SENTENCES[reason]

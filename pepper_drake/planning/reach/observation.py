@@ -103,7 +103,7 @@ class Observation:
             return FAULT_SENTENCES[self.cloud_fault]
         if np.isinf(self.cloud_age):
             return "the depth camera gave no image of the scene"
-        return f"the depth camera gave no image for {self.cloud_age:.1f} s"
+        return f"no depth image got into the cloud of obstacles for {self.cloud_age:.1f} s"
 
     @property
     def image_message(self) -> str:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from pepper_drake.errors import InputError
 from pepper_drake.planning.collision.clearance_table import ClearanceTable
+from pepper_drake.planning.reach.steadiness import SteadinessParams
 from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 
@@ -148,6 +149,7 @@ class ReachTiming:
     time_step: float = 0.05
     """Period of supervision [s]."""
     latency: PlanningLatency = field(default_factory=PlanningLatency)
+    steadiness: SteadinessParams = field(default_factory=SteadinessParams)
     looking: float = 1.2
     """Time for which the scene is looked at, once the goal is seen [s]: six depth images."""
     drives: bool = True

@@ -1,6 +1,6 @@
 """State of the reach's supervision."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -10,6 +10,7 @@ from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import ReachPlan
+from pepper_drake.planning.reach.steadiness import Steadiness
 
 
 class Effect(Enum):
@@ -76,6 +77,7 @@ class ReachState:
         started: When the arm first started [s].
         blind: Time for which the arm waited because depth images did not come [s].
         look_at: Place in W that was not seen and that the arm is going to pass [m]; NaN for none.
+        steadiness: Of what is measured, since the arm started.
         pending: Results of computations that have no effect yet.
     """
 
@@ -99,6 +101,7 @@ class ReachState:
     started: float = np.nan
     blind: float = 0.0
     look_at: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    steadiness: Steadiness = field(default_factory=Steadiness)
     pending: tuple[Pending, ...] = ()
 
     @property

@@ -46,6 +46,9 @@ def step(
     if state.mode in _RESTS:
         return state
     supervision = _Supervision(observation, planner, timing)
+    if state.has_started:
+        steadiness = state.steadiness.advanced(observation, timing.steadiness)
+        state = replace(state, steadiness=steadiness)
     failed = supervision.fault(state)
     if failed is not None:
         return failed
@@ -89,10 +92,12 @@ class _Supervision:
     def fault(self, state: ReachState) -> ReachState | None:
         """Returns the failed state if the reach cannot go on, whatever the mode."""
         observation, timing, time = self._observation, self._timing, self._time
-        stop = observation.stop_reason
+        stop, complaint = observation.stop_reason, state.steadiness.complaint(timing.steadiness)
         if stop != StopReason.NONE:
             sentence = stop_sentence(stop, observation.stop_joint)
-            return state.fail(time, stop.name.lower(), sentence)
+            if complaint is None or stop == StopReason.REQUESTED:
+                return state.fail(time, stop.name.lower(), sentence)
+            return state.fail(time, complaint[0], f"{complaint[1]}; {sentence}")
         if state.mode == ReachMode.LOOKING:
             return None
         if observation.goal_age > timing.goal_lost:
@@ -100,6 +105,8 @@ class _Supervision:
             return self._unseen(state, "goal_lost", message)
         if observation.cloud_age > timing.cloud_lost:
             return state.fail(time, "cloud_missing", self._observation.cloud_message)
+        if complaint is not None:
+            return state.fail(time, *complaint)
         if state.mode == ReachMode.REACHING and time - state.started > timing.reach_timeout:
             message = f"the hand had not arrived {timing.reach_timeout:g} s after the arm started"
             return self._fail(state, "timeout", message)

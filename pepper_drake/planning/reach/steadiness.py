@@ -1,0 +1,86 @@
+"""Steadiness of what is measured while the arm reaches: a jumping signal ends the reach."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pepper_drake.planning.reach.observation import Observation
+
+_SAMPLE = 300
+"""Points of a cloud that are compared with the cloud before."""
+_OUTLIER = 3.0
+"""A single jump counts as so many times the limit at most: things may be moved once."""
+
+
+@dataclass
+class SteadinessParams:
+    """Mean jumps from one observation to the next above which the reach ends."""
+
+    memory: float = 1.0
+    """Time constant of the means [s]."""
+    goal: float = 0.02
+    """Of the goal object [m]: 0.4 m/s, which no reach could follow. Measured: 0.0001 at rest, 0.05
+    with noise of 20 mm."""
+    base: float = 0.0015
+    """Of the base, which should stand [m]. Measured: 0.0001, and 0.0026 with noise of 0.1 m/s on
+    its commands."""
+    cloud: float = 0.004
+    """Of the median point of the cloud [m]. Measured: 0.0001, and 0.013 with noise of 20 mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Steadiness:
+    """Mean jumps of the signals from one observation to the next.
+
+    Attributes:
+        goal: Of the goal object [m].
+        base: Of the base [m].
+        cloud: Median distance of the cloud's points to the cloud before [m].
+        last: The observation before; None at the start.
+        last_cloud: The observation with the cloud before.
+    """
+
+    goal: float = 0.0
+    base: float = 0.0
+    cloud: float = 0.0
+    last: Observation | None = None
+    last_cloud: Observation | None = None
+
+    def advanced(self, observation: Observation, params: SteadinessParams) -> "Steadiness":
+        """Returns the means with one more observation."""
+        last, last_cloud = self.last, self.last_cloud
+        following = replace(self, last=observation)
+        if last is not None:
+            share = (observation.time - last.time) / params.memory
+            goal = float(np.linalg.norm(observation.p_WO - last.p_WO))
+            base = float(np.linalg.norm((observation.base_pose - last.base_pose)[:2]))
+            following = replace(
+                following,
+                goal=_mean(self.goal, goal, params.goal, share),
+                base=_mean(self.base, base, params.base, share),
+            )
+        if last_cloud is not None and observation.cloud_time == last_cloud.cloud_time:
+            return following
+        following = replace(following, last_cloud=observation)
+        if last_cloud is None or not (len(last_cloud.cloud) and len(observation.cloud)):
+            return following
+        share = (observation.time - last_cloud.time) / params.memory
+        some = observation.cloud[:: max(len(observation.cloud) // _SAMPLE, 1)]
+        jump = float(np.median(last_cloud.cloud_tree.query(some)[0]))
+        return replace(following, cloud=_mean(self.cloud, jump, params.cloud, share))
+
+    def complaint(self, params: SteadinessParams) -> tuple[str, str] | None:
+        """Returns reason and sentence for a signal that is not steady; None if all are."""
+        for name, jump, limit, words in (
+            ("goal", self.goal, params.goal, "the goal object's estimated pose"),
+            ("base", self.base, params.base, "the base, which should stand,"),
+            ("cloud", self.cloud, params.cloud, "the cloud of obstacles"),
+        ):
+            if jump > limit:
+                return f"{name}_unsteady", f"{words} jumps about, by {1000 * jump:.1f} mm at a time"
+        return None
+
+
+def _mean(mean: float, jump: float, limit: float, share: float) -> float:
+    """The running mean of jumps after one more."""
+    return mean + min(share, 1.0) * (min(jump, _OUTLIER * limit) - mean)

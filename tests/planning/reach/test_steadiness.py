@@ -1,0 +1,89 @@
+"""Signals that jump about end a reach; what is moved once, or moves as things do, does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from pepper_drake.planning.ik.command_check import StopReason
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_state_machine import step
+from pepper_drake.planning.reach.steadiness import Steadiness, SteadinessParams
+from tests.planning.reach.scripted_planner import TIMING, ScriptedPlanner, Supervised
+
+PARAMS = SteadinessParams()
+PERIOD = 0.05
+
+
+def observed(seconds, *, goal=lambda k: 0.0, base=lambda k: 0.0, cloud=lambda k: 0.0):
+    """Steadiness after a time in which signals are shifted along x as functions of the step [m]."""
+    first = Supervised().seen
+    grid = np.stack(np.meshgrid(*[np.arange(6) * 0.02] * 3), axis=-1).reshape(-1, 3)
+    steadiness = Steadiness()
+    for k in range(round(seconds / PERIOD)):
+        ahead = np.array([1.0, 0.0, 0.0])
+        observation = replace(
+            first,
+            time=k * PERIOD,
+            X_WO=RigidTransform(first.p_WO + goal(k) * ahead),
+            base_pose=first.base_pose + base(k) * ahead,
+            cloud=grid + cloud(k),
+            cloud_time=0.2 * (k // 4),
+        )
+        steadiness = steadiness.advanced(observation, PARAMS)
+    return steadiness
+
+
+@pytest.mark.parametrize(
+    ("signal", "size", "reason"),
+    [("goal", 0.02, "goal"), ("base", 0.005, "base"), ("cloud", 0.02, "cloud")],
+)
+def test_noise_on_a_signal_is_named_within_two_seconds(signal, size, reason):
+    rng = np.random.default_rng(3)
+    noise = {
+        "goal": rng.normal(0.0, 1.7 * size, 100),
+        "base": rng.normal(0.0, size, 100),
+        "cloud": rng.normal(0.0, size, (100, 216, 3)),
+    }
+    steadiness = observed(2.0, **{signal: lambda k: noise[signal][k]})
+    complaint = steadiness.complaint(PARAMS)
+    assert complaint is not None
+    assert complaint[0] == f"{reason}_unsteady"
+
+
+def test_mean_jump_is_the_one_that_was_made():
+    steadiness = observed(8.0, goal=lambda k: 0.01 * (k % 2))
+    assert steadiness.goal == pytest.approx(0.01, rel=1e-2)
+
+
+def test_a_goal_that_is_moved_once_is_steady():
+    assert observed(2.0, goal=lambda k: 0.5 * (k > 20)).complaint(PARAMS) is None
+
+
+def test_a_goal_that_is_carried_is_steady():
+    assert observed(4.0, goal=lambda k: 0.3 * PERIOD * k).complaint(PARAMS) is None
+
+
+def test_a_reach_ends_when_the_goal_jumps_about():
+    one = Supervised()
+    one.until(ReachMode.REACHING)
+    state, rng = one.state, np.random.default_rng(5)
+    for k in range(40):
+        X_WO = RigidTransform(one.seen.p_WO + rng.normal(0.0, 0.03, 3))
+        now = one.time + k * PERIOD
+        seen = replace(one.seen, time=now, cloud_time=now, X_WO=X_WO)
+        state = step(state, seen, ScriptedPlanner(), TIMING)
+    assert (state.mode, state.reason) == (ReachMode.FAILED, "goal_unsteady")
+
+
+def test_a_stop_is_explained_by_the_signal_that_jumps_about():
+    one = Supervised()
+    one.until(ReachMode.REACHING)
+    unsteady = replace(one.state, steadiness=Steadiness(cloud=0.02))
+    close = replace(one.seen, time=one.time, stop_reason=StopReason.LINK_TOO_CLOSE)
+    state = step(unsteady, close, ScriptedPlanner(), TIMING)
+    assert state.reason == "cloud_unsteady"
+    assert "the arm went too close" in state.message
+    asked = replace(one.seen, time=one.time, stop_reason=StopReason.REQUESTED)
+    assert step(unsteady, asked, ScriptedPlanner(), TIMING).reason == "requested"
