@@ -31,9 +31,11 @@ from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
+from pepper_drake.planning.reach.task_sequence import ReachTask
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
 from pepper_drake.planning.trajectories.trajectory_adapter import AdaptationParams
 from pepper_drake.systems.faults.fault_memory import Role
@@ -48,6 +50,7 @@ from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 from pepper_drake.systems.robot.touch_monitor import TouchMonitor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 from pepper_drake.systems.robot.true_clearance import TrueClearance
+from pepper_drake.systems.task_sequencer import TaskSequencer
 
 
 @dataclass
@@ -65,6 +68,8 @@ class ReachingConfig:
     """Compliance of the reaching arm when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
     """Period of all logs [s]."""
+    tasks: tuple[ReachTask, ...] = ()
+    """What the arm does after the reach, one after the other."""
     is_guided: bool = False
     """True if a person moves objects and arm: nothing moves by itself, and nothing is logged."""
 
@@ -78,8 +83,8 @@ class Reaching(Diagram):
 
         name: Reaching
         input_ports:
-        - command (optional)
-        - primitive (optional)
+        - command (optional; not with tasks)
+        - primitive (optional; not with tasks)
         - arm_mode (optional)
         - joint_target (optional)
         - reset (optional)
@@ -183,6 +188,15 @@ class Reaching(Diagram):
         if fault is not None:
             planner = FaultyPlanner(self.planner, fault, self._faults.seed)
         self.timed_planner = TimedPlanner(planner)
+
+        def planner_for(wanted: MovementPrimitive | Movement) -> Planner:
+            if isinstance(wanted, MovementPrimitive):
+                return make_planner(primitive=wanted)
+            first = self.planner.demonstrated
+            if wanted.primitive is first.primitive and wanted.X_OG is first.X_OG:
+                return self.timed_planner
+            return make_planner(primitive=wanted.primitive, X_OG=wanted.X_OG)
+
         timing = replace(
             self.config.timing, latency=slowed_latency(self.config.timing.latency, fault)
         )
@@ -192,11 +206,9 @@ class Reaching(Diagram):
                 self.timed_planner,
                 timing,
                 arm=self.scene.arm,
-                planner_for=lambda primitive: make_planner(primitive=primitive),
+                planner_for=planner_for,
             ),
         )
-        for name in ("command", "primitive"):
-            builder.ExportInput(self.supervisor.GetInputPort(name), name)
         for name in (
             *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
             *("cloud_time", "cloud_fault", "image_ages"),
@@ -213,7 +225,30 @@ class Reaching(Diagram):
         self.started = self.supervisor.GetOutputPort("started")
         self._connect(self.started, self.perception, "scan_enabled")
         self._connect(self.supervisor.GetOutputPort("look_at"), self.perception, "look_at")
+        self._add_sequencer()
         self._add_base()
+
+    def _add_sequencer(self) -> None:
+        """What tells the supervisor what to do: the sequence of tasks, or whoever is outside."""
+        builder, config = self._builder, self.config
+        self.sequencer: TaskSequencer | None = None
+        if not config.tasks:
+            for name in ("command", "primitive"):
+                builder.ExportInput(self.supervisor.GetInputPort(name), name)
+            return
+        self.sequencer = builder.AddNamedSystem(
+            "sequencer",
+            TaskSequencer(self.planner.demonstrated, config.tasks, config.timing.time_step),
+        )
+        for source, name in (
+            (self.supervisor.GetOutputPort("mode"), "mode"),
+            (self.perception.GetOutputPort("object_pose"), "object_pose"),
+            (self.station.GetOutputPort("torso_pose"), "torso_pose"),
+            (self.station.GetOutputPort(f"{self.scene.arm}_hand_pose"), "hand_pose"),
+        ):
+            self._connect(source, self.sequencer, name)
+        for name in ("command", "primitive"):
+            self._connect(self.sequencer.GetOutputPort(name), self.supervisor, name)
 
     def _add_base(self) -> None:
         """Drives the base where the supervisor sends it, and stops it before what is seen."""
@@ -442,5 +477,7 @@ class Reaching(Diagram):
             sources["clearance"] = self.clearance.get_output_port()
         for name in ("desired_position", "goal_position", "phase", "tau", "coupling"):
             sources[name] = self.controller.GetOutputPort(name)
+        if self.sequencer is not None:
+            sources["task"] = self.sequencer.GetOutputPort("task")
         for name, source in sources.items():
             self.logs[name] = LogVectorOutput(source, builder, self.config.log_period)
