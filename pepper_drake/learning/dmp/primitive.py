@@ -57,8 +57,16 @@ FIT_TOLERANCE = 0.005
 is left open, it is doubled."""
 
 _MOST_SAMPLES, _FEWEST_NUM_BASIS = 6000, 8
-_SAMPLES_EACH = 6
-"""Samples for each basis function, at least: with two, the last are weighted beyond measure."""
+_FEWEST_EACH, _FILLED_EACH = 2, 6
+"""Samples for each basis function below which the way between is filled in, and then so densely:
+with two that are made up, the last basis functions are weighted beyond measure."""
+
+
+def _dense(demonstration: Demonstration, num_basis: int) -> Demonstration:
+    """Returns a demonstration with enough samples for a number of basis functions."""
+    share = demonstration.duration / max(num_basis, 1)
+    filled = demonstration.filled(share / _FEWEST_EACH)
+    return filled if filled is demonstration else demonstration.filled(share / _FILLED_EACH)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,10 +196,7 @@ class MovementPrimitive:
         alpha_z: float,
         seed: int,
     ) -> Self:
-        demos = [
-            demo.thinned(_MOST_SAMPLES).filled(demo.duration / (_SAMPLES_EACH * max(num_basis, 1)))
-            for demo in demonstrations
-        ]
+        demos = [_dense(demo.thinned(_MOST_SAMPLES), num_basis) for demo in demonstrations]
         samples = [motion_sample(demo) for demo in demos]
         times = [sample.times for sample in samples]
         turning = None
