@@ -143,7 +143,8 @@ class Demonstration:
                     f"{name}: rotations: sample {k + 1} has norm {norms[k]:.4g}; give unit"
                     " quaternions w, x, y, z"
                 )
-            q = so3.make_continuous(q)
+            # What is a unit quaternion but for rounding stays as it is.
+            q = so3.make_continuous(q if abs(norms[k] - 1.0) < 1e-6 else so3.normalize(q))
         j = None
         if joints is not None:
             j = _numbers(joints, (len(t), len(joint_names)), name, "joints")

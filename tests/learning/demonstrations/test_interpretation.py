@@ -369,3 +369,18 @@ def test_options_that_are_no_choice_are_refused(tmp_path):
     ):
         with pytest.raises(InputError, match=words):
             Demonstration.load(path, **said)
+
+
+@pytest.mark.parametrize("kept", [np.r_[0:40, 80:101], np.r_[0:101:20]])
+def test_what_few_samples_gave_is_saved_and_loaded_as_it_was(tmp_path, kept):
+    demo = Demonstration.load(write(tmp_path / "few.csv", table(T[kept], P[kept], header=XYZ)))
+    demo.save(tmp_path / "saved")
+    again = Demonstration.load(tmp_path / "saved")
+    for name in ("times", "positions", "velocities", "accelerations"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(demo, name))
+
+
+def test_quaternions_that_are_nearly_of_norm_one_are_performed(tmp_path):
+    text = table(T, P, 1.004 * Q, header=f"{XYZ},qw,qx,qy,qz")
+    path = MovementPrimitive.fit(Demonstration.load(write(tmp_path / "q.csv", text))).rollout()
+    np.testing.assert_allclose(path.rotations[0], Q[0], atol=1e-6)
