@@ -17,7 +17,8 @@ from pydrake.systems.framework import Diagram
 
 from pepper_drake import cli
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.diagrams.teaching import Teaching
 from pepper_drake.models.control_model import shared_control_model

@@ -22,7 +22,8 @@ from tqdm import tqdm
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 
 SCENES = ("table", "shelf", "clutter", "free", "teach")

@@ -17,7 +17,8 @@ from typing import Any
 from pepper_drake.diagrams.compliance import ComplianceConfig
 from pepper_drake.diagrams.factory import LearningParams, make_coupling, make_gentle, make_primitive
 from pepper_drake.diagrams.head_perception import PerceptionConfig
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.safety_layer import SafetyParams
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError

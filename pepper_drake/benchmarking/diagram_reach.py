@@ -18,7 +18,8 @@ from pepper_drake.diagrams.reach_simulation import (
     RunOptions,
     save_result,
 )
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling

@@ -6,7 +6,8 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
 from pepper_drake.diagrams.compliance import add_hand_guide
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling

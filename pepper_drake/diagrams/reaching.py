@@ -1,6 +1,5 @@
 """Reaching: Pepper's station, perception, supervisor, controller and safety in one diagram."""
 
-from dataclasses import dataclass, field
 from functools import partial
 from typing import cast
 
@@ -8,53 +7,28 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from pepper_drake.diagrams.arm_controller import ArmController
-from pepper_drake.diagrams.compliance import ComplianceConfig, add_compliance
+from pepper_drake.diagrams.compliance import add_compliance
 from pepper_drake.diagrams.ground_truth import add_ground_truth
-from pepper_drake.diagrams.head_perception import HeadPerception, PerceptionConfig
-from pepper_drake.diagrams.safety_layer import SafetyLayer, SafetyParams
-from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
+from pepper_drake.diagrams.head_perception import HeadPerception
+from pepper_drake.diagrams.reaching_config import ReachingConfig
+from pepper_drake.diagrams.safety_layer import SafetyLayer
+from pepper_drake.diagrams.sequencing import add_sequencer
+from pepper_drake.diagrams.station import PepperStation, select_joints
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
-from pepper_drake.planning.ik.contact_detection import ContactParams
-from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.movement import Movement
-from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.reach_task import ReachTask
-from pepper_drake.planning.reach.task_sequence import SequenceTask
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
 from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.faulty_planner import faulty
 from pepper_drake.systems.framework import Diagram, build_into, connect
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
-from pepper_drake.systems.task_sequencer import TaskSequencer
-
-
-@dataclass
-class ReachingConfig:
-    """Configuration of the reach."""
-
-    station: StationConfig = field(default_factory=StationConfig)
-    ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
-    planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
-    timing: ReachTiming = field(default_factory=ReachTiming)
-    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
-    safety: SafetyParams = field(default_factory=SafetyParams)
-    contact: ContactParams = field(default_factory=ContactParams)
-    """When a joint counts as held by something; an arm that gives way has no such limit."""
-    compliance: ComplianceConfig | None = None
-    """Compliance of the reaching arm when it is pushed; a stiff arm if None."""
-    log_period: float = 0.01
-    """Period of all logs [s]."""
-    tasks: tuple[SequenceTask, ...] = ()
-    """What the arm does after the reach, one after the other."""
-    is_guided: bool = False
-    """True if a person moves objects and arm: nothing moves by itself, and nothing is logged."""
 
 
 class Reaching(Diagram):
@@ -121,7 +95,7 @@ class Reaching(Diagram):
         self.logs: dict[str, VectorLogSink] = {}
         self._add_systems(coupling)
         self._connect_systems()
-        self._add_sequencer()
+        self.sequencer = add_sequencer(builder, self) if config.tasks else None
         self._add_commands()
         self._add_motions()
         self._add_exports()
@@ -145,17 +119,8 @@ class Reaching(Diagram):
         self.planner = ReachPlanner(self.primitive, task)
         planner, timing = faulty(self.planner, config.timing, self._faults)
         self.timed_planner = TimedPlanner(planner)
-
-        def planner_for(wanted: MovementPrimitive | Movement) -> Planner:
-            if isinstance(wanted, MovementPrimitive):
-                return self.planner.with_primitive(wanted)
-            first = self.planner.demonstrated
-            if wanted.primitive is first.primitive and wanted.X_OG is first.X_OG:
-                return self.timed_planner
-            return self.planner.with_primitive(wanted.primitive, wanted.X_OG)
-
         supervisor = ReachSupervisor(
-            self.timed_planner, timing, arm=scene.arm, planner_for=planner_for
+            self.timed_planner, timing, arm=scene.arm, planner_for=self._planner_for
         )
         start = scene.robot.positions()
         contact = config.contact.on_worn_robot(config.station.wear)
@@ -179,6 +144,15 @@ class Reaching(Diagram):
         self.supervisor = add("supervisor", supervisor)
         self.controller = add("arm_controller", controller)
         self.safety = add("safety", safety)
+
+    def _planner_for(self, wanted: MovementPrimitive | Movement) -> Planner:
+        """The planner of another movement, of the reach itself for its own."""
+        if isinstance(wanted, MovementPrimitive):
+            return self.planner.with_primitive(wanted)
+        first = self.planner.demonstrated
+        if wanted.primitive is first.primitive and wanted.X_OG is first.X_OG:
+            return self.timed_planner
+        return self.planner.with_primitive(wanted.primitive, wanted.X_OG)
 
     def _connect_systems(self) -> None:
         """Connects the five with one another."""
@@ -214,24 +188,6 @@ class Reaching(Diagram):
         if self._is_checked:
             wire(safety, supervisor, "predicted_clearance")
         wire(safety, controller, "stop_reason")
-
-    def _add_sequencer(self) -> None:
-        """What tells the supervisor what to do: the sequence of tasks, or whoever is outside."""
-        builder, config = self._builder, self.config
-        self.sequencer: TaskSequencer | None = None
-        if not config.tasks:
-            for name in ("command", "primitive"):
-                builder.ExportInput(self.supervisor.GetInputPort(name), name)
-            return
-        self.sequencer = builder.AddNamedSystem(
-            "sequencer",
-            TaskSequencer(self.planner.demonstrated, config.tasks, config.timing.time_step),
-        )
-        hand = {f"{self.scene.arm}_hand_pose": "hand_pose"}
-        connect(builder, self.supervisor, self.sequencer, "mode")
-        connect(builder, self.perception, self.sequencer, "object_pose")
-        connect(builder, self.station, self.sequencer, "torso_pose", **hand)
-        connect(builder, self.sequencer, self.supervisor, "command", "primitive")
 
     def _add_commands(self) -> None:
         """Connects safe commands to the station, through faults on the way, and forces."""
@@ -271,8 +227,11 @@ class Reaching(Diagram):
     def _add_exports(self) -> None:
         """Exports what a user commands, and what a person who leads the hand has to know."""
         builder, station = self._builder, self.station
-        inputs = {"reset": self.safety, "arm_mode": self.controller}
-        inputs |= {"joint_target": self.controller}
+        inputs = {"reset": self.safety} | dict.fromkeys(
+            ("arm_mode", "joint_target"), self.controller
+        )
+        if self.sequencer is None:
+            inputs |= dict.fromkeys(("command", "primitive"), self.supervisor)
         for name, system in inputs.items():
             builder.ExportInput(system.GetInputPort(name), name)
         builder.ExportOutput(station.GetOutputPort(f"{self.scene.arm}_hand_pose"), "hand_pose")

@@ -5,7 +5,8 @@ from dataclasses import asdict, dataclass
 
 from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.models.scene import load_scene
 from pepper_drake.results.reach_report import ReachReport

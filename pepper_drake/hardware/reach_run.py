@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.systems.analysis import Simulator
 
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.hardware.link_fault import LINK_FAULTS
 from pepper_drake.hardware.paced_run import Pacing
 from pepper_drake.hardware.robot_run import HardwareRun, RobotRun

@@ -7,7 +7,8 @@ import numpy.typing as npt
 
 from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.diagrams.reach_simulation import ReachResult, ReachSimulation, RunOptions
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.scene import Scene

@@ -12,7 +12,8 @@ from pydrake.systems.framework import BusValue, PortDataType
 
 from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions, measure_cloud
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.learning import PointCloudDistance
 from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model

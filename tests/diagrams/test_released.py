@@ -13,7 +13,8 @@ from pydrake.systems.framework import DiagramBuilder, SystemBase
 
 from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
 from pepper_drake.diagrams.live_teaching import LiveTeaching
-from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.reproduction import Reproduction
 from pepper_drake.diagrams.reproduction_simulation import start_positions
 from pepper_drake.diagrams.station import StationConfig

@@ -1,0 +1,34 @@
+"""Configuration of the reach: what a scenario sets."""
+
+from dataclasses import dataclass, field
+
+from pepper_drake.diagrams.compliance import ComplianceConfig
+from pepper_drake.diagrams.head_perception import PerceptionConfig
+from pepper_drake.diagrams.safety_layer import SafetyParams
+from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.planning.ik.contact_detection import ContactParams
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.planning.reach.task_sequence import SequenceTask
+
+
+@dataclass
+class ReachingConfig:
+    """Configuration of the reach."""
+
+    station: StationConfig = field(default_factory=StationConfig)
+    ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
+    planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
+    timing: ReachTiming = field(default_factory=ReachTiming)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
+    safety: SafetyParams = field(default_factory=SafetyParams)
+    contact: ContactParams = field(default_factory=ContactParams)
+    """When a joint counts as held by something; an arm that gives way has no such limit."""
+    compliance: ComplianceConfig | None = None
+    """Compliance of the reaching arm when it is pushed; a stiff arm if None."""
+    log_period: float = 0.01
+    """Period of all logs [s]."""
+    tasks: tuple[SequenceTask, ...] = ()
+    """What the arm does after the reach, one after the other."""
+    is_guided: bool = False
+    """True if a person moves objects and arm: nothing moves by itself, and nothing is logged."""
