@@ -15,6 +15,7 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --no-avoidance               what happens without the obstacle coupling
   reach.py --method reactive            the coupling alone bends the movement, nothing is adapted
   reach.py --method adapted reactive report     the methods beside one another, in methods.png
+  reach.py --tasks lift                 then wait, lift, put down, return; or a file of tasks
   reach.py --live                       watch it in a browser, in real time
   reach.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
 
@@ -45,9 +46,14 @@ from pepper_drake.diagrams.reach_simulation import (
     save_result,
 )
 from pepper_drake.errors import InputError
-from pepper_drake.hardware.options import add_link_options, check_station, robot_access
-from pepper_drake.hardware.preflight import PreflightOptions
-from pepper_drake.hardware.reach_run import HardwareRun, reach_with_robot
+from pepper_drake.hardware.options import (
+    add_link_options,
+    check_station,
+    robot_access,
+)
+from pepper_drake.hardware.reach_run import reach_with_robot
+from pepper_drake.hardware.run_options import hardware_run
+from pepper_drake.models.pepper import MODELS_DIR
 from pepper_drake.models.robot_calibration import load_calibration
 from pepper_drake.models.robot_wear import ROBOTS
 from pepper_drake.models.scene import COUPLINGS
@@ -62,6 +68,7 @@ from pepper_drake.scenario import (
     Scenario,
     add_scenario_options,
     build_reaching,
+    load_tasks,
     movement_and_config,
     save_scenario,
     scenario_of,
@@ -87,6 +94,7 @@ SIMULATED_ONLY: dict[str, object] = {
     "goal_motion": None,
     "moving": False,
     "push": None,
+    "tasks": None,
     "no_avoidance": False,
     "unvetted": False,
     "live": False,
@@ -118,6 +126,12 @@ def make_parser() -> ArgumentParser:
         metavar="PATH",
         help="a demonstration of a right arm: a folder with translation.txt and rotation.txt, or "
         "one text file of ten columns (default: the one that ships)",
+    )
+    parser.add_argument(
+        "--tasks",
+        metavar="NAME|FILE",
+        help="what the arm does after the reach: lift (wait, lift, put down, return), or a YAML "
+        "file with a list of tasks, see docs/howto/chains.md",
     )
     parser.add_argument("--arm", choices=("left", "right"), help="default: the scene's")
     parser.add_argument(
@@ -187,11 +201,6 @@ def make_parser() -> ArgumentParser:
     cli.add_host_option(parser)
     add_link_options(parser)
     parser.add_argument(
-        "--hold-at-end",
-        action="store_true",
-        help="leave a robot's arm stiff at the goal; without it the arm is lowered and relaxed",
-    )
-    parser.add_argument(
         "--no-recording", action="store_true", help="leave recording.html out, which is faster"
     )
     return parser
@@ -220,6 +229,9 @@ def chosen_scenario(options: Namespace) -> Scenario:
         scenario.calibration = options.calibration
     if options.fault:
         scenario.faults = options.fault
+    if options.tasks is not None:
+        shipped = MODELS_DIR / "tasks" / f"{options.tasks}.yaml"
+        scenario.tasks = load_tasks(shipped if shipped.is_file() else Path(options.tasks))
     if options.push is not None:
         if not all(map(math.isfinite, (*options.push, options.push_at))):
             raise InputError("--push and --push-at must be finite numbers")
@@ -319,27 +331,19 @@ def reach(options: Namespace) -> int:
 
 def reach_with_hardware(options: Namespace) -> int:
     """Reaches with the robot that the options name."""
-    access = robot_access(options)
     scenario = chosen_scenario(options)
     calibration, scenario.calibration = scenario.calibration, ""  # That is of a simulated robot.
     primitive, config = movement_and_config(scenario)
     if calibration:
         config.station.calibration = load_calibration(Path(calibration))
-        config.station.calibration.check_robot(access.address)
+        config.station.calibration.check_robot(robot_access(options).address)
     with cli.stop_on_interrupt() as should_stop:
         result = reach_with_robot(
             scenario.scene,
             primitive,
             make_coupling(scenario.scene.coupling),
             config,
-            HardwareRun(
-                access,
-                PreflightOptions(disable_life=options.disable_life),
-                should_stop,
-                lambda line: None if options.quiet else print(line, flush=True),
-                options.hold_at_end,
-                options.clock_rate,
-            ),
+            hardware_run(options, should_stop),
         )
         interrupted = should_stop()
     result.save(options.output)
