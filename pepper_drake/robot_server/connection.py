@@ -9,6 +9,7 @@ import hmac
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Protocol
 
 from pepper_drake.naoqi.wire import (
@@ -24,6 +25,7 @@ from pepper_drake.naoqi.wire import (
     parse_signature,
     read_header,
 )
+from pepper_drake.robot_server.call_watch import TRACE, TRACE_UID
 from pepper_drake.robot_server.objects import (
     COMMON_ACTIONS,
     META_OBJECT,
@@ -255,7 +257,11 @@ class Connection:
         if method is None:
             raise ServiceError(f"{service.name or 'object'}: no method {message.action}")
         arguments = self._arguments(message, method.parameters)
-        return self._call(service, method, arguments), method.returns
+        watch, call = service.watch, partial(self._call, service, method, arguments)
+        if watch.counts or watch.traces:
+            tell = partial(_tell_trace, service)
+            return watch.run(call, method.uid, message.id, arguments, tell), method.returns
+        return call(), method.returns
 
     def _call(self, service: Service, method: Method, arguments: tuple[Any, ...]) -> Any:
         if method.wants_caller:
@@ -308,10 +314,18 @@ class Connection:
             found.set(arguments[1])
         elif action == Common.PROPERTIES.uid:
             return [p.name for p in service.properties.values()]
-        elif action in (Common.IS_STATS_ENABLED.uid, Common.IS_TRACE_ENABLED.uid):
-            return False
+        elif action == Common.IS_STATS_ENABLED.uid:
+            return service.watch.counts
+        elif action == Common.ENABLE_STATS.uid:
+            service.watch.counts = arguments[0]
         elif action == Common.STATS.uid:
-            return {}
+            return service.watch.statistics()
+        elif action == Common.CLEAR_STATS.uid:
+            service.watch.clear()
+        elif action == Common.IS_TRACE_ENABLED.uid:
+            return service.watch.traces
+        elif action == Common.ENABLE_TRACE.uid:
+            service.watch.traces = arguments[0]
         return None
 
     def _property(self, service: Service, name: Any) -> Any:
@@ -329,13 +343,14 @@ class Connection:
         self, message: Message, service: Service, signal: int, link: int, wanted: str
     ) -> None:
         found = service.signals.get(signal)
-        if found is None:
+        if found is None and signal != TRACE_UID:
             raise ServiceError(f"{service.name or 'object'}: no signal {signal}")
+        parameters = f"({TRACE})" if found is None else found.parameters
         key = (message.service, message.object, link)
         if len(self._subscriptions) >= _OBJECTS:
             raise ServiceError("too many subscriptions")
         self._subscriptions[key] = _Subscription(
-            message.service, message.object, signal, wanted or found.parameters
+            message.service, message.object, signal, wanted or parameters
         )
         if self._emit not in service.emitters:
             service.emitters.append(self._emit)
@@ -351,8 +366,8 @@ class Connection:
         self._tell_subscribers(service, gone.signal)
 
     def _tell_subscribers(self, service: Service, signal: int) -> None:
-        found = service.signals[signal]
-        if found.on_subscribers is not None:
+        found = service.signals.get(signal)
+        if found is not None and found.on_subscribers is not None:
             found.on_subscribers(len(service.emitters))
 
     def _emit(self, service: Service, signal: int, parameters: str, arguments: Any) -> None:
@@ -469,3 +484,8 @@ class Connection:
         with contextlib.suppress(ConnectionError, TimeoutError, OSError):
             async with asyncio.timeout(1.0):
                 await self._writer.wait_closed()
+
+
+def _tell_trace(service: Service, event: tuple[Any, ...]) -> None:
+    for emitter in list(service.emitters):
+        emitter(service, TRACE_UID, f"({TRACE})", (event,))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from pepper_drake.naoqi.wire import Reader, Signature, encode, parse_signature
+from pepper_drake.robot_server.call_watch import TRACE, TRACE_UID
 from pepper_drake.robot_server.service import Service, ServiceError
 
 METHOD = "(Issss[(ss)<MetaMethodParameter,name,description>]s)" + (
@@ -65,6 +66,7 @@ def meta_object(service: Service) -> tuple[Any, ...]:
     for m in service.methods.values():
         methods[m.uid] = (m.uid, m.returns, m.name, m.parameters, m.description, [], "")
     signals = {s.uid: (s.uid, s.name, s.parameters) for s in service.signals.values()}
+    signals[TRACE_UID] = (TRACE_UID, "traceObject", f"({TRACE})")
     properties = {p.uid: (p.uid, p.name, p.signature) for p in service.properties.values()}
     return methods, signals, properties, service.description
 

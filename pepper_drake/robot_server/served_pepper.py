@@ -7,6 +7,7 @@ from pepper_drake.robot_server.dialog import Dialog
 from pepper_drake.robot_server.expression_watcher import ExpressionWatcher
 from pepper_drake.robot_server.extractors import quiet_extractors
 from pepper_drake.robot_server.leds import Leds
+from pepper_drake.robot_server.log_manager import LogManager
 from pepper_drake.robot_server.media_services import (
     AnimationPlayer,
     AudioDevice,
@@ -40,7 +41,6 @@ from pepper_drake.robot_server.speech import AnimatedSpeech, TextToSpeech
 from pepper_drake.robot_server.store_services import (
     BehaviorManager,
     Laser,
-    LogManager,
     Navigation,
     PackageManager,
     PreferenceManager,
@@ -99,28 +99,34 @@ class ServedPepper:
         """
         self.finder: ServiceFinder | None = None
         self._port = port
-        self._log = log
+        manager = LogManager(log)
+
+        def say(line: str) -> None:
+            log(line)
+            manager.tell(line)
+
+        self._log = say
         self._unserved: set[str] = set()
         self._cycle = 0
         self._timer = RobotTimer(port.state().time)
         self.memory = Memory(lambda: self._timer.now, lambda: self.finder)
         tell = self.memory.raise_event
-        self.motion = Motion(port, tell, log=log, awake=awake)
+        self.motion = Motion(port, tell, log=say, awake=awake)
         self.video = Video(port, self._timer)
         self._posture = Posture(self.motion, tell)
         self._touch = TouchEvents(self.memory)
-        speech = TextToSpeech(self._timer, tell, log)
+        speech = TextToSpeech(self._timer, tell, say)
         life = AutonomousLife(tell)
         self._gestures = TactileGesture(self.memory)
         self._expressions = ExpressionWatcher(self.memory.value_or_none, lambda: self._timer.now)
         disk = RobotDisk(files)
-        leds = Leds(self._timer, log)
+        leds = Leds(self._timer, say)
         modules: list[Module] = [
             self.motion,
             self.memory,
             self.video,
             self._posture,
-            Tracker(self.motion, log),
+            Tracker(self.motion, say),
             speech,
             AnimatedSpeech(speech, tell),
             life,
@@ -134,13 +140,13 @@ class ServedPepper:
             Touch(lambda: self.motion.state.touched),
             leds,
             AutonomousMoves(),
-            *quiet_extractors(log),
-            Dialog(log),
-            Tablet(log),
-            AudioPlayer(log),
-            AudioDevice(log),
-            AudioRecorder(log),
-            AnimationPlayer(log),
+            *quiet_extractors(say),
+            Dialog(say),
+            Tablet(say),
+            AudioPlayer(say),
+            AudioDevice(say),
+            AudioRecorder(say),
+            AnimationPlayer(say),
             VideoRecorder(self.video, disk, self._timer),
             PhotoCapture(self.video, disk, self._timer),
             Notifications(),
@@ -157,12 +163,12 @@ class ServedPepper:
             ConnectionManager(),
             Launcher(lambda: [service.name for service in self.services]),
             ServiceManager(),
-            Logger(log),
+            Logger(say),
             Preferences(),
             Store(),
             Diagnosis(),
             Sensors(),
-            LogManager(),
+            manager,
             Laser(),
             Recharge(tell),
             Navigation(self.motion),

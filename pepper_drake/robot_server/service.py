@@ -30,6 +30,8 @@ from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from pepper_drake.robot_server.call_watch import CallWatch
+
 FIRST_UID = 100
 """Below it are the actions that every object has."""
 
@@ -170,6 +172,8 @@ class Service:
     properties: dict[int, Property] = field(default_factory=dict)
     emitters: list[Emitter] = field(default_factory=list, repr=False)
     """Receivers of signals: the server adds itself."""
+    watch: CallWatch = field(default_factory=CallWatch, repr=False)
+    """Statistics and traces of its calls."""
 
     def add_method(
         self,

@@ -1,10 +1,10 @@
-"""Preferences, packages, behaviours, log, laser, charging station: kept or empty."""
+"""Preferences, packages, behaviours, laser, charging station: kept or empty."""
 
 from collections.abc import Callable
 from typing import Any
 
 from pepper_drake.robot_server.kept_settings import keep_settings
-from pepper_drake.robot_server.service import Caller, Service
+from pepper_drake.robot_server.service import Caller
 from pepper_drake.robot_server.signatures import with_caller
 from pepper_drake.robot_server.waiting import Module
 
@@ -132,22 +132,6 @@ class BehaviorManager(Module):
 
     def play_default_project(self) -> None:
         """Would start them."""
-
-
-class LogManager(Module):
-    """LogManager: listeners that are told nothing; the served robot logs to its terminal."""
-
-    def __init__(self) -> None:
-        super().__init__("LogManager")
-
-    def get_listener(self) -> Service:
-        """Returns a listener: it can be told a level and filters, and hears nothing."""
-        listener = Service(description="listener to the log")
-        listener.add_signal("onLogMessage", "(m)")
-        listener.add_method("setLevel", "(i)", "v", lambda _: None)
-        listener.add_method("addFilter", "(si)", "v", lambda *_: None)
-        listener.add_method("clearFilters", "()", "v", lambda: None)
-        return listener
 
 
 class Laser(Module):
