@@ -18,6 +18,7 @@ from pepper_drake.diagrams.compliance import ComplianceConfig
 from pepper_drake.diagrams.factory import LearningParams, make_coupling, make_gentle, make_primitive
 from pepper_drake.diagrams.head_perception import PerceptionConfig
 from pepper_drake.diagrams.reaching import Reaching, ReachingConfig
+from pepper_drake.diagrams.safety_layer import SafetyParams
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
@@ -28,7 +29,7 @@ from pepper_drake.models.typed_yaml import load_yaml, save_yaml, with_settings
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
-from pepper_drake.planning.reach.task_sequence import ReachTask
+from pepper_drake.planning.reach.task_sequence import ArmTask
 from pepper_drake.systems.faults.fault import parse_faults
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.guiding.external_force import ForcePulse
@@ -128,6 +129,8 @@ class Scenario:
     """The arm's inverse kinematics."""
     supervisor: ReachTiming = field(default_factory=ReachTiming)
     """Durations, timeouts, and the time that planning takes."""
+    safety: SafetyParams = field(default_factory=SafetyParams)
+    """When the robot is stopped, and how the base drives and brakes."""
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something."""
 
@@ -171,6 +174,7 @@ class Scenario:
             planner=self.planner,
             timing=self.supervisor,
             perception=self.perception,
+            safety=self.safety,
             contact=self.contact,
             compliance=ComplianceConfig(pushes=pushes) if pushes else None,
         )
@@ -226,7 +230,7 @@ def movement_and_config(scenario: Scenario) -> tuple[MovementPrimitive, Reaching
 
 def _task(
     number: int, settings: TaskSettings, reach: MovementPrimitive, scenario: Scenario
-) -> ReachTask:
+) -> ArmTask:
     primitive: MovementPrimitive | None = reach
     if settings.wait:
         primitive = None
@@ -235,7 +239,7 @@ def _task(
         primitive = make_primitive(shown, scenario.scene.arm, scenario.learning)
     x, y, z = settings.offset
     name = settings.name or f"task {number}"
-    return ReachTask(name, primitive, settings.wait, (x, y, z), settings.returns)
+    return ArmTask(name, primitive, settings.wait, (x, y, z), settings.returns)
 
 
 def load_tasks(path: Path) -> list[TaskSettings]:

@@ -11,8 +11,8 @@ import viser.uplot
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 
-from pepper_drake.diagrams.live_teaching import SPARES
 from pepper_drake.live.controls import BUTTONS, plain_name
+from pepper_drake.models.movable_objects import SPARES
 from pepper_drake.web.viser_page import ViserPage
 
 Vector = npt.NDArray[np.float64]

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from pepper_drake.diagrams.live_teaching import SPARES
 from pepper_drake.live.controls import (
     clamped_offset,
     clamped_place,
@@ -22,6 +21,7 @@ from pepper_drake.live.drawing import LiveDrawing
 from pepper_drake.live.page import CLEARANCE_SHOWN, Action, LivePage
 from pepper_drake.live.robot_drawing import RobotDrawing
 from pepper_drake.live.session import LiveSession, Mode
+from pepper_drake.models.movable_objects import SPARES
 from pepper_drake.perception.goal.marker import detect_markers
 from pepper_drake.systems.guiding.gamepad_velocity import (
     GamepadParams,

@@ -14,16 +14,12 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, System
 
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
-from pepper_drake.diagrams.live_teaching import (
-    PUBLISH_PERIOD,
-    LiveTeaching,
-    with_movable_objects,
-    with_spare_obstacles,
-)
+from pepper_drake.diagrams.live_teaching import LiveTeaching
 from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.movable_objects import with_movable_objects, with_spare_obstacles
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
@@ -33,6 +29,9 @@ from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.systems.robot.arm_command import ArmMode
 
 Vector = npt.NDArray[np.float64]
+
+PUBLISH_PERIOD = 1 / 32
+"""Between two frames of the page [s]."""
 
 
 @dataclass(frozen=True)
@@ -297,7 +296,7 @@ class LiveSimulation:
 
     def clearance(self) -> float:
         """Returns how far the arm is from what Pepper sees [m]; infinite while it rests."""
-        return float(self._eval(self.diagram.reaching.seen_clearance, "clearance")[0])
+        return float(self._eval(self.diagram.reaching.safety, "clearance")[0])
 
     def camera_picture(self) -> tuple[str, npt.NDArray[np.uint8]] | None:
         """Returns the head camera in use and its picture (H, W, 3); None without cameras."""

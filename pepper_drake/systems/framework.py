@@ -96,6 +96,33 @@ def build(builder: framework.DiagramBuilder) -> framework.Diagram:
     return diagram
 
 
+def connect(
+    builder: framework.DiagramBuilder,
+    source: framework.System,
+    target: framework.System,
+    *names: str,
+    **renamed: str,
+) -> None:
+    """Connects outputs to inputs of the same name, or of another: `output="input"`.
+
+    Args:
+        builder: Of the diagram that both systems are in.
+        source: Has the outputs.
+        target: Has the inputs.
+        names: Of ports that have the same name on both sides.
+        renamed: The input's name by the output's.
+    """
+    for name, port in (*zip(names, names, strict=True), *renamed.items()):
+        builder.Connect(source.GetOutputPort(name), target.GetInputPort(port))
+
+
+def export_input(builder: framework.DiagramBuilder, name: str, *ports: framework.InputPort) -> None:
+    """Makes one input of the diagram of all these inputs."""
+    builder.ExportInput(ports[0], name)
+    for port in ports[1:]:
+        builder.ConnectInput(name, port)
+
+
 def release(diagram: framework.Diagram, *others: framework.System) -> None:
     """Lets a diagram of `build` go on this thread as soon as its last user does.
 

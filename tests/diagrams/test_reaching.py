@@ -32,13 +32,13 @@ from pepper_drake.planning.reach.reach_parameters import (
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
-from pepper_drake.planning.reach.task_sequence import ReachTask
+from pepper_drake.planning.reach.task_sequence import ArmTask
 
 
 def make_reaching(name, arm, *, lifts=False):
     scene = prepare_scene(load_scene(name), arm=arm)
     coupling, primitive = make_coupling(scene.coupling), make_primitive(None, scene.arm)
-    wait, lift = ReachTask("wait", wait=0.2), ReachTask("lift", primitive, offset=(0, 0, 0.06))
+    wait, lift = ArmTask("wait", wait=0.2), ArmTask("lift", primitive, offset=(0, 0, 0.06))
     config = ReachingConfig(tasks=(wait, lift) if lifts else ())
     return Reaching(scene, primitive, coupling, config)
 
@@ -251,7 +251,7 @@ def test_the_safety_monitor_hears_how_near_the_arm_is_only_where_a_coupling_is_v
         config.planner.collision_checked = collision_checked
         primitive = make_primitive(None, scene.arm)
         reaching = Reaching(scene, primitive, make_coupling(coupling), config)
-        port = reaching.safety.GetInputPort("clearance")
+        port = reaching.safety.GetSubsystemByName("safety_monitor").GetInputPort("clearance")
         assert (
             port.HasValue(port.get_system().GetMyContextFromRoot(reaching.CreateDefaultContext()))
             == hears
@@ -260,17 +260,19 @@ def test_the_safety_monitor_hears_how_near_the_arm_is_only_where_a_coupling_is_v
 
 def test_only_what_the_robot_itself_goes_near_to_stops_it():
     reaching = make_reaching("free", "right")
-    sources = reaching.connection_map()
-    for watch, name in (
-        (reaching.body_watch, "body_clearance"),
-        (reaching.seen_clearance, "clearance"),
-    ):
-        heard = reaching.safety.GetInputPort(name).get_index()
+    safety, supervisor = reaching.safety, reaching.supervisor
+    part = safety.GetSubsystemByName
+    monitor, arm_watch, body_watch = map(part, ("safety_monitor", "arm_watch", "body_watch"))
+    sources = safety.connection_map()
+    for watch, name in ((body_watch, "body_clearance"), (arm_watch, "clearance")):
+        heard = monitor.GetInputPort(name).get_index()
         port = watch.GetOutputPort("approach_clearance").get_index()
-        assert sources[reaching.safety, heard] == (watch, port)
-    heard = reaching.supervisor.GetInputPort("predicted_clearance").get_index()
-    port = reaching.seen_clearance.GetOutputPort("predicted_approach_clearance").get_index()
-    assert sources[reaching.supervisor, heard] == (reaching.seen_clearance, port)
+        assert sources[monitor, heard] == (watch, port)
+    heard = supervisor.GetInputPort("predicted_clearance").get_index()
+    exported = safety.GetOutputPort("predicted_clearance").get_index()
+    assert reaching.connection_map()[supervisor, heard] == (safety, exported)
+    port = arm_watch.GetOutputPort("predicted_approach_clearance").get_index()
+    assert safety.get_output_port_locator(exported) == (arm_watch, port)
 
 
 def test_the_planners_simulation_gives_the_whole_diagrams_commands():
