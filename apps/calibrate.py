@@ -34,9 +34,12 @@ from pepper_drake.diagrams.calibration_run import (
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.hardware.calibration_run import calibrate_robot
-from pepper_drake.hardware.options import add_link_options, check_station, robot_access
-from pepper_drake.hardware.preflight import PreflightOptions
-from pepper_drake.hardware.reach_run import HardwareRun
+from pepper_drake.hardware.options import (
+    add_link_options,
+    check_station,
+    robot_access,
+)
+from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.models.robot_calibration import (
     RobotCalibration,
     save_calibration,
@@ -146,13 +149,7 @@ def main() -> int:
         ) as bar,
     ):
         if is_robot:
-            run = HardwareRun(
-                robot_access(options),
-                PreflightOptions(disable_life=options.disable_life),
-                should_stop,
-                lambda line: None if options.quiet else tqdm.write(line),
-                clock_rate=options.clock_rate,
-            )
+            run = hardware_run(options, should_stop)
             result = calibrate_robot(params, options.seed, run, lambda _: bar.update())
         else:
             config = StationConfig(seed=options.seed, wear=chosen_wear(options))

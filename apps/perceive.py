@@ -11,6 +11,10 @@ Or what Pepper's perception makes of your own data:
   perceive.py --depth FILE --camera FILE [--scale M]             the cloud of a depth image
   perceive.py --cloud FILE [--scale M]                           a cloud: PCD, PLY, NPZ or NPY
 
+Or what a robot sees, searching the goal with its head; nothing else of it moves:
+
+  perceive.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
+
 A camera file is ROS camera_info YAML, an OpenCV FileStorage, or NAOqi's camera and resolution.
 """
 
@@ -35,6 +39,9 @@ from pepper_drake.evaluation.perception_evaluation import (
     GoalSample,
     PerceptionEvaluation,
 )
+from pepper_drake.hardware.options import add_link_options, add_robot_address, check_station
+from pepper_drake.hardware.perceive_run import look_with_robot
+from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
 from pepper_drake.perception.cameras.camera_files import load_intrinsics
 from pepper_drake.perception.goal.marker import MARKER_DICTIONARY
@@ -47,8 +54,26 @@ from pepper_drake.reporting.perception_figures import (
 from pepper_drake.results.folder import whole_results
 from pepper_drake.web.drake_page import open_meshcat
 
-RESULTS = ("report.json", "images.png", "clouds.png", "goal.png", "clouds.html")
+RESULTS = (
+    "report.json",
+    "images.png",
+    "clouds.png",
+    "goal.png",
+    "clouds.html",
+    "cloud.npy",
+    "camera_top.png",
+    "camera_bottom.png",
+    "camera_depth.png",
+)
 """The files that a run leaves."""
+
+SIMULATED_ONLY: dict[str, object] = {
+    "image": None,
+    "depth": None,
+    "cloud": None,
+    "live": False,
+}
+"""Options that a robot does not take, and their defaults."""
 
 _DISTANCES = (0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2)
 """From where the marker is looked at [m]."""
@@ -114,12 +139,16 @@ def make_parser() -> ArgumentParser:
         "--live", action="store_true", help="show the clouds in a browser, and stay open"
     )
     cli.add_host_option(parser)
+    add_robot_address(parser)
+    add_link_options(parser)
     return parser
 
 
 def main() -> int:
     """Runs the app."""
     options = cli.parse(make_parser())
+    if check_station(options, SIMULATED_ONLY):
+        return _perceive_with_robot(options)
     if options.image or options.depth or options.cloud:
         return _perceive_own(options)
     for name in ("camera", "marker", "size", "scale"):
@@ -165,6 +194,44 @@ def main() -> int:
         if page is not None:
             cli.wait_for_interrupt(f"Open {page.url} in a browser; Ctrl-C ends it.")
     return cli.EXIT_DONE
+
+
+def _perceive_with_robot(options: Namespace) -> int:
+    """Looks with the robot that the options name."""
+    cli.quiet_libraries()
+    scene = chosen_scene(options)
+    with cli.stop_on_interrupt() as should_stop:
+        view = look_with_robot(scene, hardware_run(options, should_stop))
+    report: dict = {
+        "address": options.robot,
+        "goal_position": None,
+        "goal_spread": None,
+        "goal_samples": len(view.goal_positions),
+        "cloud_points": len(view.cloud),
+        "image_ages": view.ages,
+        "fault": view.fault.word if view.fault else "",
+    }
+    if len(view.goal_positions):
+        report["goal_position"] = np.median(view.goal_positions, axis=0).tolist()
+        report["goal_spread"] = float(np.linalg.norm(view.goal_positions.std(axis=0)))
+    with whole_results(options.output, RESULTS) as folder:
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+        np.save(folder / "cloud.npy", view.cloud)
+        for name, pixels in view.images.items():
+            bgr = pixels[..., ::-1] if pixels.ndim == 3 else pixels
+            cv2.imwrite(str(folder / f"{name}.png"), np.ascontiguousarray(bgr))
+    if not options.quiet:
+        if report["goal_position"]:
+            x, y, z = report["goal_position"]
+            spread = 1000 * report["goal_spread"]
+            print(f"  goal    at ({x:.3f}, {y:.3f}, {z:.3f}) m, +- {spread:.1f} mm")
+        else:
+            print("  goal    not seen")
+        print(f"  cloud   {len(view.cloud)} points")
+        print(f"Results are in {options.output}")
+    if view.is_stopped:
+        return cli.EXIT_INTERRUPTED
+    return cli.EXIT_DONE if report["goal_position"] and not view.fault else cli.EXIT_FAILED
 
 
 def _perceive_own(options: Namespace) -> int:

@@ -27,7 +27,7 @@ async def check(access: RobotAccess, arm: str, options: PreflightOptions) -> lis
 def main() -> int:
     """Runs the app."""
     parser = cli.make_parser("preflight", __doc__)
-    add_link_options(parser, required=True)
+    add_link_options(parser, required=True, moves=False)
     parser.add_argument(
         "--arm", choices=("left", "right"), default="right", help="default: %(default)s"
     )

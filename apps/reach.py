@@ -46,9 +46,13 @@ from pepper_drake.diagrams.reach_simulation import (
     save_result,
 )
 from pepper_drake.errors import InputError
-from pepper_drake.hardware.options import add_link_options, check_station, robot_access
-from pepper_drake.hardware.preflight import PreflightOptions
-from pepper_drake.hardware.reach_run import HardwareRun, reach_with_robot
+from pepper_drake.hardware.options import (
+    add_link_options,
+    check_station,
+    robot_access,
+)
+from pepper_drake.hardware.reach_run import reach_with_robot
+from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.models.pepper import MODELS_DIR
 from pepper_drake.models.robot_calibration import load_calibration
 from pepper_drake.models.robot_wear import ROBOTS
@@ -197,11 +201,6 @@ def make_parser() -> ArgumentParser:
     cli.add_host_option(parser)
     add_link_options(parser)
     parser.add_argument(
-        "--hold-at-end",
-        action="store_true",
-        help="leave a robot's arm stiff at the goal; without it the arm is lowered and relaxed",
-    )
-    parser.add_argument(
         "--no-recording", action="store_true", help="leave recording.html out, which is faster"
     )
     return parser
@@ -332,27 +331,19 @@ def reach(options: Namespace) -> int:
 
 def reach_with_hardware(options: Namespace) -> int:
     """Reaches with the robot that the options name."""
-    access = robot_access(options)
     scenario = chosen_scenario(options)
     calibration, scenario.calibration = scenario.calibration, ""  # That is of a simulated robot.
     primitive, config = movement_and_config(scenario)
     if calibration:
         config.station.calibration = load_calibration(Path(calibration))
-        config.station.calibration.check_robot(access.address)
+        config.station.calibration.check_robot(robot_access(options).address)
     with cli.stop_on_interrupt() as should_stop:
         result = reach_with_robot(
             scenario.scene,
             primitive,
             make_coupling(scenario.scene.coupling),
             config,
-            HardwareRun(
-                access,
-                PreflightOptions(disable_life=options.disable_life),
-                should_stop,
-                lambda line: None if options.quiet else print(line, flush=True),
-                options.hold_at_end,
-                options.clock_rate,
-            ),
+            hardware_run(options, should_stop),
         )
         interrupted = should_stop()
     result.save(options.output)

@@ -47,7 +47,12 @@ from pepper_drake.diagrams.recording import (
     record_joints,
     record_pad,
 )
-from pepper_drake.hardware.options import add_link_options, check_station, robot_access
+from pepper_drake.hardware.options import (
+    add_link_options,
+    add_robot_address,
+    check_station,
+    robot_access,
+)
 from pepper_drake.hardware.robot_recording import RobotRecordOptions, record_robot
 from pepper_drake.learning import Demonstration
 from pepper_drake.learning.demonstrations.recording import recover
@@ -105,10 +110,8 @@ def main() -> int:
         metavar="DIR",
         help="finish the recording that was interrupted in this folder, and do nothing else",
     )
-    parser.add_argument(
-        "--robot", default="ideal", metavar="ADDRESS", help="address of a robot: --station naoqi"
-    )
-    add_link_options(parser)
+    add_robot_address(parser)
+    add_link_options(parser, moves=False)
     arguments = parse(parser)
     is_robot = check_station(arguments, SIMULATED_ONLY)
     if is_robot:

@@ -9,6 +9,7 @@ was pushed, and with --score a line in a file of scores, which `optimize.py` tak
   reproduce.py --push 0 0 5 --push-at 1.5             5 N upward, from 1.5 s on, for half a second
   reproduce.py --push 0 -5 0 --learn-corrections      a new primitive, bent to where it was pushed
   reproduce.py --primitive out/reproduce/corrected.yaml --score 8 --scores scores.txt
+  reproduce.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
 """
 
 import argparse
@@ -39,6 +40,13 @@ from pepper_drake.diagrams.reproduction_simulation import (
 )
 from pepper_drake.errors import InputError
 from pepper_drake.files import write_atomically
+from pepper_drake.hardware.options import (
+    add_link_options,
+    add_robot_address,
+    check_station,
+)
+from pepper_drake.hardware.perform_run import perform_with_robot
+from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.correction import learn_correction
 from pepper_drake.learning.dmp.joint_primitive import JointPrimitive, is_joint_primitive
@@ -56,11 +64,24 @@ REACHED = 0.01
 """A hand nearer to its goal than this [m] has reached it."""
 
 
+SIMULATED_ONLY: dict[str, object] = {
+    "push": None,
+    "learn_corrections": False,
+    "no_waiting": False,
+    "stiffness": ReproductionParams().stiffness,
+    "live": False,
+}
+"""Options that a robot does not take, and their defaults."""
+
+
 def main() -> int:
     """Runs the app and returns its exit code."""
     arguments = parse()
+    is_robot = check_station(arguments, SIMULATED_ONLY)
     quiet_libraries()
     primitive, arm = load(arguments)
+    if is_robot:
+        return perform_on_robot(arguments, primitive, arm)
     pushes: tuple[ForcePulse, ...] = ()
     if arguments.push is not None:
         pushes = (ForcePulse(tuple(arguments.push), arguments.push_at, arguments.push_for),)
@@ -111,6 +132,39 @@ def main() -> int:
             report["correction"] = correction.deviation
         save_report(report, folder)
     shutil.rmtree(arguments.output / INTERRUPTED, ignore_errors=True)
+    return tell(arguments, report, result, interrupted=interrupted)
+
+
+def perform_on_robot(arguments: argparse.Namespace, primitive: MovementPrimitive, arm: str) -> int:
+    """Performs the movement with the robot that the options name."""
+    goal = None if arguments.goal is None else np.array(arguments.goal)
+    start = time.perf_counter()
+    with stop_on_interrupt() as should_stop:
+        run = hardware_run(arguments, should_stop)
+        result, fault, interrupted = perform_with_robot(primitive, arm, run, goal)
+    if result is None and fault is not None:
+        raise fault
+    if result is None:
+        return EXIT_INTERRUPTED
+    seconds = time.perf_counter() - start
+    report = make_report(arguments, arm, result, seconds, interrupted=interrupted)
+    report |= {"address": run.access.address, "fault": fault.word if fault else ""}
+    if fault is not None:
+        report |= {"outcome": "failed", "reason": fault.word, "message": str(fault)}
+    with whole_results(arguments.output, RESULTS) as folder:
+        save_log(result, folder / "log.npz")
+        save_report(report, folder)
+    return tell(arguments, report, result, interrupted=interrupted)
+
+
+def tell(
+    arguments: argparse.Namespace,
+    report: dict[str, object],
+    result: ReproductionResult,
+    *,
+    interrupted: bool,
+) -> int:
+    """Says what came of it, and returns the exit code."""
     if arguments.score is not None and not interrupted:
         add_score(arguments.scores, arguments.score)
     if not arguments.quiet:
@@ -177,6 +231,8 @@ def parse() -> argparse.Namespace:
     )
     parser.add_argument("--live", action="store_true", help="show it in a browser in real time")
     add_host_option(parser)
+    add_robot_address(parser)
+    add_link_options(parser)
     arguments = cli.parse(parser)
     if not arguments.push_for > 0.0:
         raise InputError("--push-for must be above 0")

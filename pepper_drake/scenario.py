@@ -29,7 +29,7 @@ from pepper_drake.models.typed_yaml import load_yaml, save_yaml, with_settings
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
-from pepper_drake.planning.reach.task_sequence import ArmTask
+from pepper_drake.planning.reach.task_sequence import SequenceTask
 from pepper_drake.systems.faults.fault import parse_faults
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.guiding.external_force import ForcePulse
@@ -230,7 +230,7 @@ def movement_and_config(scenario: Scenario) -> tuple[MovementPrimitive, Reaching
 
 def _task(
     number: int, settings: TaskSettings, reach: MovementPrimitive, scenario: Scenario
-) -> ArmTask:
+) -> SequenceTask:
     primitive: MovementPrimitive | None = reach
     if settings.wait:
         primitive = None
@@ -239,7 +239,7 @@ def _task(
         primitive = make_primitive(shown, scenario.scene.arm, scenario.learning)
     x, y, z = settings.offset
     name = settings.name or f"task {number}"
-    return ArmTask(name, primitive, settings.wait, (x, y, z), settings.returns)
+    return SequenceTask(name, primitive, settings.wait, (x, y, z), settings.returns)
 
 
 def load_tasks(path: Path) -> list[TaskSettings]:

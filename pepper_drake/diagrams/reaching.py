@@ -25,11 +25,11 @@ from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, Rea
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.reach_task import ReachTask
-from pepper_drake.planning.reach.task_sequence import ArmTask
+from pepper_drake.planning.reach.task_sequence import SequenceTask
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
 from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.faulty_planner import faulty
-from pepper_drake.systems.framework import Diagram, LeafSystem, build_into, connect
+from pepper_drake.systems.framework import Diagram, build_into, connect
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 from pepper_drake.systems.task_sequencer import TaskSequencer
@@ -51,7 +51,7 @@ class ReachingConfig:
     """Compliance of the reaching arm when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
     """Period of all logs [s]."""
-    tasks: tuple[ArmTask, ...] = ()
+    tasks: tuple[SequenceTask, ...] = ()
     """What the arm does after the reach, one after the other."""
     is_guided: bool = False
     """True if a person moves objects and arm: nothing moves by itself, and nothing is logged."""
@@ -115,11 +115,13 @@ class Reaching(Diagram):
         # A real robot's station has the same ports, less those of the truth.
         chosen = cast(PepperStation, station or PepperStation(scene, config.station, model))
         self.station: PepperStation = builder.AddNamedSystem("station", chosen)
-        self._faults = config.station.faults
+        self._is_simulated = isinstance(chosen, PepperStation)
+        self._faults = chosen.config.faults if self._is_simulated else config.station.faults
         self._is_checked = config.planner.collision_checked and coupling is not None
         self.logs: dict[str, VectorLogSink] = {}
         self._add_systems(coupling)
         self._connect_systems()
+        self._add_sequencer()
         self._add_commands()
         self._add_motions()
         self._add_exports()
@@ -143,13 +145,18 @@ class Reaching(Diagram):
         self.planner = ReachPlanner(self.primitive, task)
         planner, timing = faulty(self.planner, config.timing, self._faults)
         self.timed_planner = TimedPlanner(planner)
+
+        def planner_for(wanted: MovementPrimitive | Movement) -> Planner:
+            if isinstance(wanted, MovementPrimitive):
+                return self.planner.with_primitive(wanted)
+            first = self.planner.demonstrated
+            if wanted.primitive is first.primitive and wanted.X_OG is first.X_OG:
+                return self.timed_planner
+            return self.planner.with_primitive(wanted.primitive, wanted.X_OG)
+
         supervisor = ReachSupervisor(
-            self.timed_planner, timing, arm=scene.arm, planner_for=self._planner_for
+            self.timed_planner, timing, arm=scene.arm, planner_for=planner_for
         )
-        self.sequencer: TaskSequencer | None = None
-        if config.tasks:
-            sequencer = TaskSequencer(self.planner.demonstrated, config.tasks, timing.time_step)
-            self.sequencer = add("sequencer", sequencer)
         start = scene.robot.positions()
         contact = config.contact.on_worn_robot(config.station.wear)
         controller = ArmController(
@@ -163,7 +170,7 @@ class Reaching(Diagram):
         safety = SafetyLayer(
             model,
             scene,
-            config.safety,
+            config.safety if self._is_simulated else config.safety.over_link(),
             self._faults,
             contact=contact if compliance is None else None,
             control_period=config.ik.time_step,
@@ -172,15 +179,6 @@ class Reaching(Diagram):
         self.supervisor = add("supervisor", supervisor)
         self.controller = add("arm_controller", controller)
         self.safety = add("safety", safety)
-
-    def _planner_for(self, wanted: MovementPrimitive | Movement) -> Planner:
-        """Returns the planner of another movement, to its own goal if it has one."""
-        if isinstance(wanted, MovementPrimitive):
-            return self.planner.with_primitive(wanted)
-        first = self.planner.demonstrated
-        if wanted.primitive is first.primitive and wanted.X_OG is first.X_OG:
-            return self.timed_planner
-        return self.planner.with_movement(wanted)
 
     def _connect_systems(self) -> None:
         """Connects the five with one another."""
@@ -201,11 +199,6 @@ class Reaching(Diagram):
         wire(controller, supervisor, "goal_position", "desired_position", "tau")
         commands = {f"{kind}_command": f"arm_{kind}_command" for kind in ("position", "velocity")}
         wire(controller, supervisor, **commands)
-        if self.sequencer is not None:
-            wire(supervisor, self.sequencer, "mode")
-            wire(perception, self.sequencer, "object_pose")
-            wire(station, self.sequencer, "torso_pose", **hand)
-            wire(self.sequencer, supervisor, "command", "primitive")
         self.arm_position = select_joints(
             self._builder, station.GetOutputPort("joint_position"), "arm_position", arm_joints(arm)
         )
@@ -221,6 +214,24 @@ class Reaching(Diagram):
         if self._is_checked:
             wire(safety, supervisor, "predicted_clearance")
         wire(safety, controller, "stop_reason")
+
+    def _add_sequencer(self) -> None:
+        """What tells the supervisor what to do: the sequence of tasks, or whoever is outside."""
+        builder, config = self._builder, self.config
+        self.sequencer: TaskSequencer | None = None
+        if not config.tasks:
+            for name in ("command", "primitive"):
+                builder.ExportInput(self.supervisor.GetInputPort(name), name)
+            return
+        self.sequencer = builder.AddNamedSystem(
+            "sequencer",
+            TaskSequencer(self.planner.demonstrated, config.tasks, config.timing.time_step),
+        )
+        hand = {f"{self.scene.arm}_hand_pose": "hand_pose"}
+        connect(builder, self.supervisor, self.sequencer, "mode")
+        connect(builder, self.perception, self.sequencer, "object_pose")
+        connect(builder, self.station, self.sequencer, "torso_pose", **hand)
+        connect(builder, self.sequencer, self.supervisor, "command", "primitive")
 
     def _add_commands(self) -> None:
         """Connects safe commands to the station, through faults on the way, and forces."""
@@ -259,11 +270,9 @@ class Reaching(Diagram):
 
     def _add_exports(self) -> None:
         """Exports what a user commands, and what a person who leads the hand has to know."""
-        builder, station, supervisor = self._builder, self.station, self.supervisor
-        inputs: dict[str, Diagram | LeafSystem] = {"reset": self.safety}
-        if self.sequencer is None:
-            inputs |= {"command": supervisor, "primitive": supervisor}
-        inputs |= {"arm_mode": self.controller, "joint_target": self.controller}
+        builder, station = self._builder, self.station
+        inputs = {"reset": self.safety, "arm_mode": self.controller}
+        inputs |= {"joint_target": self.controller}
         for name, system in inputs.items():
             builder.ExportInput(system.GetInputPort(name), name)
         builder.ExportOutput(station.GetOutputPort(f"{self.scene.arm}_hand_pose"), "hand_pose")

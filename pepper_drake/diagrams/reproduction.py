@@ -14,7 +14,7 @@ from pepper_drake.diagrams.compliance import ComplianceConfig, add_hand_force
 from pepper_drake.diagrams.lone_pepper import add_lone_pepper
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
-from pepper_drake.models.control_model import arm_joints
+from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.systems.framework import Diagram, build_into, connect
 
@@ -35,6 +35,8 @@ class ReproductionParams:
 class Reproduction(Diagram):
     """Pepper alone performs a primitive: the station, its arm soft, and the arm controller.
 
+    It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
+
     .. pydrake_system::
 
         name: Reproduction
@@ -42,11 +44,11 @@ class Reproduction(Diagram):
         - movement
         - goal_pose
         - cloud (optional)
-        - push (optional)
+        - push (optional, simulated)
         output_ports:
         - hand_position
         - torso_pose
-        - query
+        - query (simulated)
         - phase
         - active
 
@@ -56,7 +58,7 @@ class Reproduction(Diagram):
     `query`, the geometry; the others: see `ArmController`.
 
     Attributes:
-        plant: The plant with Pepper alone.
+        plant: The simulated plant with Pepper alone; None for a robot.
         logs: Vector logs by the name of what they log.
     """
 
@@ -67,6 +69,7 @@ class Reproduction(Diagram):
         arm: str,
         positions: Mapping[str, float],
         params: ReproductionParams | None = None,
+        robot: Diagram | None = None,
     ) -> None:
         """Makes the diagram.
 
@@ -75,6 +78,7 @@ class Reproduction(Diagram):
             arm: "left" or "right".
             positions: Where every joint starts [rad, m], by name.
             params: How the arm follows and gives way.
+            robot: A robot's station, which stands as `positions` say; simulated if left out.
 
         Raises:
             InputError: The primitive has no orientation or no posture.
@@ -83,44 +87,45 @@ class Reproduction(Diagram):
         self.primitive, self.arm = primitive, arm
         self.params = params = params or ReproductionParams()
         builder = DiagramBuilder()
-        station, commands, arm_position = add_lone_pepper(builder, arm, positions, params.stiffness)
-        self.plant: MultibodyPlant = station.plant
-        controller = builder.AddNamedSystem(
-            "arm_controller",
-            ArmController(
-                station.control_model,
-                arm,
-                primitive,
-                [positions.get(name, 0.0) for name in arm_joints(arm)],
-                ik=params.ik,
-                phase_stopping=params.tracking,
-            ),
+        controller = ArmController(
+            shared_control_model(),
+            arm,
+            primitive,
+            [positions.get(name, 0.0) for name in arm_joints(arm)],
+            ik=params.ik,
+            phase_stopping=params.tracking,
         )
+        builder.AddNamedSystem("arm_controller", controller)
+        station, commands, arm_position = add_lone_pepper(
+            builder, arm, positions, params.stiffness, robot
+        )
+        self.plant: MultibodyPlant | None = None if robot is not None else station.plant
         builder.Connect(arm_position, controller.GetInputPort("arm_position"))
         connect(builder, station, controller, **{f"{arm}_hand_pose": "hand_pose"})
         # The goal is given in T.
         torso = builder.AddNamedSystem("torso", ConstantValueSource(Value(RigidTransform())))
         builder.Connect(torso.get_output_port(), controller.GetInputPort("torso_pose"))
         connect(builder, controller, commands, position_command="arm_command")
-        force = add_hand_force(builder, station, arm)
         builder.ExportInput(controller.GetInputPort("movement"), "movement")
         builder.ExportInput(controller.GetInputPort("object_pose"), "goal_pose")
         builder.ExportInput(controller.GetInputPort("cloud"), "cloud")
-        builder.ExportInput(force.force_input, "push")
         ports = {
             "hand_position": station.GetOutputPort(f"{arm}_hand_position"),
             "hand_orientation": station.GetOutputPort(f"{arm}_hand_orientation"),
             "arm_position": arm_position,
             "joint_command": controller.GetOutputPort("position_command"),
             "joint_velocity_command": controller.GetOutputPort("velocity_command"),
-            "state": station.GetOutputPort("ground_truth.state"),
         }
         for name in ("desired_position", "phase", "tau", "slowdown", "coupling", "active"):
             ports[name] = controller.GetOutputPort(name)
         for name in ("hand_position", "phase", "active"):
             builder.ExportOutput(ports[name], name)
         builder.ExportOutput(station.GetOutputPort("torso_pose"), "torso_pose")
-        builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "query")
+        if robot is None:
+            force = add_hand_force(builder, station, arm)
+            builder.ExportInput(force.force_input, "push")
+            builder.ExportOutput(station.GetOutputPort("ground_truth.query"), "query")
+            ports["state"] = station.GetOutputPort("ground_truth.state")
         self.logs: dict[str, VectorLogSink] = {
             name: LogVectorOutput(port, builder, params.log_period) for name, port in ports.items()
         }

@@ -27,7 +27,7 @@ Vector = npt.NDArray[np.float64]
 _SLICE = 0.1
 _STILL = 0.01
 """A hand that is slower than this [m/s] has come to rest."""
-_LONGEST = 3.0
+LONGEST = 3.0
 """A reproduction is given up this many durations of its primitive after the last push."""
 _LIMIT_TOLERANCE = 1e-3
 """Penetration [rad] of a joint limit that the plant's solver allows."""
@@ -109,7 +109,6 @@ def reproduce(
         InputError: The primitive has no orientation or no posture.
     """
     options = options or ReproductionOptions()
-    goal = primitive.goal if options.goal is None else options.goal
     builder = DiagramBuilder()
     positions = start_positions(primitive, arm) if primitive.posture is not None else {}
     diagram = builder.AddNamedSystem(
@@ -128,46 +127,77 @@ def reproduce(
     simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
     root = simulator.get_mutable_context()
     context = diagram.GetMyMutableContextFromRoot(root)
-    assert primitive.orientation is not None
-    goal_pose = RigidTransform(Quaternion(primitive.orientation.goal), goal)
-    diagram.GetInputPort("goal_pose").FixValue(context, goal_pose)
-    movement = Movement(primitive, id=1)
-    diagram.GetInputPort("movement").FixValue(context, Value[object](movement))
+    goal = begin_movement(diagram, context, options.goal)
     _advance(simulator, diagram, goal, options)
-    result = _measure(diagram, root, goal)
+    result = measure(diagram, root, goal)
     if options.meshcat is not None:
         _draw(options.meshcat, diagram, context, result)
         options.meshcat.PublishRecording()
     return result
 
 
-def _advance(
-    simulator: Simulator, diagram: Reproduction, goal: Vector, options: ReproductionOptions
-) -> None:
-    """Simulates until the movement is over and the hand rests."""
-    duration = diagram.primitive.duration
-    end = diagram.primitive.phase_at([duration])[0]
-    last_push = max((push.start + push.duration for push in options.pushes), default=0.0)
-    root = simulator.get_context()
+def begin_movement(diagram: Reproduction, context: Context, goal: Vector | None) -> Vector:
+    """Lets the movement begin where the hand is.
+
+    Args:
+        diagram: With its primitive.
+        context: The diagram's.
+        goal: (3,) of the hand in T [m]; the primitive's own if None.
+
+    Returns:
+        The goal (3,) [m].
+    """
+    primitive = diagram.primitive
+    goal = primitive.goal if goal is None else goal
+    assert primitive.orientation is not None
+    goal_pose = RigidTransform(Quaternion(primitive.orientation.goal), goal)
+    diagram.GetInputPort("goal_pose").FixValue(context, goal_pose)
+    movement = Movement(primitive, id=1)
+    diagram.GetInputPort("movement").FixValue(context, Value[object](movement))
+    return goal
+
+
+def comes_to_rest(
+    diagram: Reproduction, root: Context, last_push: float = 0.0, period: float = _SLICE
+) -> Callable[[], bool]:
+    """Returns a function that tells, asked once a period [s], if the movement is over and rests.
+
+    Args:
+        diagram: What is performed.
+        root: Of the simulator.
+        last_push: When the last push ends [s].
+        period: Time between two questions [s].
+    """
+    end = diagram.primitive.phase_at([diagram.primitive.duration])[0]
     context = diagram.GetMyContextFromRoot(root)
     before = diagram.GetOutputPort("hand_position").Eval(context)
 
     def rests() -> bool:
         nonlocal before
         hand = np.array(diagram.GetOutputPort("hand_position").Eval(context))
-        still = np.linalg.norm(hand - before) < _STILL * _SLICE
+        still = np.linalg.norm(hand - before) < _STILL * period
         before = hand
         over = diagram.GetOutputPort("phase").Eval(context)[0] < end
         return bool(over and still and root.get_time() > last_push + 0.5)
 
+    return rests
+
+
+def _advance(
+    simulator: Simulator, diagram: Reproduction, goal: Vector, options: ReproductionOptions
+) -> None:
+    """Simulates until the movement is over and the hand rests."""
+    last_push = max((push.start + push.duration for push in options.pushes), default=0.0)
+    root = simulator.get_context()
+
     def keep() -> None:
         if options.keep is not None:
-            options.keep(_measure(diagram, root, goal))
+            options.keep(measure(diagram, root, goal))
 
     simulate(
         simulator,
-        _LONGEST * duration + last_push,
-        watch=rests,
+        LONGEST * diagram.primitive.duration + last_push,
+        watch=comes_to_rest(diagram, root, last_push),
         should_stop=options.should_stop,
         keep=keep,
         period=_SLICE,
@@ -176,19 +206,28 @@ def _advance(
     ).check()
 
 
-def _measure(diagram: Reproduction, root: Context, goal: Vector) -> ReproductionResult:
-    """Takes the logs apart."""
+def measure(diagram: Reproduction, root: Context, goal: Vector) -> ReproductionResult:
+    """Returns the result of a run by its logs.
+
+    Joint speeds are the true ones of a simulated robot, and those commanded to a real one.
+
+    Args:
+        diagram: What was performed.
+        root: Of the simulator.
+        goal: (3,) of the hand in T [m].
+    """
 
     def rows(name: str) -> Vector:
         return np.array(diagram.logs[name].FindLog(root).data().T)
 
-    plant = diagram.plant
-    limits = shared_control_model().command_limits(arm_joints(diagram.arm))
-    state, joints = rows("state"), rows("arm_position")
-    columns = [
-        plant.num_positions() + plant.GetJointByName(name).velocity_start()
-        for name in arm_joints(diagram.arm)
-    ]
+    plant, names, joints = diagram.plant, arm_joints(diagram.arm), rows("arm_position")
+    limits = shared_control_model().command_limits(names)
+    if plant is None:
+        speeds = rows("joint_velocity_command")
+    else:
+        first = plant.num_positions()
+        columns = [first + plant.GetJointByName(name).velocity_start() for name in names]
+        speeds = rows("state")[:, columns]
     motion = ReproducedMotion(
         times=np.array(diagram.logs["phase"].FindLog(root).sample_times()),
         phases=rows("phase")[:, 0],
@@ -203,7 +242,7 @@ def _measure(diagram: Reproduction, root: Context, goal: Vector) -> Reproduction
         desired_positions=desired,
         slowdowns=rows("slowdown")[:, 0],
         final_position_error=float(np.linalg.norm(motion.positions[-1] - goal)),
-        worst_joint_speed=float((np.abs(state[:, columns]) / limits.velocity).max()),
+        worst_joint_speed=float((np.abs(speeds) / limits.velocity).max()),
         limit_overrun=float(
             np.maximum(limits.position_lower - joints, joints - limits.position_upper).max()
         ),

@@ -1,6 +1,6 @@
 """Safety: clearances, limits and stops between the desired commands and the robot."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.primitives import Adder
@@ -19,7 +19,11 @@ from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into, connect, export_input
-from pepper_drake.systems.robot.base_position_controller import BaseMotion, BasePositionController
+from pepper_drake.systems.robot.base_position_controller import (
+    SENT_TO_PLACES,
+    BaseMotion,
+    BasePositionController,
+)
 from pepper_drake.systems.robot.body_watch import BodyWatch
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
 from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
@@ -43,7 +47,14 @@ class SafetyParams:
     """Time until the base begins to brake [s]."""
     longest_gap: float = 0.12
     """Time for which measurements and estimates may fail to come [s]: six control periods."""
+    link_gap: float = 2.0
+    """The same of a robot over a link [s], which holds the arm after 0.1 s by itself, goes on where
+    measurements come again, and ends the run after 1 s."""
     base: BaseMotion = field(default_factory=BaseMotion)
+
+    def over_link(self) -> "SafetyParams":
+        """Returns those of a robot over a link, whose base is sent to places."""
+        return replace(self, longest_gap=self.link_gap, base=SENT_TO_PLACES)
 
 
 class SafetyLayer(Diagram):

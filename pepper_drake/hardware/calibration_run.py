@@ -12,12 +12,8 @@ from pepper_drake.diagrams.calibration_run import (
     MarkerCollector,
     plan_motion,
 )
-from pepper_drake.hardware.link import LinkConfig
-from pepper_drake.hardware.link_process import LinkProcess
-from pepper_drake.hardware.paced_run import run_paced
-from pepper_drake.hardware.reach_run import HardwareRun
-from pepper_drake.hardware.station import HardwareStation
-from pepper_drake.models.control_model import CONTROL_PERIOD, shared_control_model
+from pepper_drake.hardware.robot_run import HardwareRun, RobotRun
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.perception.calibration.marker_calibration import estimate_calibration
 from pepper_drake.perception.calibration.marker_kinematics import (
     COLOR_CAMERAS,
@@ -26,8 +22,8 @@ from pepper_drake.perception.calibration.marker_kinematics import (
 )
 from pepper_drake.planning.calibration.calibration_postures import choose_postures
 
-_HEAD_START = 1.0
-"""Time before the robot moves, in which the diagram is built [s]."""
+_HEAD_START = 0.5
+"""Time before the robot moves [s]."""
 
 
 def calibrate_robot(
@@ -53,34 +49,19 @@ def calibrate_robot(
     """
     model, arm = shared_control_model(), params.arm
     chain = MarkerModel(arm, params.marker, COLOR_CAMERAS, PriorSigmas.of_wear())
-    config = LinkConfig(arm, cameras=COLOR_CAMERAS, clock_rate=run.clock_rate)
-    with LinkProcess(run.access, config, run.preflight) as link:
-        link.wait_until_ready()
-        start = np.array(link.state()["positions"])
+    with RobotRun(run, arm, cameras=COLOR_CAMERAS) as robot:
+        start = np.array(list(robot.joints.values()))
         postures = choose_postures(model, chain, arm, start, params.postures, seed)
-        begin = link.clock.now()
         motion = plan_motion(postures, arm, start, _HEAD_START)
-        drive = CalibrationDrive(HardwareStation(link, model, begin), motion)
+        drive = CalibrationDrive(robot.station(), motion)
         collector = MarkerCollector(
             drive.station, motion, postures, arm, params.marker, on_look=on_look
         )
         simulator = Simulator(drive)
-        simulator.get_mutable_context().SetTime(
-            CONTROL_PERIOD * int((link.clock.now() - begin) / CONTROL_PERIOD)
-        )
-        simulator.Initialize()
-        stopped = False
-
-        def is_over() -> bool:
-            nonlocal stopped
-            link.check()
-            stopped = run.should_stop()
-            return stopped or collector.watch(simulator.get_context())
-
-        run_paced(simulator, begin, is_over, wall=link.clock.now, sleep=link.clock.sleep)
-        run.say("the arm is held, lowered and relaxed")
-        link.hand_over()
-    if stopped:
+        robot.advance(drive, lambda: collector.watch(simulator.get_context()), simulator)
+    if robot.fault is not None:
+        raise robot.fault
+    if robot.is_stopped:
         return None
     estimate = estimate_calibration(chain, collector.sightings)
     return CalibrationResult(estimate, collector.sightings, float(motion.times[-1]))

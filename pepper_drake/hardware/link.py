@@ -6,7 +6,8 @@ tens of milliseconds. All its calls are made from one asyncio loop.
 
 import asyncio
 import contextlib
-from collections.abc import Sequence
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -14,10 +15,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.hardware.base_driver import drive_base
 from pepper_drake.hardware.camera_reader import CameraReader
+from pepper_drake.hardware.dead_man import DeadManKey, dead_man_key
 from pepper_drake.hardware.hand_over import hand_over
 from pepper_drake.hardware.link_clock import LinkClock
-from pepper_drake.hardware.link_fault import LinkFault
+from pepper_drake.hardware.link_fault import HANDED_OVER, LinkFault
 from pepper_drake.hardware.mailbox import (
     CAMERA_NAMES,
     END,
@@ -27,7 +30,8 @@ from pepper_drake.hardware.mailbox import (
     Mailbox,
 )
 from pepper_drake.hardware.measurements import Measurement, Measurements
-from pepper_drake.hardware.transport import Transport
+from pepper_drake.hardware.robot_commands import streamed_targets, within_limits
+from pepper_drake.hardware.transport import Transport, identity
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
     CommandLimits,
@@ -35,10 +39,10 @@ from pepper_drake.models.control_model import (
     body_indices,
     shared_control_model,
 )
-from pepper_drake.models.pepper import JOINT_GROUPS, clamp_coupled_limits
+from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.naoqi.clock import join_time
 from pepper_drake.naoqi.constants import BODY, CYCLE
-from pepper_drake.naoqi.streaming import LARGEST_FRACTION, lookahead, streamed_command
+from pepper_drake.naoqi.streaming import lookahead
 
 Vector = npt.NDArray[np.float64]
 
@@ -50,10 +54,6 @@ HOLD_FRACTION = 0.1
 """Fraction of the largest speed with which the arm goes back to where it is, to hold."""
 _BEHIND = 0.05
 """Distance from the path at which a joint may catch up, with the same fraction [rad]."""
-HEADROOM = 1.5
-"""Fraction sent over that which the fastest joint needs. With it all joints run one lookahead less
-one cycle ahead of the plan, whatever their speeds, to 0.3 mrad; without, each is somewhere in
-between, up to 9 mrad apart (five joints along a minimum-jerk path against the served law)."""
 STALLED = 0.2
 """Distance of a joint from its command that it does not close [rad]."""
 STALLED_SECONDS = 1.0
@@ -68,10 +68,13 @@ TAKEN_OVER = 0.15
 """Distance of the robot's own command from ours, in two looks, that another program must have
 made [rad]."""
 _SLOWED_SECONDS = 0.5
-_SEGMENT_LENGTH = 0.2
-"""Longest way that one moveTo drives [m]: the base of a dead client stops there."""
-_BASE_ACCELERATION = (0.3, 0.75)
-"""The base's own accelerations [m/s^2, rad/s^2]."""
+PROBE_SECONDS = 2.0
+"""Time for which a lost robot is asked whether it was started anew [s]."""
+_PROBE_PERIOD = 0.2
+SILENT = 30.0
+"""Time without a command after which the run is over [s]: no plan takes this long."""
+LATE_CYCLES = 5
+"""Cycles in a row without one of ours after which this computer is too slow."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,9 @@ class LinkConfig:
         camera_rate: Images of each camera [1/s].
         name: Under which the robot lists our subscriptions.
         clock_rate: Rate of the robot's clock; 1 but for a served robot that was told otherwise.
+        dead_man: The key that a person holds while the robot moves, as `dead_man_key` takes it.
+        protects_arms: Whether the robot slows its arms near what it sees, as it does by itself.
+        late_cycles: Cycles in a row that may be left out.
     """
 
     arm: str
@@ -91,6 +97,9 @@ class LinkConfig:
     camera_rate: float = 5.0
     name: str = "pepper_drake"
     clock_rate: float = 1.0
+    dead_man: str = ""
+    protects_arms: bool = True
+    late_cycles: int = LATE_CYCLES
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -110,6 +119,7 @@ class RobotLink:
         mailbox: Mailbox,
         config: LinkConfig,
         clock: LinkClock | None = None,
+        reconnect: Callable[[], Transport] | None = None,
     ) -> None:
         """Makes a link that does nothing yet.
 
@@ -118,13 +128,19 @@ class RobotLink:
             mailbox: Shared with the station.
             config: How the robot is led.
             clock: The clock by which the robot is led; the machine's if left out.
+            reconnect: Makes another transport, by which a lost robot is asked whether it is the
+                same as before.
         """
         self._transport, self._mailbox, self._config = transport, mailbox, config
+        self._reconnect = reconnect
+        self._identity: tuple[Any, ...] = ()
+        self._probe: asyncio.Task[None] | None = None
         self._time = clock or LinkClock()
         self._clock = self._time.now
         self._rows = body_indices(config.joints)
         self._limits: CommandLimits = shared_control_model().command_limits(config.joints)
         self._columns = [BODY.index(name) for name in BODY_JOINTS]
+        self._commanded = mailbox.command.read()
         self._measured = Measurements()
         self._shortest_trip = np.inf
         self._round_trip = 0.0
@@ -138,6 +154,8 @@ class RobotLink:
         self._slowed_until = -np.inf
         self._holding = False
         self._ended = False
+        self._key: DeadManKey | None = dead_man_key(config.dead_man)
+        self._is_held = self._key is None
 
     def end(self) -> None:
         """Ends `run` from within its process, as END in the mailbox does."""
@@ -152,6 +170,8 @@ class RobotLink:
         """Runs until the mailbox says END; then nothing of ours is left in the robot."""
         tasks: list[asyncio.Task[None]] = []
         try:
+            self._identity = await identity(self._transport)
+            await self._protect(self._config.protects_arms)
             await self._transport.on_event("ALMotion/Safety/ChainVelocityClipped", self._slow)
             for number, name in enumerate(CAMERA_NAMES):
                 if name in self._config.cameras:
@@ -166,7 +186,7 @@ class RobotLink:
                     tasks.append(self._start(reader.run(partial(self._wants, number))))
             tasks += [
                 self._start(self._watch_arm()),
-                self._start(self._drive()),
+                self._start(drive_base(self._transport, self._wanted_drive, self._time)),
             ]
             await self._beat()
         except LinkFault as fault:
@@ -176,6 +196,8 @@ class RobotLink:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
             await self._let_go()
+            if self._key is not None:
+                self._key.close()
 
     def _start(self, work: Any) -> asyncio.Task[None]:
         async def guarded() -> None:
@@ -189,19 +211,30 @@ class RobotLink:
 
         return asyncio.ensure_future(guarded())
 
+    def _command(self) -> npt.NDArray[np.void]:
+        """Returns the newest command, or the one before while it is being written.
+
+        The station, which may be interrupted in the middle, is not waited for.
+        """
+        newest = self._mailbox.command.read_at_once()
+        if newest is not None:
+            self._commanded = newest
+        return self._commanded
+
     async def _beat(self) -> None:
         """Does one cycle each 20 ms; one that is late is left out, and never made up for."""
         due = self._clock()
         while True:
-            command = self._mailbox.command.read()
+            command = self._command()
             mode = int(command["mode"])
             if mode == END or self._ended:
                 return
             self._check_link()
             self._ask_state()
+            self._check_people(mode, float(command["time"]))
             if mode != STREAM:
                 self._measured.excuse(_REACTION)
-            if mode == HAND_OVER and self._fault is None:
+            if mode == HAND_OVER and (self._fault is None or self._fault.word in HANDED_OVER):
                 await self._let_down()
             elif mode == STREAM:
                 self._follow(command)
@@ -214,6 +247,8 @@ class RobotLink:
                 skipped = int((now - due) / CYCLE)
                 self._late += skipped
                 due += skipped * CYCLE
+                if skipped > self._config.late_cycles and mode == STREAM:
+                    self._fail(LinkFault("loop_late", f"by {skipped} cycles of 20 ms"))
             await self._time.pause(max(due - now, 0.0))
 
     # Measuring.
@@ -221,12 +256,37 @@ class RobotLink:
     def _check_link(self) -> None:
         if self._transport.is_lost:
             self._fail(LinkFault("link_lost"))
+            if self._probe is None and self._reconnect is not None:
+                self._probe = self._start(self._tell_reboot(self._reconnect()))
         elif self._reading is not None and self._clock() - self._asked > FROZEN:
             self._fail(LinkFault("link_frozen", f"no answer for {FROZEN:g} s"))
         elif self._measured.newest and self._clock() - self._measured.newest.time > FROZEN:
-            self._fail(LinkFault("link_frozen", f"its clock stood still for {FROZEN:g} s"))
+            self._fail(LinkFault("state_stale", f"its clock stood still for {FROZEN:g} s"))
         elif self._states and lookahead(self._round_trip) is None:
             self._fail(LinkFault("link_slow", f"{self._round_trip * 1000:.0f} ms to an answer"))
+
+    async def _tell_reboot(self, transport: Transport) -> None:
+        """Finds out whether a robot that was lost was started anew, if it answers soon."""
+        end = time.monotonic() + PROBE_SECONDS
+        while time.monotonic() < end and self._fault is not None:
+            with contextlib.suppress(LinkFault, TimeoutError):
+                async with asyncio.timeout(FROZEN):
+                    await transport.connect()
+                    if await identity(transport) != self._identity:
+                        self._fault = LinkFault("robot_rebooted", "it has another session")
+                    break
+            await asyncio.sleep(_PROBE_PERIOD)
+        await transport.close()
+        self._publish()
+
+    def _check_people(self, mode: int, commanded: float) -> None:
+        """Sees that somebody holds the key, and that the station has not fallen silent."""
+        if self._key is not None:
+            held, self._is_held = self._is_held, self._key.is_held(time.monotonic())
+            if mode == STREAM and held and not self._is_held:
+                self._fail(LinkFault("dead_man"))
+        if mode == STREAM and self._clock() - commanded > SILENT:
+            self._fail(LinkFault("planner_silent", f"for {SILENT:g} s"))
 
     def _ask_state(self) -> None:
         """Asks for joints and odometry, unless the last answer is still to come."""
@@ -251,9 +311,10 @@ class RobotLink:
         if not (np.isfinite(positions).all() and np.isfinite(base_pose).all()):
             raise LinkFault("wrong_robot", "it measures what is no number")
         # It answers in the middle, with what it measured half a cycle before, on average.
-        time = (self._asked + answered) / 2 - CYCLE / 2
+        measured = (self._asked + answered) / 2 - CYCLE / 2
         self._states += 1
-        self._measured.add(Measurement(join_time(stamp[1], stamp[2]), time, positions, base_pose))
+        robot_time = join_time(stamp[1], stamp[2])
+        self._measured.add(Measurement(robot_time, measured, positions, base_pose))
 
     async def _watch_arm(self) -> None:
         """Sees that the commanded arm's motors stay stiff, and that nobody else commands it."""
@@ -280,7 +341,7 @@ class RobotLink:
                 raise LinkFault("taken_over", ", ".join(who))
 
     def _streams(self) -> bool:
-        return int(self._mailbox.command.read()["mode"]) == STREAM
+        return int(self._command()["mode"]) == STREAM
 
     def _slow(self, value: Any) -> None:
         self._slowed_until = self._clock() + _SLOWED_SECONDS
@@ -295,8 +356,9 @@ class RobotLink:
         if self._fault is not None or newest is None or ahead is None:
             self._hold()
             return
-        if now - newest.time > FRESH or now - command["time"] > FRESH:
-            # The station or the robot may come back; until then the arm stands.
+        is_fresh = now - newest.time <= FRESH and now - command["time"] <= FRESH
+        if not is_fresh or not self._is_held:
+            # The station, the robot or a person may come back; until then the arm stands.
             self._measured.excuse(_REACTION)
             self._followed = now
             self._hold()
@@ -354,22 +416,19 @@ class RobotLink:
             )
         )
 
-    async def _drive(self) -> None:
-        """Drives the base in short moves, so that it stops by itself when we die."""
-        while True:
-            command = self._mailbox.command.read()
-            is_fresh = self._clock() - command["time"] < FRESH
-            may = int(command["mode"]) == STREAM and is_fresh and self._fault is None
-            segment = base_segment(np.array(command["base_velocity"])) if may else None
-            if segment is None:
-                await self._time.pause(CYCLE)
-                continue
-            await self._transport.call("ALMotion", "moveTo", *map(float, segment))
+    def _wanted_drive(self) -> Vector | None:
+        """Returns the base's velocity that is wanted now, zeros to stand, None if it is unknown."""
+        command = self._command()
+        if int(command["mode"]) != STREAM or self._fault is not None:
+            return np.zeros(3)
+        if self._clock() - command["time"] > FRESH:
+            return None
+        return np.array(command["base_velocity"])
 
     # Images.
 
     def _wants(self, camera: int) -> bool:
-        command = self._mailbox.command.read()
+        command = self._command()
         return bool(command["enabled"][camera]) and int(command["mode"]) not in (END, HAND_OVER)
 
     async def _take_image(self, camera: int, stamp: float, pixels: npt.NDArray[Any]) -> bool:
@@ -387,8 +446,9 @@ class RobotLink:
     # The end.
 
     async def _let_down(self) -> None:
+        """Hands the arm over; where that is called off, the arm is held and left stiff."""
         self._publish("handing over")
-        hand_over_task = self._start(
+        hand_over_task = asyncio.ensure_future(
             hand_over(self._transport, self._config.arm, self._measured_arm, self._time.pause)
         )
         while not hand_over_task.done():
@@ -396,10 +456,28 @@ class RobotLink:
             self._ask_state()
             self._publish("handing over")
             await self._time.pause(CYCLE)
+            if not self._is_handing_over():
+                hand_over_task.cancel()
+                await asyncio.gather(hand_over_task, return_exceptions=True)
+                self._holding = False
+                self._hold()
+                names = list(arm_joints(self._config.arm))
+                await self._transport.call("ALMotion", "setStiffnesses", names, 1.0)
+                return
         self._holding = True
-        self._publish("handed over")
-        while int(self._mailbox.command.read()["mode"]) == HAND_OVER and not self._ended:
+        try:
+            hand_over_task.result()
+            phase = "handed over"
+        except LinkFault as fault:
+            # The first fault keeps its word; this one says how the arm was left.
+            self._fail(fault)
+            phase = "left stiff"
+        while self._is_handing_over():
+            self._publish(phase)
             await self._time.pause(CYCLE)
+
+    def _is_handing_over(self) -> bool:
+        return int(self._command()["mode"]) == HAND_OVER and not self._ended
 
     def _measured_arm(self) -> Vector:
         newest = self._measured.newest
@@ -414,6 +492,13 @@ class RobotLink:
         with contextlib.suppress(LinkFault, TimeoutError):
             async with asyncio.timeout(FROZEN):
                 await self._transport.call("ALMotion", "stopMove")
+                await self._protect(True)
+
+    async def _protect(self, is_on: bool) -> None:
+        """Switches the arms' protection, unless it is on as the robot has it by itself."""
+        if not self._config.protects_arms:
+            method = "setExternalCollisionProtectionEnabled"
+            await self._transport.call("ALMotion", method, "Arms", is_on)
 
     def _fail(self, fault: LinkFault) -> None:
         """Keeps the first fault, and holds."""
@@ -431,6 +516,7 @@ class RobotLink:
             "late": self._late,
             "phase": phase,
             "slowed": self._clock() < self._slowed_until,
+            "held": self._is_held,
         }
         if newest is not None:
             fields |= {
@@ -441,58 +527,3 @@ class RobotLink:
         if self._fault is not None:
             fields |= {"fault": self._fault.word, "detail": str(self._fault)[:240]}
         self._mailbox.state.write(**fields)
-
-
-def streamed_targets(
-    names: Sequence[str], position: Vector, velocity: Vector, ahead: float, limits: CommandLimits
-) -> tuple[Vector, float]:
-    """Returns what `setAngles` is given so that joints follow a path.
-
-    Args:
-        names: Joints (n).
-        position: Where the path is now (n,) [rad].
-        velocity: Its velocity now (n,) [rad/s].
-        ahead: The lookahead [s].
-        limits: Of the joints.
-
-    Returns:
-        Targets within all limits (n,) [rad], and the one fraction of the largest speed.
-    """
-    step = np.clip(velocity, -limits.velocity, limits.velocity) * ahead
-    targets = within_limits(names, position + step, limits)
-    streamed = streamed_command(names, targets - step, targets, ahead, limits.velocity)
-    return targets, min(HEADROOM * streamed.fraction, LARGEST_FRACTION)
-
-
-def within_limits(names: Sequence[str], positions: Vector, limits: CommandLimits) -> Vector:
-    """Returns positions (n,) [rad] moved into their limits, the yaw-coupled ones included."""
-    inside = np.clip(positions, limits.position_lower, limits.position_upper)
-    clamped = clamp_coupled_limits(dict(zip(names, inside, strict=True)))
-    return np.array([clamped[name] for name in names])
-
-
-def base_segment(velocity: Vector) -> Vector | None:
-    """Returns the move that a velocity of the base stands for.
-
-    A base that brakes at a constant rate has v^2 / (2 a) still to go, and one that settles by a
-    rate of 5/s has v / 5: a move of the larger of both never leads beyond the goal that the
-    velocity aims at.
-
-    Args:
-        velocity: vx, vy [m/s] and yaw rate [rad/s] in the base's frame.
-
-    Returns:
-        x, y [m] and theta [rad] in the base's frame; None to stand still.
-    """
-    if not np.isfinite(velocity).all():
-        return None
-    speed, turning = float(np.hypot(velocity[0], velocity[1])), abs(float(velocity[2]))
-    if speed < 1e-3 and turning < 1e-3:
-        return None
-    length = min(max(speed**2 / (2 * _BASE_ACCELERATION[0]), speed / 5), _SEGMENT_LENGTH)
-    turn = min(max(turning**2 / (2 * _BASE_ACCELERATION[1]), turning / 5), 1.0)
-    move = np.zeros(3)
-    if speed > 0:
-        move[:2] = np.array(velocity[:2]) / speed * length
-    move[2] = np.sign(velocity[2]) * turn
-    return move

@@ -24,9 +24,23 @@ LINK_FAULTS: dict[str, str] = {
     "dead_man": "the dead man's key was let go",
     "planner_silent": "no command came in time",
     "loop_late": "this computer is too slow to command the robot in time",
+    "state_stale": "the robot's measurements are too old to act upon",
     "state_frozen": "the robot's measurements do not change while it is commanded to move",
 }
 """Sentences by word."""
+
+HANDED_OVER = frozenset(
+    {
+        "dead_man",
+        "planner_silent",
+        "loop_late",
+        "camera_missing",
+        "camera_frozen",
+        "camera_size",
+    }
+)
+"""Faults after which the robot can still be led: its arm is lowered and relaxed. After the others
+it is held as it is, since where it is, or who moves it, is not known."""
 
 
 class LinkFault(PepperDrakeError):

@@ -31,6 +31,7 @@ STATE = np.dtype(
         ("late", "i8"),
         ("phase", "U16"),
         ("slowed", "?"),
+        ("held", "?"),
         ("fault", "U24"),
         ("detail", "U240"),
     ]

@@ -10,13 +10,14 @@ from pepper_drake.hardware.transport import LINKS, RobotAccess
 from pepper_drake.models.robot_wear import ROBOTS
 
 
-def add_link_options(parser: ArgumentParser, *, required: bool = False) -> None:
-    """Adds the way to a robot.
+def add_link_options(parser: ArgumentParser, *, required: bool = False, moves: bool = True) -> None:
+    """Adds the way to a robot, and how it is led.
 
     Args:
         parser: An app's.
         required: Whether there is no simulation that the app could take instead; else the app has
             `--robot` of `pepper_drake.cli_robot`.
+        moves: Whether it moves the robot by itself.
     """
     if required:
         parser.add_argument(
@@ -55,6 +56,43 @@ def add_link_options(parser: ArgumentParser, *, required: bool = False) -> None:
         "--disable-life",
         action="store_true",
         help="switch the robot's autonomous life off where it is on, which would move the arms",
+    )
+    if not moves:
+        return
+    key = parser.add_mutually_exclusive_group()
+    key.add_argument(
+        "--pad",
+        metavar="DEVICE",
+        help="a game pad, as /dev/input/js0: the robot moves while one of its buttons is held "
+        "(default: while the space bar is)",
+    )
+    key.add_argument(
+        "--unattended",
+        action="store_true",
+        help="do without the dead man's key: the robot moves though nobody holds it",
+    )
+    parser.add_argument(
+        "--arm-protection",
+        choices=("on", "off"),
+        default="on",
+        help="off: over a table the robot's own protection slows or stalls its arms; without it "
+        "they go on, and nobody but you looks out (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--hold-at-end",
+        action="store_true",
+        help="leave the arm stiff at the end; without it the arm is lowered and relaxed",
+    )
+
+
+def add_robot_address(parser: ArgumentParser) -> None:
+    """Adds `--robot` to an app whose simulated robot has no faults and no wear."""
+    parser.add_argument(
+        "--robot",
+        default="ideal",
+        metavar="ADDRESS",
+        help="with --station naoqi the address of a Pepper, as tcp://192.168.1.10:9559, or of "
+        "apps/serve_naoqi.py",
     )
 
 

@@ -21,6 +21,7 @@ from pepper_drake.diagrams.robot_signals import calibrated_commands, calibrated_
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.mailbox import CAMERA_NAMES, STREAM
+from pepper_drake.hardware.paced_run import DiagramClock
 from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
 from pepper_drake.models.objects import NO_SCENE, SceneModels
 from pepper_drake.models.robot_calibration import RobotCalibration
@@ -256,7 +257,7 @@ class ReceivedCamera(LeafSystem):
         link: LinkProcess,
         camera: int,
         model: ControlModel,
-        start: float,
+        clock: DiagramClock,
         period: float = CONTROL_PERIOD,
         calibration: RobotCalibration | None = None,
     ) -> None:
@@ -266,13 +267,13 @@ class ReceivedCamera(LeafSystem):
             link: A link that is ready.
             camera: NAOqi's id of the camera.
             model: Pepper's kinematics.
-            start: Time of the link's clock at the diagram's time 0 [s].
+            clock: The diagram's.
             period: Time between two looks [s].
             calibration: Of the robot; None for none.
         """
         super().__init__()
         self._record = link.mailbox.images[camera]
-        self._model, self._start = model, start
+        self._model, self._clock = model, clock
         self._name = CAMERA_NAMES[camera]
         self._cameras = calibrated_cameras(calibration)
         self._offsets = np.zeros(len(BODY_JOINTS))
@@ -328,7 +329,7 @@ class ReceivedCamera(LeafSystem):
         self._model.plant.SetPositions(plant_context, position)
         state.get_mutable_abstract_state(int(self._state)).set_value(
             _Received(
-                float(record["time"]) - self._start,
+                self._clock.at(float(record["time"])),
                 pixels,
                 head_camera_pose(self._model, plant_context, self._name, self._cameras),
                 position,
@@ -399,14 +400,14 @@ class HardwareStation(Diagram):
         depth_intrinsics: Of the depth camera's images.
         config: As if it were simulated: it has cameras, and they have noise.
         scene_models: No bodies: nothing but what is seen is known of the world.
-        start: Time of the link's clock at the diagram's time 0 [s].
+        clock: The diagram's.
     """
 
     def __init__(
         self,
         link: LinkProcess,
         model: ControlModel,
-        start: float | None = None,
+        clock: DiagramClock | None = None,
         calibration: RobotCalibration | None = None,
     ) -> None:
         """Makes the diagram.
@@ -414,12 +415,12 @@ class HardwareStation(Diagram):
         Args:
             link: A link that is ready.
             model: Pepper's kinematics.
-            start: Time of the link's clock at the diagram's time 0 [s]; now if left out.
+            clock: The diagram's; one that begins now if left out.
             calibration: Of the robot; None for none.
         """
         super().__init__()
         self.link, self.control_model = link, model
-        self.start = link.clock.now() if start is None else start
+        self.clock = clock or DiagramClock(link.clock.now, link.clock.sleep)
         cameras = calibrated_cameras(calibration)
         depth = (HEAD_CAMERA_MODELS | cameras)["camera_depth"]
         self.depth_intrinsics: CameraIntrinsics = depth.intrinsics
@@ -445,7 +446,7 @@ class HardwareStation(Diagram):
             builder.ExportInput(robot.GetInputPort(f"{name}.enabled"), f"{name}.enabled")
             camera = builder.AddNamedSystem(
                 name,
-                ReceivedCamera(link, number, model, self.start, calibration=calibration),
+                ReceivedCamera(link, number, model, self.clock, calibration=calibration),
             )
             exports = (("image", "image"), ("X_WC", "pose"), ("time_stamp", "time_stamp"))
             for port, export in (*exports, ("position", "position")):

@@ -207,6 +207,16 @@ class _AuthenticatorFactory:
         return {"user": self._access.user, "token": self._access.password}
 
 
+async def identity(transport: Transport) -> tuple[Any, ...]:
+    """Returns what tells a robot's sessions apart: machine, process and session of ALMotion.
+
+    Raises:
+        LinkFault: The robot does not answer.
+    """
+    info = await transport.call("ServiceDirectory", "service", "ALMotion")
+    return tuple(info[2:4]) + tuple(info[5:])
+
+
 def make_transport(access: RobotAccess) -> Transport:
     """Returns the way to the robot that is asked for.
 

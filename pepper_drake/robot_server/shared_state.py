@@ -57,6 +57,15 @@ class SharedRecord:
             self._record["content"][name] = value
         self._record["after"] = number
 
+    def read_at_once(self) -> Record | None:
+        """Returns a copy of the content, None while it is being written: nobody is waited for."""
+        for _ in range(_SPINS):
+            after = int(self._record["after"])
+            content = self._record["content"].copy()
+            if int(self._record["before"]) == after == int(self._record["after"]):
+                return np.asarray(content)
+        return None
+
     def read(self) -> Record:
         """Returns a copy of the content as it was at one moment.
 

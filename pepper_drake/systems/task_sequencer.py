@@ -9,7 +9,7 @@ from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.task_sequence import ArmTask, SequenceState, advance
+from pepper_drake.planning.reach.task_sequence import SequenceState, SequenceTask, advance
 from pepper_drake.systems.framework import LeafSystem
 
 
@@ -41,7 +41,7 @@ class TaskSequencer(LeafSystem):
         time_step: The supervisor's [s].
     """
 
-    def __init__(self, reach: Movement, tasks: Sequence[ArmTask], time_step: float) -> None:
+    def __init__(self, reach: Movement, tasks: Sequence[SequenceTask], time_step: float) -> None:
         super().__init__()
         self._reach, self.tasks = reach, tuple(tasks)
         self._mode = self.DeclareVectorInputPort("mode", 1)

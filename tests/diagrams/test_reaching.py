@@ -32,13 +32,16 @@ from pepper_drake.planning.reach.reach_parameters import (
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
-from pepper_drake.planning.reach.task_sequence import ArmTask
+from pepper_drake.planning.reach.task_sequence import SequenceTask
 
 
 def make_reaching(name, arm, *, lifts=False):
     scene = prepare_scene(load_scene(name), arm=arm)
     coupling, primitive = make_coupling(scene.coupling), make_primitive(None, scene.arm)
-    wait, lift = ArmTask("wait", wait=0.2), ArmTask("lift", primitive, offset=(0, 0, 0.06))
+    wait, lift = (
+        SequenceTask("wait", wait=0.2),
+        SequenceTask("lift", primitive, offset=(0, 0, 0.06)),
+    )
     config = ReachingConfig(tasks=(wait, lift) if lifts else ())
     return Reaching(scene, primitive, coupling, config)
 

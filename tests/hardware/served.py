@@ -1,11 +1,15 @@
 """A served Pepper of kinematics alone, in real time on a thread, with faults on demand."""
 
 import asyncio
+import multiprocessing
 import threading
 import time
 from contextlib import asynccontextmanager, contextmanager
 
-from pepper_drake.naoqi.constants import CYCLE
+import numpy as np
+
+from pepper_drake.models.pepper import POSTURES
+from pepper_drake.naoqi.constants import CYCLE, JOINTS
 from pepper_drake.robot_server.robot_port import KinematicRobot
 from pepper_drake.robot_server.served_pepper import ServedPepper
 from pepper_drake.robot_server.server import QiServer
@@ -38,6 +42,20 @@ class ServedRobot:
         asyncio.run_coroutine_threadsafe(self.server.close(), self.loop).result(10)
         self.loop.call_soon_threadsafe(self.loop.stop)
         self._thread.join(10)
+
+    def start_anew(self):
+        """Closes all connections, and lets the services have another session."""
+        old = self.server.directory._info
+
+        def changed(name, number):
+            info = old(name, number)
+            return (*info[:5], "another session", *info[6:])
+
+        self.server.directory._info = changed
+        for entry in self.server.directory._entries.values():
+            entry.info = changed(entry.info[0], entry.info[1])
+        for connection, _, _ in self.server._connections.values():
+            connection.abort()
 
     def do(self, action):
         """Does something on the server's loop and waits for it."""
@@ -100,3 +118,65 @@ async def delayed(address, seconds):
         await asyncio.gather(*pumps, return_exceptions=True)
         for writer in writers:
             writer.close()
+
+
+class ServedApart:
+    """A served robot in a process of its own, beside which Drake may take all of the time."""
+
+    def __init__(self, pipe):
+        self._pipe, self.address = pipe, pipe.recv()
+
+    def do(self, action, *arguments):
+        """Does something with the ServedRobot, on its loop: a function of a module."""
+        self._pipe.send((action, arguments))
+        return self._pipe.recv()
+
+
+@contextmanager
+def served_apart():
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve_apart, args=(theirs,), daemon=True)
+    process.start()
+    try:
+        yield ServedApart(ours)
+    finally:
+        ours.send(None)
+        process.join(10)
+
+
+def _serve_apart(pipe):
+    with served() as robot:
+        robot.do(lambda: stand(robot))
+        pipe.send(robot.address)
+        while request := pipe.recv():
+            action, arguments = request
+            pipe.send(robot.do(lambda: action(robot, *arguments)))  # noqa: B023
+
+
+def stand(robot):
+    """Puts all joints to where a standing Pepper has them."""
+    posture = np.array([POSTURES["stand"].get(name, 0.0) for name in JOINTS])
+    robot.robot.lead(dict(zip(JOINTS, posture.tolist(), strict=True)))
+    controller = robot.pepper.motion.joints
+    controller.command[:] = controller._target[:] = posture
+
+
+def right_hand(robot):
+    """Returns the right hand's place in the torso's frame [m]."""
+    return robot.pepper.motion.get_position("RArm", 0, True)[:3]
+
+
+def limp(robot, names):
+    """Returns whether joints are limp."""
+    return max(robot.pepper.motion.get_stiffnesses(names)) == 0.0
+
+
+def lead(robot, joints):
+    """Leads joints by hand to positions by name [rad]."""
+    robot.robot.lead(joints)
+
+
+def press_chest(robot):
+    """Presses the chest button."""
+    robot.robot.touch("ChestBoard/Button")

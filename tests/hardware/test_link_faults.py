@@ -1,6 +1,8 @@
 """Faults of robot and link that are made on purpose: each has its word, and the arm holds."""
 
 import asyncio
+import os
+import struct
 import time
 
 import numpy as np
@@ -8,14 +10,20 @@ import pytest
 from served import delayed, served
 from test_link import ARM, NAOQI, START, Led, led
 
-from pepper_drake.hardware.link import LinkConfig, RobotLink
+import pepper_drake.hardware.link
+from pepper_drake.errors import InputError
+from pepper_drake.hardware import dead_man
+from pepper_drake.hardware.link import LATE_CYCLES, LinkConfig, RobotLink
 from pepper_drake.hardware.link_fault import LinkFault
-from pepper_drake.hardware.mailbox import END, Mailbox
+from pepper_drake.hardware.mailbox import END, HAND_OVER, HOLD, Mailbox
 from pepper_drake.hardware.preflight import PreflightOptions, check_robot
 from pepper_drake.hardware.transport import RobotAccess, make_transport
 from pepper_drake.robot_server.robot_model import MAX_VELOCITY
 from pepper_drake.robot_server.robot_port import CameraImage
 from pepper_drake.robot_server.service import Caller
+
+JS_BUTTON = struct.Struct("IhBB")
+"""Linux's joystick event: time, value, type, number."""
 
 
 def cycles(it):
@@ -125,3 +133,119 @@ def test_a_robot_that_answers_late_is_refused_and_not_led():
 
     with served() as robot:
         asyncio.run(run(robot))
+
+
+def test_a_robot_that_was_started_anew_is_told():
+    async def scenario(it):
+        since = cycles(it)
+        playing = asyncio.ensure_future(it.play(lambda t: START + 0.2 * t, 5.0))
+        await asyncio.sleep(0.3)
+        # As after a start: the same address, another session.
+        it.robot.do(it.robot.start_anew)
+        assert await it.fault() in ("link_lost", "robot_rebooted")
+        end = time.monotonic() + 3.0
+        while str(it.state()["fault"]) == "link_lost" and time.monotonic() < end:
+            await asyncio.sleep(0.02)
+        assert str(it.state()["fault"]) == "robot_rebooted"
+        await holds_soon(it, since)
+        playing.cancel()
+
+    led(scenario)
+
+
+def test_a_computer_that_is_too_slow_is_told():
+    async def scenario(it):
+        playing = asyncio.ensure_future(it.play(lambda t: START + 0.2 * t, 5.0))
+        await asyncio.sleep(0.3)
+        since = cycles(it)
+        # The link's own loop stands still for more than five of its periods.
+        time.sleep(0.25)
+        assert await it.fault() == "loop_late"
+        await holds_soon(it, since)
+        playing.cancel()
+
+    led(scenario, late_cycles=LATE_CYCLES)
+
+
+def test_a_planner_that_is_silent_for_long_is_told(monkeypatch):
+    monkeypatch.setattr(pepper_drake.hardware.link, "SILENT", 0.3)
+
+    async def scenario(it):
+        await it.play(lambda t: START + 0.2 * t, 0.3)
+        since = cycles(it)
+        assert await it.fault() == "planner_silent"
+        await holds_soon(it, since)
+
+    led(scenario)
+
+
+@pytest.mark.parametrize("kind", ["pad", "keyboard"])
+def test_an_arm_whose_dead_mans_key_is_let_go_holds(kind, monkeypatch, tmp_path):
+    if kind == "pad":
+        device = tmp_path / "js0"
+        os.mkfifo(device)
+        ours = os.open(device, os.O_RDWR)
+        name, press, release = str(device), JS_BUTTON.pack(1, 1, 1, 3), JS_BUTTON.pack(2, 0, 1, 3)
+    else:
+        ours, terminal = os.openpty()
+        monkeypatch.setattr(dead_man.SpaceBar.__init__, "__defaults__", (os.ttyname(terminal),))
+        name, press, release = dead_man.KEYBOARD, b" ", b""
+
+    async def scenario(it):
+        await it.play(lambda t: START + 0.2 * t, 0.3)
+        np.testing.assert_allclose(it.arm(), START, atol=1e-6)  # Nobody holds it yet.
+        assert not str(it.state()["fault"])
+        os.write(ours, press)
+        repeating = asyncio.ensure_future(repeat(ours, press if kind == "keyboard" else b""))
+        await it.play(lambda t: START + 0.2 * t, 1.2)
+        assert not str(it.state()["fault"])
+        assert np.abs(it.arm() - START).max() > 0.1
+        playing = asyncio.ensure_future(it.play(lambda t: START + 0.24 + 0.2 * t, 5.0))
+        repeating.cancel()
+        begin, since = time.monotonic(), cycles(it)
+        os.write(ours, release)
+        assert await it.fault() == "dead_man"
+        assert time.monotonic() - begin < (0.1 if kind == "pad" else 0.4)
+        playing.cancel()
+        await holds_soon(it, since)
+        # A person is there: the arm is handed over, as at any other end.
+        it.command(START, mode=HAND_OVER)
+        while str(it.state()["phase"]) == "running":
+            await asyncio.sleep(0.02)
+        assert str(it.state()["phase"]) == "handing over"
+        it.command(START, mode=HOLD)
+        while str(it.state()["phase"]) != "running":
+            await asyncio.sleep(0.02)
+        stiffness = it.robot.do(lambda: it.robot.pepper.motion.get_stiffnesses(ARM))
+        assert stiffness == [1.0] * 5  # Called off: it is held, and stiff.
+
+    try:
+        led(scenario, dead_man=name)
+    finally:
+        os.close(ours)
+
+
+async def repeat(file, data):
+    while True:
+        os.write(file, data)
+        await asyncio.sleep(0.04)
+
+
+def test_without_a_terminal_nobody_can_hold_the_key():
+    with pytest.raises(InputError, match="--unattended"):
+        dead_man.SpaceBar("/dev/null")
+    with pytest.raises(InputError, match="--pad /dev/input/none: No such file"):
+        dead_man.dead_man_key("/dev/input/none")
+
+
+def test_the_arms_protection_is_off_for_the_run_only():
+    async def scenario(it):
+        get = "getExternalCollisionProtectionEnabled"
+        assert await it.transport.call("ALMotion", get, "Arms") is False
+        it.mailbox.command.write(mode=END)
+        while str(it.state()["phase"]) != "ended":
+            await asyncio.sleep(0.02)
+        await asyncio.sleep(0.2)
+        assert await it.transport.call("ALMotion", get, "Arms") is True
+
+    led(scenario, protects_arms=False)

@@ -1,7 +1,5 @@
 """The station of a served robot, advanced with the clock."""
 
-import time
-
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
@@ -15,7 +13,7 @@ from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.hardware.link import LinkConfig
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.link_process import LinkProcess
-from pepper_drake.hardware.paced_run import run_paced
+from pepper_drake.hardware.paced_run import DiagramClock, run_paced
 from pepper_drake.hardware.preflight import PreflightOptions
 from pepper_drake.hardware.station import HardwareStation
 from pepper_drake.hardware.transport import RobotAccess
@@ -94,9 +92,9 @@ def test_a_path_is_performed_and_seen():
         start = np.array(link.state()["positions"])
         goal = start.copy()
         goal[column] += 0.4
-        begin = time.monotonic()
+        clock = DiagramClock()
         builder = DiagramBuilder()
-        station = builder.AddSystem(HardwareStation(link, shared_control_model(), begin))
+        station = builder.AddSystem(HardwareStation(link, shared_control_model(), clock))
         path = PiecewisePolynomial.CubicHermite(
             np.array([0.0, 0.3, 1.8]), np.array([start, start, goal]).T, np.zeros((15, 3))
         )
@@ -124,7 +122,7 @@ def test_a_path_is_performed_and_seen():
                 seen.append((stamp, position[row]))
             return simulator.get_context().get_time() > 2.5
 
-        pacing = run_paced(simulator, begin, is_over)
+        pacing = run_paced(simulator, clock, is_over)
         angle = robot.do(lambda: robot.robot.state().positions[JOINTS.index("RElbowRoll")])
         assert angle == pytest.approx(goal[column], abs=1e-3)
         measured = station.GetOutputPort("joint_position").Eval(context)

@@ -10,7 +10,7 @@ from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.reach_state_machine import obey
-from pepper_drake.planning.reach.task_sequence import ArmTask
+from pepper_drake.planning.reach.task_sequence import SequenceTask
 from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.task_sequencer import TaskSequencer
 
@@ -73,10 +73,10 @@ def perform(tasks, seconds, **options):
 
 
 TASKS = (
-    ArmTask("wait", wait=0.5),
-    ArmTask("lift", LIFT, offset=(0.0, 0.0, 0.06)),
-    ArmTask("put down", REACH),
-    ArmTask("return", REACH, returns=True),
+    SequenceTask("wait", wait=0.5),
+    SequenceTask("lift", LIFT, offset=(0.0, 0.0, 0.06)),
+    SequenceTask("put down", REACH),
+    SequenceTask("return", REACH, returns=True),
 )
 
 

@@ -333,7 +333,7 @@ def _image_size(entries: Mapping[str, Any], where: str) -> tuple[int, int]:
         whole = [int(value) for value in values]
         if len(whole) != 2 or any(float(v) != w for v, w in zip(values, whole, strict=True)):
             raise ValueError
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"{where}: image size {values} must be two whole numbers of pixels."
         ) from error

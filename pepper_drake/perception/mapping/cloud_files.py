@@ -14,8 +14,8 @@ _LARGEST = 512 * 2**20
 """Largest cloud file [bytes]."""
 _NAMES = ("positions", "points", "xyz", "xyzs", "arr_0")
 """Names of arrays that hold points."""
-_LARGEST_NUMBER = 1e9
-
+_FARTHEST = 1e6
+"""No point is farther away [m], whatever the unit."""
 _FARTHEST_ROOM = 15.0
 """Half of a cloud's points are nearer than this to its middle, if it is in metres [m]."""
 
@@ -44,8 +44,11 @@ def load_cloud(path: str | Path, *, scale: float = 1.0) -> npt.NDArray[np.float6
     points = points[np.isfinite(points).all(axis=1)] * scale
     if len(points) == 0:
         raise InputError(f"{path}: holds no finite point.")
-    if np.abs(points).max() > _LARGEST_NUMBER:
-        raise InputError(f"{path}: holds a number above {_LARGEST_NUMBER:g}; correct it.")
+    if np.abs(points).max() > _FARTHEST:
+        raise InputError(
+            f"{path}: a point is {np.abs(points).max():.3g} m away; no more than {_FARTHEST:g} m "
+            "is read. Write what was not seen as nan."
+        )
     spread = float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
     if spread > _FARTHEST_ROOM:
         raise InputError(

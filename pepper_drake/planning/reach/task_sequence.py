@@ -10,7 +10,7 @@ from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 
 
 @dataclass(frozen=True, eq=False)
-class ArmTask:
+class SequenceTask:
     """One task after the reach.
 
     Attributes:
@@ -55,7 +55,7 @@ class SequenceState:
 
 def advance(
     state: SequenceState,
-    tasks: Sequence[ArmTask],
+    tasks: Sequence[SequenceTask],
     pre_grasp: RigidTransform,
     time: float,
     mode: ReachMode,

@@ -40,6 +40,13 @@ class BaseMotion:
     """Distance to where it should be at which a base counts as held by something [m]."""
     held_angle: float = 0.08
     """The same for its yaw [rad]."""
+    has_reference: bool = True
+    """True if a place that accelerates and brakes goes ahead of the base. A robot that is sent to
+    places accelerates by itself: it is told the speed from which it would brake at the goal."""
+
+
+SENT_TO_PLACES = BaseMotion(has_reference=False, position_tolerance=0.005, yaw_tolerance=0.01)
+"""Of a base that takes places, as ALMotion's `moveTo` does, which is no finer than this."""
 
 
 def wrap_angle(angle: float) -> float:
@@ -102,12 +109,36 @@ def step_base_reference(
     return pose + time_step * after, after
 
 
+def approach_velocity(pose: Vector, goal: Vector, motion: BaseMotion) -> Vector:
+    """Returns the velocity (3,) in B [m/s, rad/s] from which the base would brake at its goal.
+
+    Args:
+        pose: Where the base is: x, y [m], yaw [rad] in W.
+        goal: Where it is sent, like `pose`; not finite to brake.
+        motion: Speeds and accelerations.
+    """
+    if not np.all(np.isfinite(goal)):
+        return np.zeros(3)
+    way, turn = goal[:2] - pose[:2], wrap_angle(float(goal[2] - pose[2]))
+    distance = float(np.hypot(*way))
+    if distance <= motion.position_tolerance and abs(turn) <= motion.yaw_tolerance:
+        return np.zeros(3)
+    speed = approach_speed(distance, motion.speed, motion.acceleration, motion.approach_rate)
+    turning = approach_speed(
+        abs(turn), motion.turning_speed, motion.turning_acceleration, motion.approach_rate
+    )
+    vx, vy = way / max(distance, 1e-9) * speed
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    return np.array([cos * vx + sin * vy, cos * vy - sin * vx, math.copysign(turning, turn)])
+
+
 class BasePositionController(LeafSystem):
     """Drives the base to `base_goal` and says when it stands there.
 
     A reference, moved by `step_base_reference`, goes ahead with a profile that brakes in time; the
     base follows it by its velocity and by what is left between the two. As the base's own
-    controller lags, closing the loop over the measured place alone would overshoot.
+    controller lags, closing the loop over the measured place alone would overshoot. A base that is
+    sent to places does without (`BaseMotion.has_reference`).
 
     .. pydrake_system::
 
@@ -168,6 +199,10 @@ class BasePositionController(LeafSystem):
             state[:3], state[9] = measured, 1.0
         if self.stop_input.HasValue(context) and self.stop_input.Eval(context)[0] != 0.0:
             goal = np.full(3, np.nan)
+        if not self._motion.has_reference:
+            state[:3], state[6:9] = measured, approach_velocity(measured, goal, self._motion)
+            discrete_state.set_value(self._state, state)
+            return
         state[:3], state[3:6] = step_base_reference(
             state[:3], state[3:6], goal, self._motion, self._time_step
         )
@@ -199,7 +234,7 @@ class BasePositionController(LeafSystem):
     def _calc_held(self, context: Context, output: BasicVector) -> None:
         state = context.get_discrete_state(self._state).value()
         held = 0.0
-        if state[9]:
+        if state[9] and self._motion.has_reference:
             off = self._off(state, self.base_pose_input.Eval(context))
             far = math.hypot(*off[:2]) > self._motion.held_distance
             held = float(far or abs(off[2]) > self._motion.held_angle)

@@ -1,0 +1,121 @@
+"""The dead man's key: a robot moves only while a person holds the space bar or a pad's button."""
+
+import contextlib
+import os
+import struct
+import termios
+import tty
+from typing import Protocol
+
+from pepper_drake.errors import InputError
+
+KEYBOARD = "keyboard"
+"""Name of the space bar of the terminal in which the program was started."""
+_TERMINAL = "/dev/tty"
+_FIRST = 0.8
+"""Time after its first press for which a key counts as held [s]: until it repeats."""
+_REPEATED = 0.25
+"""The same while it repeats [s]; the slowest keyboards do so eleven times a second."""
+_EVENT = struct.Struct("IhBB")
+"""An event of Linux's joystick interface: time, value, type, number."""
+_BUTTON = 0x01
+
+
+class DeadManKey(Protocol):
+    """A key that is held, or not."""
+
+    def is_held(self, now: float) -> bool:
+        """Returns whether it is held at a time of the machine's clock [s]."""
+
+    def close(self) -> None:
+        """Lets the device go."""
+
+
+class SpaceBar:
+    """The space bar of a terminal. A terminal tells no release: a key is held while it repeats."""
+
+    def __init__(self, terminal: str = _TERMINAL) -> None:
+        """Takes the keys of the terminal one by one.
+
+        Raises:
+            InputError: There is no terminal.
+        """
+        try:
+            self._file = os.open(terminal, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
+            self._settings = termios.tcgetattr(self._file)
+            tty.setcbreak(self._file, termios.TCSANOW)
+        except (OSError, termios.error):
+            raise InputError(
+                "nobody can hold the dead man's key, as there is no terminal: start this in one, "
+                "give --pad /dev/input/js0 to hold a button, or --unattended to do without"
+            ) from None
+        self._until = -1.0
+
+    def is_held(self, now: float) -> bool:
+        """Returns whether it is held; see `DeadManKey`."""
+        if b" " in _available(self._file):
+            self._until = now + (_REPEATED if now < self._until else _FIRST)
+        return now < self._until
+
+    def close(self) -> None:
+        """Leaves the terminal as it was."""
+        with contextlib.suppress(termios.error):
+            termios.tcsetattr(self._file, termios.TCSANOW, self._settings)
+        os.close(self._file)
+
+
+class PadButton:
+    """Any button of a game pad, by Linux's joystick interface."""
+
+    def __init__(self, device: str) -> None:
+        """Opens the pad.
+
+        Raises:
+            InputError: There is none.
+        """
+        try:
+            self._file = os.open(device, os.O_RDONLY | os.O_NONBLOCK)
+        except OSError as error:
+            raise InputError(f"--pad {device}: {error.strerror}") from None
+        self._held: set[int] = set()
+        self._rest = b""
+
+    def is_held(self, now: float) -> bool:
+        """Returns whether a button is held; see `DeadManKey`. That of a pad that is gone is not."""
+        try:
+            data = self._rest + _available(self._file)
+        except OSError:
+            self._held.clear()
+            return False
+        whole = len(data) - len(data) % _EVENT.size
+        self._rest = data[whole:]
+        for _, value, kind, number in _EVENT.iter_unpack(data[:whole]):
+            if kind & _BUTTON:
+                (self._held.add if value else self._held.discard)(number)
+        return bool(self._held)
+
+    def close(self) -> None:
+        """Closes the pad."""
+        os.close(self._file)
+
+
+def _available(file: int) -> bytes:
+    """Returns what can be read at once."""
+    try:
+        return os.read(file, 4096)
+    except BlockingIOError:
+        return b""
+
+
+def dead_man_key(name: str) -> DeadManKey | None:
+    """Returns a key.
+
+    Args:
+        name: `KEYBOARD`, the path of a pad, or "" for none.
+
+    Raises:
+        InputError: There is no terminal, or no such pad.
+    """
+    if not name:
+        return None
+    return SpaceBar() if name == KEYBOARD else PadButton(name)

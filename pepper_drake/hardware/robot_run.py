@@ -1,0 +1,187 @@
+"""A run of a robot: checked before, led in step with the clock, handed over at the end."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram
+
+from pepper_drake.hardware.dead_man import KEYBOARD
+from pepper_drake.hardware.link import LinkConfig
+from pepper_drake.hardware.link_fault import HANDED_OVER, LinkFault
+from pepper_drake.hardware.link_process import LinkProcess
+from pepper_drake.hardware.paced_run import DiagramClock, Pacing, run_paced
+from pepper_drake.hardware.preflight import PreflightOptions
+from pepper_drake.hardware.station import HardwareStation
+from pepper_drake.hardware.transport import RobotAccess
+from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
+from pepper_drake.models.robot_calibration import RobotCalibration
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HardwareRun:
+    """How a robot is led.
+
+    Attributes:
+        access: Way to the robot.
+        preflight: What is done before.
+        should_stop: Asked before each step; when it says so the arm is handed over.
+        say: Takes a line for people.
+        holds: Whether the arm stays where it is at the end, stiff, and is not handed over.
+        clock_rate: Rate of the robot's clock; see `LinkConfig`.
+        dead_man: The key that a person holds meanwhile; see `LinkConfig`.
+        protects_arms: Whether the robot slows its arms near what it sees.
+    """
+
+    access: RobotAccess
+    preflight: PreflightOptions = field(default_factory=PreflightOptions)
+    should_stop: Callable[[], bool] = lambda: False
+    say: Callable[[str], None] = lambda _: None
+    holds: bool = False
+    clock_rate: float = 1.0
+    dead_man: str = ""
+    protects_arms: bool = True
+
+
+class RobotRun:
+    """A robot that is led; a context manager that hands it over, whatever happens inside.
+
+    A second Ctrl-C, a KeyboardInterrupt, leaves the arm as it is, stiff.
+
+    Attributes:
+        link: The link.
+        clock: The diagram's clock.
+        fault: What went wrong with robot or link, if anything did.
+        is_stopped: Whether whoever runs it ended it.
+    """
+
+    def __init__(self, run: HardwareRun, arm: str, **config: object) -> None:
+        """Keeps how it is led.
+
+        Args:
+            run: How.
+            arm: "left" or "right": this one moves.
+            config: Other fields of `LinkConfig`.
+        """
+        self._run, self._arm = run, arm
+        self._config = LinkConfig(
+            arm,
+            clock_rate=run.clock_rate,
+            dead_man=run.dead_man,
+            protects_arms=run.protects_arms,
+            **config,  # type: ignore[arg-type]
+        )
+        self.fault: LinkFault | None = None
+        self.is_stopped = False
+
+    def __enter__(self) -> Self:
+        """Checks the robot and begins to measure.
+
+        Raises:
+            LinkFault: It cannot be reached, or is not ready; nothing was moved.
+        """
+        run = self._run
+        if not run.protects_arms:
+            run.say("the robot's own protection of its arms is OFF until the run is over")
+        self.link = LinkProcess(run.access, self._config, run.preflight)
+        try:
+            self.link.wait_until_ready()
+        except BaseException:
+            self.link.close()
+            raise
+        self.clock = DiagramClock(self.link.clock.now, self.link.clock.sleep)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Hands the arm over and ends the link."""
+        try:
+            self._end(kind)
+        except KeyboardInterrupt:
+            self._run.say(f"interrupted: the {self._arm} arm is held, stiff, as it is")
+            raise
+        finally:
+            self.link.close()
+
+    def _end(self, kind: type[BaseException] | None) -> None:
+        say, fault = self._run.say, self.fault
+        if fault is not None:
+            self.fault = fault = self.link.last_fault() or fault
+            say(f"{fault.word}: {fault}")
+        holds = self._run.holds and kind is None and fault is None and not self.is_stopped
+        if holds or kind is KeyboardInterrupt or (fault and fault.word not in HANDED_OVER):
+            self.link.hold()
+            say(f"the {self._arm} arm is held, stiff")
+            return
+        say(f"the {self._arm} arm is held, lowered and relaxed; Ctrl-C leaves it stiff")
+        if not self.link.hand_over():
+            left = self.link.last_fault()
+            self.fault = self.fault or left
+            say(f"the {self._arm} arm was left stiff" + (f": {left}" if left else ""))
+
+    @property
+    def joints(self) -> dict[str, float]:
+        """Positions of all joints as they are measured now, by name [rad]."""
+        measured = map(float, self.link.state()["positions"])
+        return dict(zip(BODY_JOINTS, measured, strict=True))
+
+    @property
+    def base_pose(self) -> Vector:
+        """The base's x, y [m] and yaw [rad] by odometry, now (3,)."""
+        return np.array(self.link.state()["base_pose"])
+
+    def station(self, calibration: RobotCalibration | None = None) -> HardwareStation:
+        """Makes the station of the robot."""
+        return HardwareStation(self.link, shared_control_model(), self.clock, calibration)
+
+    def advance(
+        self, diagram: Diagram, is_over: Callable[[], bool], simulator: Simulator | None = None
+    ) -> Pacing:
+        """Leads the robot by a diagram until that is over, stopped, or something goes wrong.
+
+        Args:
+            diagram: With a station of this robot.
+            is_over: Asked before each step.
+            simulator: Of the diagram, if there is one.
+
+        Returns:
+            How the time was kept; `fault` and `is_stopped` tell how it ended.
+        """
+        self._wait_for_key()
+
+        def ends() -> bool:
+            try:
+                self.link.check()
+            except LinkFault as fault:
+                self.fault = fault
+                return True
+            self.is_stopped = self.is_stopped or self._run.should_stop()
+            return self.is_stopped or is_over()
+
+        if simulator is None:
+            simulator = Simulator(diagram)
+        return run_paced(simulator, self.clock, ends)
+
+    def _wait_for_key(self) -> None:
+        """Waits until the dead man's key is held."""
+        if not self._config.dead_man:
+            return
+        key = "the space bar" if self._config.dead_man == KEYBOARD else "a button of the pad"
+        self._run.say(f"hold {key}: the robot moves while it is held, and never without")
+        while not self.link.state()["held"]:
+            self.link.check()
+            if self._run.should_stop():
+                self.is_stopped = True
+                return
+            time.sleep(0.02)
