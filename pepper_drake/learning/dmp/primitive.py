@@ -164,7 +164,7 @@ class MovementPrimitive:
             [demonstrations] if isinstance(demonstrations, Demonstration) else list(demonstrations)
         )
         if not demos or not all(isinstance(demo, Demonstration) for demo in demos):
-            raise InputError("demonstrations: give one or several; Demonstration.load reads them")
+            raise InputError("demonstrations: none given; it takes one Demonstration or several")
         if not alpha_z > 0.0:
             raise InputError(f"alpha_z: {alpha_z} is not positive")
         if check:
