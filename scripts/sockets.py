@@ -143,7 +143,7 @@ def main() -> int:
                 arguments, options.seconds, Path(folder) / "results", has_page=has_page
             )
         outside = {one for one in found if not ip_address(one).is_loopback}
-        is_wrong = bool(outside) or bool(found) != has_page
+        is_wrong = bool(outside) or (bool(found) and not has_page)
         findings += is_wrong
         print(
             f"{'FINDING ' if is_wrong else ''}{' '.join(arguments)[:60]:60} "
