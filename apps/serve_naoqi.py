@@ -104,9 +104,10 @@ async def serve(
     make_server: Callable[..., QiServer],
     ports: tuple[int, int | None],
     say: Callable[[str], None],
+    files: Path,
 ) -> None:
     """Serves the robot until the program is interrupted."""
-    pepper = ServedPepper(robot, log=say)
+    pepper = ServedPepper(robot, log=say, files=files)
     server = make_server(pepper.services, port=ports[0])
     pepper.finder = server
     await server.start()
@@ -153,7 +154,7 @@ def main() -> int:
         robot.wait_until_ready()
         with contextlib.suppress(KeyboardInterrupt):
             ports = options.port, options.extras_port
-            asyncio.run(serve(robot, make_server, ports, say))
+            asyncio.run(serve(robot, make_server, ports, say, options.output / "robot"))
     return cli.EXIT_DONE
 
 

@@ -10,12 +10,16 @@ has opened the page.
   teach.py --scene my_scene.yaml --move mug,bottle
                                         your own scene, in which mug and bottle can be moved
   teach.py --no-cameras                 faster: Pepper knows the goal and sees no obstacles
+  teach.py --lesson first               a lesson: a prepared scene and tasks, for a class
+  teach.py --lesson my_lesson/          your own: a session's folder, prepared on the page
+  teach.py --new                        begin anew; the session before goes to earlier-1/
   teach.py --script story               do it all by itself: lead, record, learn, reach, save
   teach.py --script story --watch       the same in real time, to look on
 
-The page's legend tells what is drawn. What is recorded is kept in recording/ as it is recorded,
-each demonstration then in demonstrations/, and what was learned in primitive.yaml; Save writes the
-last demonstration to demonstration/; at the end there is report.json.
+The page's legend tells what is drawn. Everything is kept in the output folder as it happens: a
+recording while it is made, demonstrations/, what was learned in primitive.yaml, and in session.yaml
+which of them count and where the objects stand. Started again, the session goes on from there.
+Save writes the last demonstration to demonstration/; at the end there is report.json.
 Exit code 0: done; 1: the script did not get what it waits for; 2: bad input.
 """
 
@@ -41,6 +45,12 @@ from pepper_drake.live.controls import KEYS
 from pepper_drake.live.page import LivePage
 from pepper_drake.live.script import SCRIPTS, LiveScript, load_script, play
 from pepper_drake.live.session import LiveSession, Mode
+from pepper_drake.live.session_file import (
+    LESSONS,
+    SessionFolder,
+    SessionRecord,
+    find_lesson,
+)
 from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
@@ -67,7 +77,6 @@ def make_parser() -> ArgumentParser:
     parser = cli.make_parser("teach", __doc__)
     parser.add_argument(
         "--scene",
-        default=TEACHING_SCENE,
         metavar="NAME|FILE",
         help="a scene in which the robot stands within reach of the goal (default: a goal on a "
         "stand and a ball)",
@@ -84,6 +93,16 @@ def make_parser() -> ArgumentParser:
         choices=("barrier", "report", "none"),
         help="how obstacles bend the movement (default: the scene's)",
     )
+    parser.add_argument(
+        "--lesson",
+        metavar="NAME|DIR",
+        help=f"begin with a lesson: {', '.join(LESSONS)} or the folder of a prepared session",
+    )
+    parser.add_argument(
+        "--new",
+        action="store_true",
+        help="do not go on with the session in the output folder; it is kept in earlier-1/",
+    )
     add_robot_options(parser)
     parser.add_argument("--no-cameras", action="store_true", help="do without the cameras")
     parser.add_argument(
@@ -99,11 +118,51 @@ def make_parser() -> ArgumentParser:
     return parser
 
 
+def open_folder(options: Namespace) -> tuple[SessionFolder, SessionFolder | None]:
+    """Opens the session's folder, and the lesson that it begins with, if any.
+
+    Options that a stored session or a lesson answers are filled in.
+
+    Raises:
+        InputError: The folder holds a session of something else, or something cannot be read.
+    """
+    folder = SessionFolder(options.output)
+    if options.script is not None or options.new:
+        kept = folder.begin_anew()
+        if kept is not None and not options.quiet:
+            print(f"The session before is kept in {kept}.")
+    goes_on = folder.exists()
+    name = options.lesson or folder.record.lesson
+    lesson = find_lesson(name) if name else None
+    start = folder.record if goes_on else lesson.record if lesson is not None else SessionRecord()
+    wanted = SessionRecord(
+        lesson=options.lesson or "",
+        scene=str(options.scene or ""),
+        arm=options.arm or "",
+        move=[name for name in options.move.split(",") if name],
+    )
+    for key in ("lesson", "scene", "arm", "move") if goes_on else ():
+        asked, stored = getattr(wanted, key), getattr(start, key)
+        if asked and asked != stored:
+            raise InputError(
+                f"--{key}: the session in {options.output} has another ({stored or 'none'});"
+                " give --new, or another --output"
+            )
+    record = folder.record
+    record.lesson, record.script = name, options.script or ""
+    record.scene = wanted.scene or start.scene
+    record.arm = wanted.arm or start.arm
+    record.move = wanted.move or start.move
+    return folder, lesson
+
+
 def make_session(options: Namespace) -> LiveSession:
-    """Makes the session that the options ask for."""
-    scene = load_scene(options.scene)
-    if options.arm not in (None, scene.arm):
+    """Makes the session that the options ask for, or goes on with the one in the folder."""
+    folder, lesson = open_folder(options)
+    scene = load_scene(folder.record.scene or TEACHING_SCENE)
+    if folder.record.arm not in ("", scene.arm):
         scene = scene.mirrored()
+    folder.record.arm = scene.arm
     simulation = LiveSimulation(
         scene,
         station=StationConfig(
@@ -113,12 +172,15 @@ def make_session(options: Namespace) -> LiveSession:
             calibration=chosen_calibration(options),
             faults=chosen_faults(options, STATION_SIGNALS),
         ),
-        movables=[name for name in options.move.split(",") if name],
+        movables=folder.record.move,
         coupling=options.coupling,
         spares=options.script is None,
         realtime=options.script is None or options.watch,
     )
-    return LiveSession(simulation, options.output)
+    session = LiveSession(simulation, folder, lesson)
+    if not options.quiet and session.resumed:
+        print(f"The session in {options.output} goes on: {session.resumed}. --new begins anew.")
+    return session
 
 
 def run_script(show: LiveApp, script: LiveScript, options: Namespace) -> str:
@@ -177,7 +239,12 @@ def teach(options: Namespace, script: LiveScript | None, page: ViserPage | None)
         script = script.mirrored()
     controls = None
     if page is not None:
-        controls = LivePage(page, cameras=not options.no_cameras, spares=script is None)
+        controls = LivePage(
+            page,
+            cameras=not options.no_cameras,
+            spares=script is None,
+            lesson=session.lesson,
+        )
     show = LiveApp(session, controls)
     if page is not None:
         print(f"Those who look on open {page.class_url}", flush=True)

@@ -18,6 +18,7 @@ from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
+from pepper_drake.planning.reach.reach_task import ReachTask
 
 GOAL = RigidTransform([0.98, -0.11, 0.74])
 SHIFT = np.array([0.03, 0.0, 0.0])
@@ -27,13 +28,15 @@ SHIFT = np.array([0.03, 0.0, 0.0])
 @pytest.fixture(scope="module")
 def planner():
     return ReachPlanner(
-        model=shared_control_model(),
-        arm="right",
-        X_OG=default_pre_grasp("right", 0.033).pose(),
-        primitive=make_primitive(None, "right"),
-        coupling=make_coupling("barrier"),
-        ik=DifferentialIkParams(),
-        params=ReachPlannerParams(),
+        make_primitive(None, "right"),
+        ReachTask(
+            model=shared_control_model(),
+            arm="right",
+            X_OG=default_pre_grasp("right", 0.033).pose(),
+            coupling=make_coupling("barrier"),
+            ik=DifferentialIkParams(),
+            params=ReachPlannerParams(),
+        ),
     )
 
 

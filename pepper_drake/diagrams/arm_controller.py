@@ -9,7 +9,7 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
 from pepper_drake.models.control_model import ControlModel, arm_joints
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams, hand_key
-from pepper_drake.systems.framework import Diagram, build_into
+from pepper_drake.systems.framework import Diagram, build_into, connect, export_input
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.coupling_sum import CouplingSum
 from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
@@ -109,11 +109,6 @@ class ArmController(Diagram):
         del self._builder
         build_into(builder, self)
 
-    def _connect(self, source: System, target: System, *names: str, **renamed: str) -> None:
-        """Connects outputs to inputs of the same name, or of another: output="input"."""
-        for name, port in [*zip(names, names, strict=True), *renamed.items()]:
-            self._builder.Connect(source.GetOutputPort(name), target.GetInputPort(port))
-
     def _add_primitive(self, primitive: MovementPrimitive) -> None:
         """Canonical system and both transformation systems, from the hand to its goal."""
         add, time_step = self._builder.AddNamedSystem, self._ik.time_step
@@ -127,31 +122,40 @@ class ArmController(Diagram):
             "orientation_transformation_system",
             OrientationTransformationSystem(primitive, time_step=time_step),
         )
-        self._connect(self._goal, self._canonical, "goal_position")
+        connect(self._builder, self._goal, self._canonical, "goal_position")
         for system, kind in ((self._translation, "position"), (self._rotation, "orientation")):
-            self._connect(self._canonical, system, "phase", "phase_velocity", "tau")
-            self._connect(self._goal, system, f"goal_{kind}")
-            self._connect(self._hand, system, **{kind: f"start_{kind}"})
+            connect(self._builder, self._canonical, system, "phase", "phase_velocity", "tau")
+            connect(self._builder, self._goal, system, f"goal_{kind}")
+            connect(self._builder, self._hand, system, **{kind: f"start_{kind}"})
 
     def _add_couplings(self, phase_stopping: PhaseStopping | None) -> None:
         """Adds what slows the movement down and bends it."""
         add, translation = self._builder.AddNamedSystem, self._translation
         self._obstacles = add("obstacle_coupling", ObstacleCoupling())
-        self._connect(translation, self._obstacles, "position", "velocity", "nominal_acceleration")
-        self._connect(self._goal, self._obstacles, "goal_position")
-        self._connect(self._canonical, self._obstacles, "tau")
+        connect(
+            self._builder,
+            translation,
+            self._obstacles,
+            "position",
+            "velocity",
+            "nominal_acceleration",
+        )
+        connect(self._builder, self._goal, self._obstacles, "goal_position")
+        connect(self._builder, self._canonical, self._obstacles, "tau")
         self._sum = add("total_coupling", CouplingSum(3))
-        self._connect(self._obstacles, self._sum, slowdown="slowdown_0", coupling="coupling_0")
-        self._connect(self._sum, self._canonical, "slowdown")
-        self._connect(self._sum, translation, "coupling")
+        connect(
+            self._builder, self._obstacles, self._sum, slowdown="slowdown_0", coupling="coupling_0"
+        )
+        connect(self._builder, self._sum, self._canonical, "slowdown")
+        connect(self._builder, self._sum, translation, "coupling")
         self._performers: list[System] = []
         if phase_stopping is not None:
             waiting = add(
                 "phase_stopping", PhaseStoppingCoupling(phase_stopping, self._ik.time_step)
             )
-            self._connect(translation, waiting, position="desired_position")
-            self._connect(self._hand, waiting, position="measured_position")
-            self._connect(waiting, self._sum, slowdown="slowdown_2", coupling="coupling_2")
+            connect(self._builder, translation, waiting, position="desired_position")
+            connect(self._builder, self._hand, waiting, position="measured_position")
+            connect(self._builder, waiting, self._sum, slowdown="slowdown_2", coupling="coupling_2")
             self._performers.append(waiting)
 
     def _add_joints(self, model: ControlModel, arm: str, start: Sequence[float]) -> None:
@@ -159,11 +163,11 @@ class ArmController(Diagram):
         add, params = self._builder.AddNamedSystem, self._ik
         bus = add("feedforward_pose", FeedforwardPose(hand_key(arm), params.tracking_gain))
         for system, kind in ((self._translation, "position"), (self._rotation, "orientation")):
-            self._connect(system, bus, kind, f"next_{kind}")
+            connect(self._builder, system, bus, kind, f"next_{kind}")
         self._posture = add("nominal_posture", NominalPosture())
-        self._connect(self._canonical, self._posture, "phase")
+        connect(self._builder, self._canonical, self._posture, "phase")
         ik = add("differential_ik", ArmDifferentialIk(model, arm, params))
-        self._connect(bus, ik, "desired_cartesian_poses")
+        connect(self._builder, bus, ik, "desired_cartesian_poses")
         self._command = add(
             "arm_command",
             ArmCommand(
@@ -172,18 +176,16 @@ class ArmController(Diagram):
                 time_step=params.time_step,
             ),
         )
-        self._connect(ik, self._command, commanded_velocity="desired_velocity")
-        self._connect(self._command, ik, position_command="position")
-        self._connect(self._posture, ik, joint_position="nominal_posture")
+        connect(self._builder, ik, self._command, commanded_velocity="desired_velocity")
+        connect(self._builder, self._command, ik, position_command="position")
+        connect(self._builder, self._posture, ik, joint_position="nominal_posture")
 
     def _export(self) -> None:
         """Exports the ports; `movement` goes to all that perform it."""
         builder, goal, command = self._builder, self._goal, self._command
         performers = [goal, self._canonical, self._translation, self._rotation, self._obstacles]
         performers += [self._posture, command, *self._performers]
-        builder.ExportInput(performers[0].GetInputPort("movement"), "movement")
-        for system in performers[1:]:
-            builder.ConnectInput("movement", system.GetInputPort("movement"))
+        export_input(builder, "movement", *(part.GetInputPort("movement") for part in performers))
         for system, port, name in (
             (goal, "object_pose", "object_pose"),
             (goal, "torso_pose", "torso_pose"),

@@ -1,14 +1,16 @@
-"""Compliance of an arm that is pushed, and the push itself."""
+"""What a person does to an arm: pushes, and a hand that guides; and how the arm gives way."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
+from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
-from pepper_drake.models.pepper import hand_frame
+from pepper_drake.models.pepper import arm_group, hand_frame
+from pepper_drake.systems.framework import connect
 from pepper_drake.systems.guiding.external_force import ForcePulse, HandForce, ScriptedForce
+from pepper_drake.systems.guiding.hand_guide import HandGuide, HandGuideParams
 
 
 @dataclass(frozen=True)
@@ -23,20 +25,52 @@ class ComplianceConfig:
     """Pushes at the hand, from when the arm starts."""
 
 
-def add_hand_force(
-    builder: DiagramBuilder, plant: MultibodyPlant, arm: str, applied_forces: InputPort
-) -> HandForce:
+def add_hand_force(builder: DiagramBuilder, station: PepperStation, arm: str) -> HandForce:
     """Adds what applies a force at an arm's hand; its port `force` is left open."""
-    force = builder.AddNamedSystem("hand_force", HandForce(plant.GetFrameByName(hand_frame(arm))))
-    builder.Connect(force.spatial_forces_output, applied_forces)
+    frame = station.plant.GetFrameByName(hand_frame(arm))
+    force = builder.AddNamedSystem("hand_force", HandForce(frame))
+    connect(builder, force, station, spatial_forces="applied_forces")
     return force
 
 
-def add_pushes(
-    builder: DiagramBuilder, pushes: Sequence[ForcePulse], active: OutputPort, force: HandForce
+def add_compliance(
+    builder: DiagramBuilder,
+    station: PepperStation,
+    arm: str,
+    compliance: ComplianceConfig,
+    active: OutputPort,
 ) -> OutputPort:
-    """Adds scripted pushes at a hand, from when the arm starts; returns the push (6)."""
-    script = builder.AddNamedSystem("scripted_push", ScriptedForce(*pushes))
+    """Makes an arm soft, and pushes its hand from when it starts; returns the push (6)."""
+    station.set_stiffness(arm_group(arm), compliance.stiffness)
+    force = add_hand_force(builder, station, arm)
+    script = builder.AddNamedSystem("scripted_push", ScriptedForce(*compliance.pushes))
     builder.Connect(active, script.active_input)
     builder.Connect(script.push_output, force.force_input)
     return script.push_output
+
+
+def add_hand_guide(
+    builder: DiagramBuilder,
+    robot: System,
+    plant: MultibodyPlant,
+    arm: str,
+    params: HandGuideParams | None = None,
+) -> HandGuide:
+    """Adds a guide that pulls at an arm's hand; its other inputs are left open.
+
+    Args:
+        builder: Of the diagram that the robot is in.
+        robot: A `PepperStation`, or a diagram with its ports of these names.
+        plant: The robot's.
+        arm: "left" or "right".
+        params: How firmly it holds the hand.
+    """
+    frame = plant.GetFrameByName(hand_frame(arm))
+    guide = builder.AddNamedSystem("hand_guide", HandGuide(frame, params))
+    truth = {
+        "ground_truth.body_poses": "body_poses",
+        "ground_truth.body_velocities": "body_spatial_velocities",
+    }
+    connect(builder, robot, guide, **truth)
+    connect(builder, guide, robot, spatial_forces="applied_forces")
+    return guide

@@ -1,63 +1,38 @@
-"""Reaching: Pepper's station, perception, primitive and inverse kinematics in one diagram."""
+"""Reaching: Pepper's station, perception, supervisor, controller and safety in one diagram."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import cast
 
-from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Adder, LogVectorOutput, VectorLogSink
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from pepper_drake.diagrams.arm_controller import ArmController
-from pepper_drake.diagrams.compliance import (
-    ComplianceConfig,
-    add_hand_force,
-    add_pushes,
-)
+from pepper_drake.diagrams.compliance import ComplianceConfig, add_compliance
+from pepper_drake.diagrams.ground_truth import add_ground_truth
 from pepper_drake.diagrams.head_perception import HeadPerception, PerceptionConfig
+from pepper_drake.diagrams.safety_layer import SafetyLayer, SafetyParams
 from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
-from pepper_drake.models.control_model import (
-    BODY_JOINTS,
-    arm_joints,
-    body_indices,
-    shared_control_model,
-)
-from pepper_drake.models.objects import GOAL_OBJECT
-from pepper_drake.models.pepper import JOINT_GROUPS, arm_group
+from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
+from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
-from pepper_drake.perception.goal.detection import MarkedObject
-from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
-from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
+from pepper_drake.planning.reach.reach_task import ReachTask
+from pepper_drake.planning.reach.task_sequence import SequenceTask
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
-from pepper_drake.planning.trajectories.trajectory_adapter import AdaptationParams
 from pepper_drake.systems.faults.fault_memory import Role
-from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, slowed_latency
-from pepper_drake.systems.framework import Diagram, build_into
+from pepper_drake.systems.faults.faulty_planner import faulty
+from pepper_drake.systems.framework import Diagram, build_into, connect
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
-from pepper_drake.systems.robot.base_position_controller import (
-    SENT_TO_PLACES,
-    BaseMotion,
-    BasePositionController,
-)
-from pepper_drake.systems.robot.body_watch import BodyWatch
-from pepper_drake.systems.robot.cloud_clearance import CloudClearance
-from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
-from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
-from pepper_drake.systems.robot.touch_monitor import TouchMonitor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
-from pepper_drake.systems.robot.true_clearance import TrueClearance
-
-_LONGEST_GAP = 0.12
-"""How long measurements may fail to come [s]."""
-_LINK_GAP = 2.0
-"""The same of a robot over a link [s], which holds the arm after 0.1 s by itself, goes on where
-measurements come again, and ends the run after 1 s."""
+from pepper_drake.systems.task_sequencer import TaskSequencer
 
 
 @dataclass
@@ -69,12 +44,15 @@ class ReachingConfig:
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     timing: ReachTiming = field(default_factory=ReachTiming)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
+    safety: SafetyParams = field(default_factory=SafetyParams)
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something; an arm that gives way has no such limit."""
     compliance: ComplianceConfig | None = None
     """Compliance of the reaching arm when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
     """Period of all logs [s]."""
+    tasks: tuple[SequenceTask, ...] = ()
+    """What the arm does after the reach, one after the other."""
     is_guided: bool = False
     """True if a person moves objects and arm: nothing moves by itself, and nothing is logged."""
 
@@ -82,32 +60,34 @@ class ReachingConfig:
 class Reaching(Diagram):
     """The whole loop, from the cameras' images to the joints' commands.
 
-    It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
+    It is simulated or, with a `HardwareStation`, performed by a robot.
 
     .. pydrake_system::
 
         name: Reaching
         input_ports:
-        - command (optional)
-        - primitive (optional)
+        - command (optional; not with tasks)
+        - primitive (optional; not with tasks)
         - arm_mode (optional)
         - joint_target (optional)
         - reset (optional)
         - applied_forces (optional; not of an arm that gives way)
         - (name of what moves).desired_state (guided)
         output_ports:
-        - torso_pose, hand_pose, arm_position, limp (guided)
-        - ground_truth.query (simulated), .body_poses, .body_velocities (guided)
+        - torso_pose
+        - hand_pose
+        - arm_position
+        - limp
+        - ground_truth.query, .body_poses, .body_velocities (simulated)
 
     Inputs: `command` (1), a `ReachCommand`, and `primitive`, abstract MovementPrimitive: see
     `ReachSupervisor`; `arm_mode` (1), an `ArmMode`, and `joint_target` (5) [rad]: see `ArmCommand`;
     `reset` (1): see `SafetyMonitor`; `applied_forces` and `desired_state`: see `PepperStation`.
-    Without any it is one reach. How stiff the arm is, is not among them: gains are the plant's
+    Without any it is one reach. The arm's stiffness is not among them: gains are the plant's
     and not the context's (`PepperStation.set_stiffness`).
 
     Attributes:
         station: Pepper in its scene; another station with the same ports may take its place.
-        supervisor: What decides.
         logs: Vector logs by the name of what they log.
     """
 
@@ -122,7 +102,7 @@ class Reaching(Diagram):
         """Makes the loop.
 
         Args:
-            scene: What Pepper is in.
+            scene: Pepper's surroundings.
             primitive: The movement that was taught.
             coupling: How obstacles bend it; None for not at all.
             config: How it is built.
@@ -132,331 +112,195 @@ class Reaching(Diagram):
         self.scene, self.primitive, self.config = scene, primitive, config
         self._builder = builder = DiagramBuilder()
         model = shared_control_model()
-        self.shapes = ExactDistance(model, arm_kinematics(model, scene.arm))
         # A real robot's station has the same ports, less those of the truth.
-        chosen = station or PepperStation(scene, config.station, model)
-        self.station: PepperStation = builder.AddNamedSystem("station", cast(PepperStation, chosen))
-        if isinstance(chosen, PepperStation):
-            self._faults, self._base_motion = chosen.config.faults, BaseMotion()
-            self._longest_gap = _LONGEST_GAP
-        else:
-            self._faults, self._base_motion = config.station.faults, SENT_TO_PLACES
-            self._longest_gap = _LINK_GAP
+        chosen = cast(PepperStation, station or PepperStation(scene, config.station, model))
+        self.station: PepperStation = builder.AddNamedSystem("station", chosen)
+        self._is_simulated = isinstance(chosen, PepperStation)
+        self._faults = chosen.config.faults if self._is_simulated else config.station.faults
+        self._is_checked = config.planner.collision_checked and coupling is not None
         self.logs: dict[str, VectorLogSink] = {}
-
-        self._add_perception()
-        self._add_supervisor(coupling)
-        self._add_controller()
-        self._add_commands(coupled=coupling is not None)
+        self._add_systems(coupling)
+        self._connect_systems()
+        self._add_sequencer()
+        self._add_commands()
         self._add_motions()
-        self._add_triggers()
-        if config.is_guided:
-            self._export_for_guide()
-        else:
+        self._add_exports()
+        if not config.is_guided:
             self._add_logs()
-        if self.station.HasOutputPort("ground_truth.query"):
-            builder.ExportOutput(
-                self.station.GetOutputPort("ground_truth.query"), "ground_truth.query"
-            )
+        for system in (self.station, self.perception, self.safety):
+            if system.HasInputPort("fault_trigger"):
+                connect(builder, self.supervisor, system, started="fault_trigger")
+        for injector in self._faults.waiting(builder):
+            connect(builder, self.supervisor, injector, started="trigger")
         del self._builder
         build_into(builder, self)
 
-    def _connect(self, source: OutputPort, system: object, *names: str) -> None:
-        for name in names:
-            self._builder.Connect(source, system.GetInputPort(name))  # type: ignore[attr-defined]
-
-    def _add_perception(self) -> None:
-        """Goal estimator, obstacle cloud, and the head that looks at the goal."""
-        self.perception = self._builder.AddNamedSystem(
-            "perception", HeadPerception(self.scene, self.station, self.config.perception)
-        )
-        self.perception.connect(self._builder, self.station)
-
-    def _add_supervisor(self, coupling: Coupling | None) -> None:
-        """The supervisor with its planner, and the base that it drives."""
-        builder, station = self._builder, self.station
-        pre_grasp = self.scene.goal.pre_grasp
-        axis = pre_grasp.axis
-        make_planner = partial(
-            ReachPlanner,
-            model=station.control_model,
-            arm=self.scene.arm,
-            X_OG=self.scene.pre_grasp(),
-            coupling=coupling,
-            ik=self.config.ik,
-            params=self.config.planner,
-            adaptation=AdaptationParams(
-                axis=(axis[0], axis[1], axis[2]), axis_tolerance=pre_grasp.tolerance
-            ),
-            goal_solids=MarkedObject.from_scene(self.scene.goal).solids,
-        )
-        self.planner = make_planner(primitive=self.primitive)
-        fault = self._faults.fault("planner")
-        planner: Planner = self.planner
-        if fault is not None:
-            planner = FaultyPlanner(self.planner, fault, self._faults.seed)
+    def _add_systems(self, coupling: Coupling | None) -> None:
+        """Adds perception, supervisor with its planner, arm controller and safety layer."""
+        add, scene, config = self._builder.AddNamedSystem, self.scene, self.config
+        station, compliance, model = self.station, config.compliance, self.station.control_model
+        self.perception = add("perception", HeadPerception(scene, station, config.perception))
+        self.perception.connect(self._builder, station)
+        task = ReachTask.in_scene(scene, model, coupling, config.ik, config.planner)
+        self.planner = ReachPlanner(self.primitive, task)
+        planner, timing = faulty(self.planner, config.timing, self._faults)
         self.timed_planner = TimedPlanner(planner)
-        timing = replace(
-            self.config.timing, latency=slowed_latency(self.config.timing.latency, fault)
-        )
-        self.supervisor = builder.AddNamedSystem(
-            "supervisor",
-            ReachSupervisor(
-                self.timed_planner,
-                timing,
-                arm=self.scene.arm,
-                planner_for=lambda primitive: make_planner(primitive=primitive),
-            ),
-        )
-        for name in ("command", "primitive"):
-            builder.ExportInput(self.supervisor.GetInputPort(name), name)
-        for name in (
-            *("object_pose", "goal_valid", "goal_age", "cloud", "predicted_cloud"),
-            *("cloud_time", "cloud_fault", "image_ages"),
-        ):
-            self._connect(self.perception.GetOutputPort(name), self.supervisor, name)
-        if self.perception.HasOutputPort("space"):
-            self._connect(self.perception.GetOutputPort("space"), self.supervisor, "space")
-        for output, name in (
-            ("joint_position", "joint_position"),
-            ("base_pose", "base_pose"),
-            (f"{self.scene.arm}_hand_pose", "hand_pose"),
-        ):
-            self._connect(station.GetOutputPort(output), self.supervisor, name)
-        self.started = self.supervisor.GetOutputPort("started")
-        self._connect(self.started, self.perception, "scan_enabled")
-        self._connect(self.supervisor.GetOutputPort("look_at"), self.perception, "look_at")
-        self._add_base()
 
-    def _add_base(self) -> None:
-        """Drives the base where the supervisor sends it, and stops it before what is seen."""
-        builder, station = self._builder, self.station
-        self.driver = driver = builder.AddNamedSystem(
-            "base_driver", BasePositionController(self._base_motion)
-        )
-        builder.Connect(self.supervisor.GetOutputPort("base_goal"), driver.base_goal_input)
-        builder.Connect(station.GetOutputPort("base_pose"), driver.base_pose_input)
-        velocity = driver.GetOutputPort("base_velocity_command")
-        command = self._faults.tap(builder, "base_command", {"velocity": (Role.VALUE, velocity)})
-        builder.Connect(command["velocity"], station.GetInputPort("base_velocity_command"))
-        self._connect(driver.GetOutputPort("arrived"), self.supervisor, "arrived")
-        self.body_watch = watch = builder.AddNamedSystem(
-            "body_watch", BodyWatch(station.control_model, self.scene.arm)
-        )
-        for name, source in (
-            ("cloud", self.perception.GetOutputPort("cloud")),
-            ("predicted_cloud", self.perception.GetOutputPort("predicted_cloud")),
-            ("joint_position", station.GetOutputPort("joint_position")),
-            ("base_pose", station.GetOutputPort("base_pose")),
-            ("base_velocity_command", velocity),
-            ("active", self.started),
-        ):
-            self._connect(source, watch, name)
-        self._connect(watch.GetOutputPort("stop_base"), self.supervisor, "base_blocked")
+        def planner_for(wanted: MovementPrimitive | Movement) -> Planner:
+            if isinstance(wanted, MovementPrimitive):
+                return self.planner.with_primitive(wanted)
+            first = self.planner.demonstrated
+            if wanted.primitive is first.primitive and wanted.X_OG is first.X_OG:
+                return self.timed_planner
+            return self.planner.with_primitive(wanted.primitive, wanted.X_OG)
 
-    def _add_controller(self) -> None:
-        """The arm's controller, and what the arm gives way to."""
-        builder, station, arm = self._builder, self.station, self.scene.arm
-        compliance = self.config.compliance
-        start = self.scene.robot.positions()
-        self.controller = controller = builder.AddNamedSystem(
-            "arm_controller",
-            ArmController(
-                station.control_model,
-                arm,
-                self.primitive,
-                [start[name] for name in arm_joints(arm)],
-                ik=self.config.ik,
-                phase_stopping=None if compliance is None else compliance.tracking,
-            ),
+        supervisor = ReachSupervisor(
+            self.timed_planner, timing, arm=scene.arm, planner_for=planner_for
         )
-        self.active = controller.GetOutputPort("active")
+        start = scene.robot.positions()
+        contact = config.contact.on_worn_robot(config.station.wear)
+        controller = ArmController(
+            model,
+            scene.arm,
+            self.primitive,
+            [start[name] for name in arm_joints(scene.arm)],
+            ik=config.ik,
+            phase_stopping=None if compliance is None else compliance.tracking,
+        )
+        safety = SafetyLayer(
+            model,
+            scene,
+            config.safety if self._is_simulated else config.safety.over_link(),
+            self._faults,
+            contact=contact if compliance is None else None,
+            control_period=config.ik.time_step,
+            minimum_clearance=config.planner.clearance.stop if self._is_checked else None,
+        )
+        self.supervisor = add("supervisor", supervisor)
+        self.controller = add("arm_controller", controller)
+        self.safety = add("safety", safety)
+
+    def _connect_systems(self) -> None:
+        """Connects the five with one another."""
+        wire = partial(connect, self._builder)
+        station, perception, supervisor = self.station, self.perception, self.supervisor
+        controller, safety, arm = self.controller, self.safety, self.scene.arm
+        hand = {f"{arm}_hand_pose": "hand_pose"}
+        seen = ("object_pose", "goal_valid", "goal_age", "image_ages", "cloud", "predicted_cloud")
+        wire(perception, supervisor, *seen, "cloud_time", "cloud_fault")
+        if perception.HasOutputPort("space"):
+            wire(perception, supervisor, "space")
+        wire(station, supervisor, "joint_position", "base_pose", **hand)
+        wire(supervisor, perception, "look_at", started="scan_enabled")
+        wire(supervisor, controller, "movement")
+        wire(station, controller, "torso_pose", **hand)
+        clouds = {f"{cloud}_torso": cloud for cloud in ("cloud", "predicted_cloud")}
+        wire(perception, controller, "object_pose", **clouds)
+        wire(controller, supervisor, "goal_position", "desired_position", "tau")
+        commands = {f"{kind}_command": f"arm_{kind}_command" for kind in ("position", "velocity")}
+        wire(controller, supervisor, **commands)
         self.arm_position = select_joints(
-            builder, station.GetOutputPort("joint_position"), "arm_position", arm_joints(arm)
+            self._builder, station.GetOutputPort("joint_position"), "arm_position", arm_joints(arm)
         )
-        for name, source in (
-            ("movement", self.supervisor.GetOutputPort("movement")),
-            ("object_pose", self.perception.GetOutputPort("object_pose")),
-            ("torso_pose", station.GetOutputPort("torso_pose")),
-            ("hand_pose", station.GetOutputPort(f"{arm}_hand_pose")),
-            ("arm_position", self.arm_position),
-            ("cloud", self.perception.GetOutputPort("cloud_torso")),
-            ("predicted_cloud", self.perception.GetOutputPort("predicted_cloud_torso")),
-        ):
-            self._connect(source, controller, name)
-        for output, name in (
-            ("goal_position", "goal_position"),
-            ("desired_position", "desired_position"),
-            ("tau", "tau"),
-            ("position_command", "arm_position_command"),
-            ("velocity_command", "arm_velocity_command"),
-        ):
-            self._connect(controller.GetOutputPort(output), self.supervisor, name)
-        if compliance is not None:
-            station.set_stiffness(arm_group(arm), compliance.stiffness)
-            force = add_hand_force(
-                builder, station.plant, arm, station.GetInputPort("applied_forces")
-            )
-            push = add_pushes(builder, compliance.pushes, self.started, force)
-            self.logs["push"] = LogVectorOutput(push, builder, self.config.log_period)
-        elif station.HasInputPort("applied_forces"):
-            builder.ExportInput(station.GetInputPort("applied_forces"), "applied_forces")
-        for name in ("arm_mode", "joint_target"):
-            builder.ExportInput(controller.GetInputPort(name), name)
+        for system in (controller, safety):
+            self._builder.Connect(self.arm_position, system.GetInputPort("arm_position"))
+        wire(perception, safety, "cloud", "predicted_cloud", *clouds, "goal_gap")
+        wire(perception, safety, head_position_command="head_command")
+        wire(station, safety, "joint_position", "base_pose", "measurement_age", "missing_joint")
+        wire(supervisor, safety, "base_goal", "started")
+        wire(controller, safety, "limp", active="arm_active")
+        wire(controller, safety, position_command="arm_command", velocity_command="arm_velocity")
+        wire(safety, supervisor, "arrived", "base_blocked", "stop_reason", "stop_joint")
+        if self._is_checked:
+            wire(safety, supervisor, "predicted_clearance")
+        wire(safety, controller, "stop_reason")
 
-    def _add_commands(self, *, coupled: bool) -> None:
-        """All joints' commands together, through the safety monitor, to the station."""
-        builder, station, arm = self._builder, self.station, self.scene.arm
-        model = station.control_model
-        merge = builder.AddNamedSystem(
-            "joint_commands",
-            JointCommandMerge(
-                {"head": JOINT_GROUPS["head"], "arm": arm_joints(arm)},
-                self.scene.robot.positions(),
-            ),
+    def _add_sequencer(self) -> None:
+        """What tells the supervisor what to do: the sequence of tasks, or whoever is outside."""
+        builder, config = self._builder, self.config
+        self.sequencer: TaskSequencer | None = None
+        if not config.tasks:
+            for name in ("command", "primitive"):
+                builder.ExportInput(self.supervisor.GetInputPort(name), name)
+            return
+        self.sequencer = builder.AddNamedSystem(
+            "sequencer",
+            TaskSequencer(self.planner.demonstrated, config.tasks, config.timing.time_step),
         )
-        self._connect(self.perception.GetOutputPort("head_position_command"), merge, "head_command")
-        self._connect(self.controller.GetOutputPort("position_command"), merge, "arm_command")
+        hand = {f"{self.scene.arm}_hand_pose": "hand_pose"}
+        connect(builder, self.supervisor, self.sequencer, "mode")
+        connect(builder, self.perception, self.sequencer, "object_pose")
+        connect(builder, self.station, self.sequencer, "torso_pose", **hand)
+        connect(builder, self.sequencer, self.supervisor, "command", "primitive")
 
-        self.seen_clearance = builder.AddNamedSystem(
-            "seen_clearance", CloudClearance(self.shapes, time_step=0.05)
-        )
-        for name in ("cloud", "predicted_cloud"):
-            source = self.perception.GetOutputPort(f"{name}_torso")
-            self._connect(source, self.seen_clearance, name)
-        self._connect(self.active, self.seen_clearance, "active")
-        self._connect(self.arm_position, self.seen_clearance, "joint_position")
-        self._connect(
-            self.controller.GetOutputPort("velocity_command"),
-            self.seen_clearance,
-            "joint_velocity",
-        )
-
-        self.safety = builder.AddNamedSystem(
-            "safety_monitor",
-            SafetyMonitor(
-                limits=model.command_limits(BODY_JOINTS),
-                start_position=[self.scene.robot.positions()[name] for name in BODY_JOINTS],
-                minimum_clearance=self.config.planner.clearance.stop,
-                contact=self._contact_params(),
-                longest_gap=self._longest_gap,
-                time_step=self.config.ik.time_step,
-            ),
-        )
-        wishes = {"position": (Role.VALUE, merge.get_output_port())}
-        wish = self._faults.tap(builder, "commands", wishes)["position"]
-        self._connect(wish, self.safety, "joint_position_command")
-        self._connect(station.GetOutputPort("joint_position"), self.safety, "joint_position")
-        if self.config.planner.collision_checked and coupled:
-            for watch, name in (
-                (self.seen_clearance, "clearance"),
-                (self.body_watch, "body_clearance"),
-            ):
-                self._connect(watch.GetOutputPort("approach_clearance"), self.safety, name)
-            predicted = self.seen_clearance.GetOutputPort("predicted_approach_clearance")
-            self._connect(predicted, self.supervisor, "predicted_clearance")
-        builder.ExportInput(self.safety.reset_input, "reset")
-        self._connect(self.controller.GetOutputPort("limp"), self.safety, "limp")
-        for name in ("measurement_age", "missing_joint"):
-            self._connect(station.GetOutputPort(name), self.safety, name)
-        self._connect(self.perception.GetOutputPort("goal_gap"), self.safety, "goal_gap")
-        self._connect(self.driver.GetOutputPort("held"), self.safety, "base_held")
-        stop = self.safety.GetOutputPort("stop_reason")
-        for system in (self.supervisor, self.controller):
-            self._connect(stop, system, "stop_reason")
-        self._connect(self.safety.GetOutputPort("stop_joint"), self.supervisor, "stop_joint")
-        stops = builder.AddNamedSystem("base_stop", Adder(2, 1))
-        builder.Connect(stop, stops.get_input_port(0))
-        builder.Connect(self.body_watch.GetOutputPort("stop_base"), stops.get_input_port(1))
-        builder.Connect(stops.get_output_port(), self.driver.stop_input)
-        self.command = self.safety.GetOutputPort("safe_joint_position_command")
-        arriving = self._faults.tap(
+    def _add_commands(self) -> None:
+        """Connects safe commands to the station, through faults on the way, and forces."""
+        builder, station, config = self._builder, self.station, self.config
+        self.command = self.safety.GetOutputPort("joint_position_command")
+        joints = self._faults.tap(
             builder,
             "actuators",
             {"position": (Role.VALUE, self.command)},
-            elements=body_indices([*JOINT_GROUPS["head"], *arm_joints(arm)]),
+            elements=body_indices([*JOINT_GROUPS["head"], *arm_joints(self.scene.arm)]),
             neutral=station.GetOutputPort("joint_position"),
         )
-        builder.Connect(arriving["position"], station.GetInputPort("joint_position_command"))
-
-    def _contact_params(self) -> ContactParams | None:
-        """When a joint counts as held, on a robot of this latency and slack."""
-        if self.config.compliance is not None:
-            return None
-        wear = self.config.station.wear
-        if wear is None:
-            return self.config.contact
-        return replace(
-            self.config.contact,
-            latency=self.config.contact.latency + wear.command_latency,
-            angle=self.config.contact.angle + 0.5 * float(wear.backlash.max()),
-        )
+        velocity = self.safety.GetOutputPort("base_velocity_command")
+        base = self._faults.tap(builder, "base_command", {"velocity": (Role.VALUE, velocity)})
+        builder.Connect(joints["position"], station.GetInputPort("joint_position_command"))
+        builder.Connect(base["velocity"], station.GetInputPort("base_velocity_command"))
+        if config.compliance is not None:
+            started = self.supervisor.GetOutputPort("started")
+            push = add_compliance(builder, station, self.scene.arm, config.compliance, started)
+            self.logs["push"] = LogVectorOutput(push, builder, config.log_period)
+        elif station.HasInputPort("applied_forces"):
+            builder.ExportInput(station.GetInputPort("applied_forces"), "applied_forces")
 
     def _add_motions(self) -> None:
         """Moves goal object and obstacles once the arm starts, if that is asked for."""
-        for moving in self.station.scene_models.moving:
+        builder, station = self._builder, self.station
+        for moving in station.scene_models.moving:
             port = f"{moving.name}.desired_state"
             if self.config.is_guided:
-                self._builder.ExportInput(self.station.GetInputPort(port), port)
-            elif self.station.HasInputPort(port):
-                name = "goal_motion" if moving.name == GOAL_OBJECT else f"{moving.name}_motion"
-                path = self._builder.AddNamedSystem(name, TriggeredTrajectory(moving.path))
-                self._builder.Connect(self.started, path.trigger_input)
-                self._connect(path.get_output_port(), self.station, port)
+                builder.ExportInput(station.GetInputPort(port), port)
+            elif station.HasInputPort(port):
+                path = TriggeredTrajectory(moving.path)
+                builder.AddNamedSystem(f"{moving.name}_motion", path)
+                connect(builder, self.supervisor, path, started="trigger")
+                builder.Connect(path.get_output_port(), station.GetInputPort(port))
 
-    def _add_triggers(self) -> None:
-        """Tells faults that wait for the arm when it starts."""
-        for injector in self._faults.waiting(self._builder):
-            self._connect(self.started, injector, "trigger")
-        for system in (self.station, self.perception):
-            if system.HasInputPort("fault_trigger"):
-                self._connect(self.started, system, "fault_trigger")
-
-    def _export_for_guide(self) -> None:
-        """Exports what a person who leads the hand has to know."""
+    def _add_exports(self) -> None:
+        """Exports what a user commands, and what a person who leads the hand has to know."""
         builder, station = self._builder, self.station
-        for port, name in (
-            (station.GetOutputPort("torso_pose"), "torso_pose"),
-            (station.GetOutputPort(f"{self.scene.arm}_hand_pose"), "hand_pose"),
-            (self.arm_position, "arm_position"),
-            (self.controller.GetOutputPort("limp"), "limp"),
-        ):
-            builder.ExportOutput(port, name)
-        for name in ("ground_truth.body_poses", "ground_truth.body_velocities"):
+        inputs = {"reset": self.safety, "arm_mode": self.controller}
+        inputs |= {"joint_target": self.controller}
+        for name, system in inputs.items():
+            builder.ExportInput(system.GetInputPort(name), name)
+        builder.ExportOutput(station.GetOutputPort(f"{self.scene.arm}_hand_pose"), "hand_pose")
+        builder.ExportOutput(self.arm_position, "arm_position")
+        builder.ExportOutput(self.controller.GetOutputPort("limp"), "limp")
+        truth = (f"ground_truth.{kind}" for kind in ("query", "body_poses", "body_velocities"))
+        for name in filter(station.HasOutputPort, ("torso_pose", *truth)):
             builder.ExportOutput(station.GetOutputPort(name), name)
 
     def _add_logs(self) -> None:
         """Logs what the report and the figures need, and watches the true clearance."""
         builder, station = self._builder, self.station
         sources = {
-            "joint_position": station.GetOutputPort("joint_position"),
             "joint_command": self.command,
-            "base_pose": station.GetOutputPort("base_pose"),
             "hand_position": station.GetOutputPort(f"{self.scene.arm}_hand_position"),
-            "mode": self.supervisor.GetOutputPort("mode"),
-            "movement_origin": self.supervisor.GetOutputPort("movement_origin"),
-            "seen_clearance": self.seen_clearance.GetOutputPort("clearance"),
-            "body_clearance": self.body_watch.GetOutputPort("clearance"),
+            "seen_clearance": self.safety.GetOutputPort("clearance"),
+            "body_clearance": self.safety.GetOutputPort("body_clearance"),
         }
         if station.HasOutputPort("ground_truth.query"):
-            self.clearance = builder.AddNamedSystem(
-                "clearance_monitor",
-                TrueClearance(
-                    robot=station.robot_geometries(), obstacles=station.obstacle_geometries()
-                ),
-            )
-            self._connect(station.GetOutputPort("ground_truth.query"), self.clearance, "query")
-            touch = builder.AddNamedSystem(
-                "touch_monitor",
-                TouchMonitor(robot=station.robot_bodies(), goal=station.goal_bodies()),
-            )
-            self._connect(
-                station.GetOutputPort("ground_truth.contact_results"), touch, "contact_results"
-            )
-            sources["contact_force"] = touch.get_output_port()
-            sources["state"] = station.GetOutputPort("ground_truth.state")
-            sources["clearance"] = self.clearance.get_output_port()
-        for name in ("desired_position", "goal_position", "phase", "tau", "coupling"):
-            sources[name] = self.controller.GetOutputPort(name)
+            self.clearance, truth = add_ground_truth(builder, station)
+            sources |= truth
+        for system, *names in (
+            (station, "joint_position", "base_pose"),
+            (self.supervisor, "mode", "movement_origin"),
+            (self.controller, "desired_position", "goal_position", "phase", "tau", "coupling"),
+        ):
+            sources |= {name: system.GetOutputPort(name) for name in names}
+        if self.sequencer is not None:
+            sources["task"] = self.sequencer.GetOutputPort("task")
         for name, source in sources.items():
             self.logs[name] = LogVectorOutput(source, builder, self.config.log_period)

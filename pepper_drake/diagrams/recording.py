@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Meshcat
+from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
@@ -246,10 +246,12 @@ def make_teaching(
 ) -> tuple[DiagramBuilder, Teaching]:
     """Starts a diagram with the Teaching that a script is for."""
     builder = DiagramBuilder()
-    teaching = Teaching(
-        script.arm, script.positions(), guided_by=guided_by, meshcat=options.meshcat
-    )
-    return builder, builder.AddNamedSystem("teaching", teaching)
+    teaching = Teaching(script.arm, script.positions(), guided_by=guided_by)
+    builder.AddNamedSystem("teaching", teaching)
+    if options.meshcat is not None:
+        visualizer = builder.AddNamedSystem("visualizer", MeshcatVisualizer(options.meshcat))
+        builder.Connect(teaching.GetOutputPort("query"), visualizer.query_object_input_port())
+    return builder, teaching
 
 
 def measured_recording(

@@ -145,7 +145,7 @@ class PepperStation(Diagram):
         name: PepperStation
         input_ports:
         - joint_position_command
-        - base_velocity_command
+        - base_velocity_command (optional)
         - camera_top.enabled
         - camera_bottom.enabled
         - camera_depth.enabled
@@ -182,9 +182,9 @@ class PepperStation(Diagram):
         - ground_truth.contact_results
 
     The joint ports have 15 elements in the order of `BODY_JOINTS` (rad); `base_velocity_command`
-    is vx, vy, yaw rate in the base frame; `base_pose` is x, y, yaw in W by odometry. What is
-    measured is always a number: `measurement_age` (2) tells since when joints and base were not
-    measured [s], `missing_joint` (1) which joint it was, or -1. Poses are
+    is vx, vy, yaw rate in the base frame, zero if left out; `base_pose` is x, y, yaw in W by
+    odometry. Measurements are always numbers: `measurement_age` (2) tells since when joints and
+    base were not measured [s], `missing_joint` (1) which joint it was, or -1. Poses are
     X_WT, X_TH and X_WC, from the measured joints. A camera's image, pose, time stamp (and the
     robot's positions, 18) belong together: all four are of the moment of the capture. Input
     `goal_object.desired_state` (6), the offset in m and its rate, is there when the config asks

@@ -11,8 +11,10 @@ import viser.uplot
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 
-from pepper_drake.diagrams.live_teaching import SPARES
 from pepper_drake.live.controls import BUTTONS, plain_name
+from pepper_drake.live.legend import LEGEND
+from pepper_drake.live.session_file import SessionRecord
+from pepper_drake.models.movable_objects import SPARES
 from pepper_drake.web.viser_page import ViserPage
 
 Vector = npt.NDArray[np.float64]
@@ -20,24 +22,23 @@ Vector = npt.NDArray[np.float64]
 VIEWS = ("Front", "Shoulder", "Top", "Camera")
 CLEARANCE_SHOWN = 0.5
 """Clearances are shown up to this [m]: beyond it, or where nothing is seen, they are cut."""
-_SIGNALS = (("phase", ""), ("clearance", " [cm], cut at 50"), ("coupling", " [m/s²]"))
-_LEGEND = """
-| seen | meaning |
-| --- | --- |
-| rings and arrows at the hand | drag them: the hand follows |
-| green line | from the hand to where it is led |
-| black path | the demonstration; grey: those before it |
-| green path | prediction: what was learned, to where the goal is now, without obstacles |
-| pale hand | ghost: the hand of the demonstration that is played back |
-| blue path | the hand while it reaches; violet once the goal has moved |
-| dots | obstacles as Pepper sees them, red near the hand and blue far from it |
-| red arrow | push of the obstacles: the coupling's acceleration |
-
-Drag the goal and obstacles themselves with the mouse. Drag beside them to turn the view.
-
-Keys: R record, Space stop, L learn, G reach, U undo, S save; arrows, PgUp and PgDn move the hand as
-you see it; Z X, C V, B N turn it. A game pad leads the hand, too.
-"""
+_NO_PICTURE = "What the camera in Pepper's head sees. Rendering it takes time, so ask for it."
+_SIGNALS = (
+    ("phase", "Phase: 1 at the start, towards 0 at the end", (0.0, 1.0)),
+    ("clearance", "Clearance of the arm [cm], cut at 50", (0.0, 50.0)),
+    ("coupling", "Coupling: push of the obstacles [m/s²]", None),
+)
+"""Names and titles of what is plotted, and its range."""
+_ICONS = {
+    "Record": viser.Icon.PLAYER_RECORD,
+    "Stop": viser.Icon.PLAYER_STOP,
+    "Learn": viser.Icon.SCHOOL,
+    "Reach": viser.Icon.TARGET,
+    "Undo": viser.Icon.ARROW_BACK_UP,
+    "Save": viser.Icon.DEVICE_FLOPPY,
+}
+_QUIET: tuple[int, int, int] = (118, 132, 150)
+"""Colour of the buttons that are not the next step."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Action:
 
     Attributes:
         kind: "press", "hand", "drag", "add", "remove", "trim", "play", "scrub", "discard", "view",
-            "key" or "pad".
+            "over", "key" or "pad".
         name: What it was done with: a button, an object, a view.
         values: Numbers that go with it.
         client: Whose view changes.
@@ -69,13 +70,21 @@ class LivePage:
         shows_camera: Whether the camera's picture is asked for.
     """
 
-    def __init__(self, page: ViserPage, *, cameras: bool, spares: bool) -> None:
+    def __init__(
+        self,
+        page: ViserPage,
+        *,
+        cameras: bool,
+        spares: bool,
+        lesson: SessionRecord | None = None,
+    ) -> None:
         """Adds the controls.
 
         Args:
             page: With nothing on it.
             cameras: Whether there is a camera's picture.
             spares: Whether obstacles can be added.
+            lesson: Its title and tasks, if there is one.
         """
         self._page, self.server = page, page.server
         self._actions: queue.SimpleQueue[Action] = queue.SimpleQueue()
@@ -84,12 +93,20 @@ class LivePage:
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
         gui.set_panel_label("Teach Pepper")
         self._words = gui.add_markdown("Pepper wakes up")
+        self._buttons = {}
+        self._next = ""
         for name, key in BUTTONS.items():
-            button = gui.add_button(f"{name} ({key.removeprefix('Key')})")
+            label = f"{name} ({key.removeprefix('Key')})"
+            button = gui.add_button(label, icon=_ICONS[name], color=_QUIET)
             self._on_click(button, Action("press", name))
+            self._buttons[name] = button
         tabs = gui.add_tab_group()
+        if lesson is not None:
+            with tabs.add_tab("Lesson"):
+                gui.add_markdown(_as_markdown(lesson))
+                self._on_click(gui.add_button("Start over", color=_QUIET), Action("over"))
         with tabs.add_tab("Legend"):
-            gui.add_markdown(_LEGEND)
+            gui.add_html(LEGEND)
         with tabs.add_tab("Demonstrations"):
             self._add_demonstrations()
         with tabs.add_tab("Scene"):
@@ -97,48 +114,57 @@ class LivePage:
             views.on_click(lambda event: self._view(event))
             if spares:
                 for name in SPARES:
-                    button = gui.add_button(f"Add {plain_name(name)}")
+                    button = gui.add_button(f"Add {plain_name(name)}", color=_QUIET)
                     self._on_click(button, Action("add", name))
-                self._on_click(gui.add_button("Remove what was added"), Action("remove"))
+                remove = gui.add_button("Remove what was added", color=_QUIET)
+                self._on_click(remove, Action("remove"))
         with tabs.add_tab("Signals"):
-            times = np.array([0.0, 1.0])
-            self._plots = {
-                name: gui.add_uplot(
-                    (times, np.zeros(2)),
-                    (
-                        viser.uplot.Series(label="time [s]"),
-                        viser.uplot.Series(label=name + unit, stroke="#2060c0", width=2),
-                    ),
-                    title=name + unit,
-                    scales={"x": viser.uplot.Scale(time=False, auto=True)},
-                    height=170,
-                )
-                for name, unit in _SIGNALS
-            }
+            self._add_plots()
         self.shows_camera = False
         if cameras:
             with tabs.add_tab("Camera"):
-                shown = gui.add_checkbox("Show what the head's camera sees", False)
+                shown = gui.add_checkbox("Show the picture", False)
                 shown.on_update(lambda event: self._show_camera(bool(event.target.value)))
-                self._picture = gui.add_image(np.zeros((240, 320, 3), np.uint8))
-                self._seen = gui.add_markdown("")
+                self._picture = gui.add_image(np.full((240, 320, 3), 235, np.uint8), visible=False)
+                self._seen = gui.add_markdown(_NO_PICTURE)
         self._add_hand()
 
     def _on_click(self, button: viser.GuiButtonHandle, action: Action) -> None:
         button.on_click(lambda event: self._actions.put(action))
 
+    def _add_plots(self) -> None:
+        gui = self.server.gui
+        gui.add_markdown("Drawn while the arm moves by itself; time in seconds.")
+        times = np.array([0.0, 1.0])
+        self._plots = {}
+        for name, title, span in _SIGNALS:
+            scales = {"x": viser.uplot.Scale(time=False, auto=True)}
+            if span is not None:
+                scales["y"] = viser.uplot.Scale(range=span)
+            self._plots[name] = gui.add_uplot(
+                (times, np.zeros(2)),
+                (
+                    viser.uplot.Series(label="time [s]"),
+                    viser.uplot.Series(label=name, stroke="#2060c0", width=2),
+                ),
+                title=title,
+                scales=scales,
+                legend=viser.uplot.Legend(show=False),
+                height=125,
+            )
+
     def _add_demonstrations(self) -> None:
         gui = self.server.gui
         self._list = gui.add_markdown("None yet: Record keeps what you show.")
-        self._on_click(gui.add_button("Play the last"), Action("play"))
-        self._scrub = gui.add_slider("at [%]", 0, 100, 1, 0)
+        self._on_click(gui.add_button("Play the last", color=_QUIET), Action("play"))
+        self._scrub = gui.add_slider("Playback [%]", 0, 100, 1, 0)
         self._scrub.on_update(self._take_share)
-        self._part = gui.add_multi_slider("keep [%]", 0, 100, 1, (0, 100))
-        trim = gui.add_button("Trim the last")
+        self._part = gui.add_multi_slider("Keep [%]", 0, 100, 1, (0, 100))
+        trim = gui.add_button("Trim the last to what is kept", color=_QUIET)
         trim.on_click(lambda event: self._take_part())
-        self._on_click(gui.add_button("Discard the last"), Action("discard"))
+        self._on_click(gui.add_button("Discard the last", color=_QUIET), Action("discard"))
         self.shows_prediction = True
-        predicted = gui.add_checkbox("Show the prediction", True)
+        predicted = gui.add_checkbox("Prediction", True, hint="Shows what was learned")
         predicted.on_update(lambda event: self._show_prediction(bool(event.target.value)))
 
     def _take_share(self, event: viser.GuiEvent) -> None:
@@ -153,6 +179,8 @@ class LivePage:
 
     def _show_camera(self, shown: bool) -> None:
         self.shows_camera = shown
+        self._picture.visible = False  # Until there is one of now.
+        self._seen.content = "The picture comes in a moment." if shown else _NO_PICTURE
 
     def _view(self, event: viser.GuiEvent) -> None:
         if event.target.value in VIEWS:
@@ -228,9 +256,17 @@ class LivePage:
 
     def show_status(self, mode: str, words: str, hint: str = "") -> None:
         """Shows what Pepper is doing, and what one can do next."""
-        status = f"### {mode}\n{_escaped(words)}\n\n<small>{_escaped(hint)}</small>"
+        status = f"### {mode.capitalize()}\n{_escaped(words)}\n\n<small>{_escaped(hint)}</small>"
         if status != self._status:
             self._status = self._words.content = status
+
+    def show_next(self, button: str) -> None:
+        """Gives the button of the next step its colour: red if it is Stop, blue else."""
+        if button != self._next:
+            if self._next:
+                self._buttons[self._next].color = _QUIET
+            self._buttons[button].color = "red" if button == "Stop" else "blue"
+            self._next = button
 
     def show_demonstrations(self, text: str) -> None:
         """Shows what is known of the demonstrations, as Markdown."""
@@ -248,7 +284,13 @@ class LivePage:
     def show_picture(self, picture: npt.NDArray[np.uint8], words: str) -> None:
         """Shows the camera's picture (H, W, 3), and what was found in it."""
         self._picture.image = picture
+        self._picture.visible = True
         self._seen.content = words
+
+
+def _as_markdown(lesson: SessionRecord) -> str:
+    tasks = [f"{number}. {_escaped(task)}" for number, task in enumerate(lesson.tasks, 1)]
+    return "\n".join([f"**{_escaped(lesson.title or 'Lesson')}**", "", *tasks])
 
 
 def _escaped(text: str) -> str:

@@ -70,6 +70,7 @@ class RobotDrawing:
         *,
         marker: tuple[int, float],
         draggable: Mapping[str, Callable[[viser.SceneNodeDragEvent], None]],
+        labels: Mapping[str, str],
     ) -> None:
         """Draws all bodies where they are by default.
 
@@ -78,6 +79,7 @@ class RobotDrawing:
             inspector: Of the SceneGraph.
             marker: The goal's: its number, and its size [m].
             draggable: What is told when a body of that name is dragged with the mouse.
+            labels: What is written above a body of that name.
         """
         self._server, self._marker = server, marker
         self.bodies: dict[str, viser.FrameHandle] = {}
@@ -99,6 +101,16 @@ class RobotDrawing:
                 handle = self._draw(f"{name}/{index}", shape, X, color)
                 if handle is not None and body in draggable:
                     handle.on_drag(draggable[body])
+                if body in labels and index == 0:
+                    mesh = triangles_of(shape)
+                    top = X.translation()[2] + (mesh.bounds[1][2] if mesh is not None else 0.0)
+                    server.scene.add_label(
+                        f"{name}/label",
+                        labels[body],
+                        position=(0.0, 0.0, top + 0.02),
+                        font_screen_scale=0.8,
+                        anchor="bottom-center",
+                    )
 
     def _draw(
         self, name: str, shape: Shape, X: RigidTransform, color: Rgba

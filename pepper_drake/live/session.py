@@ -2,9 +2,10 @@
 
 import contextlib
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ from pepper_drake.learning.demonstrations.recording import (
     recorded_demonstration,
     without_rest,
 )
+from pepper_drake.live.session_file import SessionFolder, SessionRecord, Taught
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.trajectories.joint_trajectories import Retrace
@@ -59,16 +61,6 @@ _OF_REACH = {
 }
 
 
-@dataclass(frozen=True)
-class _Taught:
-    """What has been taught, for Undo."""
-
-    demonstration: Demonstration | None
-    shown: tuple[Demonstration, ...]
-    primitive: MovementPrimitive | None
-    learned: Demonstration | None
-
-
 class LiveSession:
     """Session of teaching and reaching, advanced frame by frame.
 
@@ -78,32 +70,66 @@ class LiveSession:
 
     Attributes:
         simulation: The robot.
-        mode: What Pepper is doing.
-        demonstration: What was recorded last, if anything.
-        shown: All that was recorded and not discarded; Learn learns of them together.
-        primitive: What was learned last, if anything.
+        taught: What was taught, but for the objects' places, which are the simulation's.
+        resumed: What the session went on with, in words; empty if it began anew.
     """
 
-    def __init__(self, simulation: LiveSimulation, folder: Path | None = None) -> None:
-        """Makes a session in which nothing has been taught.
+    def __init__(
+        self,
+        simulation: LiveSimulation,
+        folder: SessionFolder | Path | None = None,
+        lesson: SessionFolder | None = None,
+    ) -> None:
+        """Goes on with the folder's session; or with the lesson; or with nothing taught yet.
 
         Args:
             simulation: The robot.
-            folder: Where Save puts what was taught. A recording is kept there in `recording/` as it
-                is made, and survives whatever ends the session. Left out, nothing is written.
+            folder: Everything is kept there as it happens, a recording in `recording/` while it is
+                made, and survives whatever ends the session. Left out, nothing is written.
+            lesson: What the session begins with, and `start_over` goes back to.
+
+        Raises:
+            InputError: Of the session or the lesson something is missing or broken.
         """
-        self.simulation, self._folder = simulation, folder
+        self.simulation, self._lesson = simulation, lesson
+        self._folder = SessionFolder(folder) if isinstance(folder, Path) else folder
         self._doing: Mode | None = Mode.GUIDED
-        self.demonstration: Demonstration | None = None
-        self.primitive: MovementPrimitive | None = None
-        self.shown: tuple[Demonstration, ...] = ()
-        self._learned: Demonstration | None = None
-        self._before: list[_Taught] = []
-        self._kept = 0
+        self.taught = Taught()
+        self._before: list[Taught] = []
         self._writer: RecordingWriter | None = None
         self._retrace: Retrace | None = None
         self._since = self._notice_until = 0.0
         self._notice = ""
+        self.resumed = ""
+        if self._folder is not None and self._folder.exists():
+            self._restore(self._folder.taught(simulation.arm), at_once=True)
+            number = len(self.shown)
+            self.resumed = f"{number} demonstration{'' if number == 1 else 's'}"
+            if self.primitive is not None:
+                self.resumed += " and a learned movement"
+        elif lesson is not None:
+            self._restore(self._of_lesson(lesson), at_once=True)
+            self._keep()
+
+    @property
+    def demonstration(self) -> Demonstration | None:
+        """What was recorded last, if anything."""
+        return self.taught.demonstration
+
+    @property
+    def shown(self) -> tuple[Demonstration, ...]:
+        """All that was recorded and not discarded; Learn learns from them together."""
+        return self.taught.shown
+
+    @property
+    def primitive(self) -> MovementPrimitive | None:
+        """What was learned last, if anything."""
+        return self.taught.primitive
+
+    @property
+    def lesson(self) -> SessionRecord | None:
+        """Title and tasks of the lesson, if there is one."""
+        return self._lesson.record if self._lesson is not None else None
 
     @property
     def mode(self) -> Mode:
@@ -121,6 +147,17 @@ class LiveSession:
         told = self.simulation.time < self._notice_until
         return self._notice if told else self._describe()
 
+    @property
+    def next_button(self) -> str:
+        """The button of the next step."""
+        if self.mode in (Mode.HOLDING, Mode.STOPPED):
+            return "Reach"
+        if self.mode != Mode.GUIDED:
+            return "Stop"
+        if self.demonstration is None:
+            return "Record"
+        return "Reach" if self.taught.learned is self.demonstration else "Learn"
+
     def record(self) -> None:
         """Takes the arm limp, if it is not, and records from now on."""
         if self.mode == Mode.RECORDED:
@@ -129,7 +166,7 @@ class LiveSession:
         if self._folder is not None:
             names = self.simulation.diagram.recorder.joint_names
             try:
-                self._writer = RecordingWriter(self._folder / "recording", names)
+                self._writer = RecordingWriter(self._folder.path / "recording", names)
             except InputError as error:
                 self._notify(str(error))
                 return
@@ -146,7 +183,7 @@ class LiveSession:
             self._notify("The arm is limp again; lead the hand with mouse or keys")
 
     def learn(self) -> None:
-        """Learns the movement that was recorded last."""
+        """Learns one movement from all demonstrations."""
         if self.mode != Mode.GUIDED:
             self._notify(f"Pepper is {self.mode}; Stop comes before Learn")
         elif self.demonstration is None:
@@ -159,14 +196,13 @@ class LiveSession:
                 self._notify(f"{error}; Discard one of them, or Undo")
                 return
             spent = 1000 * (time.perf_counter() - started)
-            self._remember()
-            self.primitive, self._learned = primitive, self.demonstration
+            self._change(primitive=primitive, learned=self.demonstration)
             self.simulation.set_primitive(primitive)
             number = len(self.shown)
-            of = f" of {number} demonstrations" if number > 1 else ""
+            source = f" from {number} demonstrations" if number > 1 else ""
             self._notify(
                 f"Learned a movement of {primitive.duration:.1f} s and "
-                f"{primitive.path_length:.2f} m{of} in {spent:.0f} ms; Reach performs it"
+                f"{primitive.path_length:.2f} m{source} in {spent:.0f} ms; Reach performs it"
             )
             self._keep()
 
@@ -174,11 +210,11 @@ class LiveSession:
         """Takes the arm back to where the movement starts, and performs it."""
         if self.mode == Mode.RECORDED:
             self._notify("The arm is being led; Stop comes before Reach")
-        elif self.primitive is None or self._learned is None:
+        elif self.taught.learned is None:
             self._notify("There is nothing to perform yet; Record a movement, then Learn it")
         else:
-            assert self._learned.joints is not None
-            self._retrace = Retrace(self.simulation.joints(), self._learned.joints)
+            assert self.taught.learned.joints is not None
+            self._retrace = Retrace(self.simulation.joints(), self.taught.learned.joints)
             self._enter(Mode.RETURNING)
 
     def trim(self, start: float, end: float) -> None:
@@ -192,37 +228,70 @@ class LiveSession:
         if len(part) < _FEWEST or trimmed.path_length < _SHORTEST_WAY:
             self._notify("That would leave no movement; keep more of it")
             return
-        trimmed = replace(trimmed, times=trimmed.times - trimmed.times[0])
-        self._remember()
-        self.demonstration, self.shown = trimmed, (*self.shown[:-1], trimmed)
+        trimmed = self._numbered(replace(trimmed, times=trimmed.times - trimmed.times[0]))
+        self._change(shown=(*self.shown[:-1], trimmed))
         self._notify(
             f"Kept {trimmed.duration:.1f} s of {motion.duration:.1f} s; Undo brings it back"
         )
-        self._keep(trimmed)
+        self._keep()
 
     def discard(self) -> None:
         """Discards the last demonstration."""
         if self.mode != Mode.GUIDED or not self.shown:
             self._notify("There is nothing to discard; Record a movement, then Stop")
             return
-        self._remember()
-        self.shown = self.shown[:-1]
-        self.demonstration = self.shown[-1] if self.shown else None
+        self._change(shown=self.shown[:-1])
         self._notify("Discarded the last demonstration; Undo brings it back")
+        self._keep()
+
+    def move(self, name: str, offset: Vector) -> None:
+        """Moves the goal object or an obstacle to an offset (3,) in W [m] from its place.
+
+        Raises:
+            InputError: There is nothing of that name that can be moved.
+        """
+        self.simulation.set_offset(name, offset)
+
+    def begin_move(self) -> None:
+        """Remembers where the objects stand, for Undo, before one of them is moved."""
+        self._change()
+
+    def end_move(self, words: str = "") -> None:
+        """Keeps where the objects stand, and tells what was done to them."""
+        if words:
+            self._notify(words)
+        self._keep()
 
     def undo(self) -> None:
-        """Takes back what was last recorded, trimmed, discarded or learned."""
-        if self.mode != Mode.GUIDED:
-            self._notify(f"Pepper is {self.mode}; Stop comes before Undo")
-        elif not self._before:
+        """Takes back what was last recorded, trimmed, discarded, learned, moved or added."""
+        if not self._before:
             self._notify("There is nothing to undo")
-        else:
-            taught = self._before.pop()
-            self.demonstration, self.shown = taught.demonstration, taught.shown
-            self.primitive, self._learned = taught.primitive, taught.learned
-            if taught.primitive is not None:
-                self.simulation.set_primitive(taught.primitive)
-            self._notify("Undone: " + self._describe_next())
+            return
+        before = self._before[-1]
+        objects_only = before.taught_the_same(self.taught)
+        if self.mode != Mode.GUIDED and not objects_only:
+            self._notify(f"Pepper is {self.mode}; Stop comes before Undo")
+            return
+        self._before.pop()
+        self._restore(before)
+        what = "objects stand as before" if objects_only else self._describe_next()
+        self._notify(f"Undone: {what}")
+        self._keep()
+
+    def start_over(self) -> None:
+        """Goes back to what the lesson began with; Undo brings the rest back."""
+        if self.mode != Mode.GUIDED:
+            self._notify(f"Pepper is {self.mode}; Stop comes before Start over")
+        elif self._lesson is not None:
+            try:
+                start = self._of_lesson(self._lesson)
+            except InputError as error:
+                self._notify(str(error))
+                return
+            self._change()
+            self._restore(start)
+            self._notify("The lesson starts over; Undo brings back what was there")
+            self._keep()
 
     def predicted(self) -> Vector:
         """Returns the hand's path (N, 3) in T [m] to where the goal is now, as it was learned.
@@ -234,19 +303,38 @@ class LiveSession:
         goal = self.simulation.goal_position()
         return self.primitive.rollout(time_step=0.05, goal=goal).positions
 
-    def _remember(self) -> None:
-        self._before.append(_Taught(self.demonstration, self.shown, self.primitive, self._learned))
+    def _change(self, **taught: Any) -> None:
+        """Changes what was taught, and remembers for Undo how everything was."""
+        now = replace(self.taught, offsets=self.simulation.offsets())
+        self._before.append(now)
+        self.taught = replace(now, **taught)
 
-    def _keep(self, demonstration: Demonstration | None = None) -> None:
-        """Writes what is new, so that nothing is lost whatever ends the session."""
+    def _restore(self, taught: Taught, *, at_once: bool = False) -> None:
+        """Puts everything as it was."""
+        self.taught = taught
+        if taught.primitive is not None:
+            self.simulation.set_primitive(taught.primitive)
+        self.simulation.restore_offsets(taught.offsets, at_once=at_once)
+
+    def _of_lesson(self, lesson: SessionFolder) -> Taught:
+        """Reads a lesson; its demonstrations become this session's."""
+        taught = lesson.taught(self.simulation.arm)
+        stored = {motion.name: self._numbered(motion) for motion in taught.shown}
+        learned = taught.learned
+        if learned is not None:
+            learned = stored.get(learned.name) or self._numbered(learned)
+        return replace(taught, shown=tuple(stored.values()), learned=learned)
+
+    def _numbered(self, motion: Demonstration) -> Demonstration:
+        """Gives a demonstration a number of its own in this session's folder."""
+        return motion if self._folder is None else self._folder.named(motion)
+
+    def _keep(self) -> None:
+        """Writes what has changed, so that nothing is lost whatever ends the session."""
         if self._folder is None:
             return
         try:
-            if demonstration is not None:
-                self._kept += 1
-                demonstration.save(self._folder / "demonstrations" / f"{self._kept:02d}")
-            elif self.primitive is not None:
-                self.primitive.save(self._folder / "primitive.yaml")
+            self._folder.write(replace(self.taught, offsets=self.simulation.offsets()))
         except InputError as error:
             self._notify(str(error))
 
@@ -259,14 +347,14 @@ class LiveSession:
         else:
             kept = "the demonstration"
             try:
-                self.demonstration.save(self._folder / "demonstration")
+                self.demonstration.save(self._folder.path / "demonstration")
+                self._keep()
                 if self.primitive is not None:
-                    self.primitive.save(self._folder / "primitive.yaml")
                     kept += " and the primitive"
             except InputError as error:
                 self._notify(str(error))
                 return
-            self._notify(f"Saved {kept} in {self._folder}")
+            self._notify(f"Saved {kept} in {self._folder.path}")
 
     def advance(self) -> None:
         """Simulates up to the next frame, and lets one thing follow from the other.
@@ -303,14 +391,14 @@ class LiveSession:
             self._notify("The hand hardly moved; Record again")
             return
         motion = without_rest(recorded)
-        self._remember()
-        self.demonstration, self.shown = motion, (*self.shown, motion)
         self._end_writing(motion)
+        motion = self._numbered(motion)
+        self._change(shown=(*self.shown, motion))
         self._notify(
             f"Recorded {motion.duration:.1f} s and {motion.path_length:.2f} m; "
-            "Learn makes a movement of it"
+            "Learn makes a movement from it"
         )
-        self._keep(motion)
+        self._keep()
 
     def _end_writing(self, demonstration: Demonstration | None) -> None:
         """Ends the file that is written while it is recorded; None leaves nothing of it."""
@@ -378,6 +466,6 @@ class LiveSession:
     def _describe_next(self) -> str:
         if self.demonstration is None:
             return "Lead the hand with mouse or keys; Record keeps what you show"
-        if self._learned is not self.demonstration:
-            return "Learn makes a movement of what you showed; Record shows another"
-        return "Reach performs what was learned; Record shows another movement"
+        if self.taught.learned is not self.demonstration:
+            return "Learn makes a movement from what you showed; Record adds another demonstration"
+        return "Reach performs what was learned; Record adds another demonstration"

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from pepper_drake.diagrams.live_teaching import SPARES
 from pepper_drake.live.controls import (
     clamped_offset,
     clamped_place,
@@ -22,6 +21,7 @@ from pepper_drake.live.drawing import LiveDrawing
 from pepper_drake.live.page import CLEARANCE_SHOWN, Action, LivePage
 from pepper_drake.live.robot_drawing import RobotDrawing
 from pepper_drake.live.session import LiveSession, Mode
+from pepper_drake.models.movable_objects import SPARES
 from pepper_drake.perception.goal.marker import detect_markers
 from pepper_drake.systems.guiding.gamepad_velocity import (
     GamepadParams,
@@ -89,6 +89,7 @@ class LiveApp:
             simulation.query().inspector(),
             marker=(marker.id, marker.size),
             draggable={name: partial(page.dragged, name) for name in simulation.diagram.movables},
+            labels={n: plain_name(n) for n in simulation.diagram.movables if n not in SPARES},
         )
         self._drawing = LiveDrawing(server, self.session)
         position, target, up = self.view("Front")
@@ -114,7 +115,7 @@ class LiveApp:
         Raises:
             InputError: There is nothing of that name that can be moved.
         """
-        self.session.simulation.set_offset(name, offset)
+        self.session.move(name, offset)
 
     def lead(self, X_TG: RigidTransform) -> None:
         """Leads the hand to a pose in T."""
@@ -157,6 +158,7 @@ class LiveApp:
             "play": lambda a: self._play(),
             "scrub": lambda a: self._scrub(a.values[0]),
             "view": self._turn,
+            "over": lambda a: session.start_over(),
         }
         doings[kind](action)
 
@@ -180,6 +182,7 @@ class LiveApp:
         simulation, name = self.session.simulation, action.name
         phase, start, end = action.values
         if phase == "start":
+            self.session.begin_move()
             self._grabbed[name] = start - simulation.position(name)
         if name not in self._grabbed:
             return
@@ -192,22 +195,30 @@ class LiveApp:
         simulation.set_offset(name, offset)
         if phase == "end":
             del self._grabbed[name]
+            self.session.end_move()
 
     def add(self, name: str) -> None:
         """Puts one of `SPARES` beside the goal, on the taught arm's side."""
         simulation = self.session.simulation
         side = 1.0 if simulation.arm == "left" else -1.0
         place = simulation.position("goal_object") + [-_TOWARDS, side * _ASIDE, _UP]
-        simulation.place(name, clamped_place(place))
-        self.session.tell(f"Added a {plain_name(name)} beside the goal; drag it with the mouse")
+        self.session.begin_move()
+        home = simulation.position(name) - simulation.offset(name)
+        simulation.place(name, clamped_place(place) - home)
+        words = f"Added a {plain_name(name)} beside the goal; drag it with the mouse"
+        self.session.end_move(words)
 
     def remove_added(self) -> None:
         """Takes all of `SPARES` out of the scene."""
         simulation = self.session.simulation
-        for name in SPARES:
-            if simulation.offset(name).any():
-                simulation.place(name, simulation.position(name) - simulation.offset(name))
-        self.session.tell("Removed what was added")
+        added = [name for name in SPARES if simulation.offset(name).any()]
+        if not added:
+            self.session.tell("Nothing was added")
+            return
+        self.session.begin_move()
+        for name in added:
+            simulation.place(name, np.zeros(3))
+        self.session.end_move("Removed what was added; Undo brings it back")
 
     def _trim(self, start: float, end: float) -> None:
         motion = self.session.demonstration
@@ -261,6 +272,7 @@ class LiveApp:
         page.show_status(
             _WORDS.get(session.mode, session.mode.value), session.status, self._describe_pace()
         )
+        page.show_next(session.next_button)
         self._show_signals(page)
         if session.shown != self._listed:
             self._listed = session.shown
@@ -308,7 +320,8 @@ class LiveApp:
         found = detect_markers(picture, wanted=self.session.simulation.scene.goal.marker.id)
         corners = [np.round(one.corners).astype(np.int32) for one in found]
         cv2.polylines(picture, corners, True, (255, 60, 30), 3)
-        words = f"{camera}: the goal's marker is {'found' if found else 'not seen'}"
+        name = camera.removeprefix("camera_").capitalize()
+        words = f"{name} camera: the goal's marker is {'found' if found else 'not seen'}"
         page.show_picture(cv2.resize(picture, (320, 240), interpolation=cv2.INTER_AREA), words)
 
     def _describe_demonstrations(self) -> str:
@@ -318,8 +331,9 @@ class LiveApp:
         ]
         if not rows:
             return "None yet: Record keeps what you show."
-        head = ["| demonstration | duration [s] | path length [m] |", "| --- | --- | --- |"]
-        return "\n".join([*head, *rows, "", "Learn learns of all of them together."])
+        head = ["| number | duration [s] | path length [m] |", "| :-: | :-: | :-: |"]
+        together = "Learn makes one movement from all of them." if len(rows) > 1 else ""
+        return "\n".join([*head, *rows, "", together])
 
     def _describe_pace(self) -> str:
         """Speed of the simulation in words, once a second."""
@@ -328,11 +342,10 @@ class LiveApp:
         if wall > _HINT_PERIOD:
             frames = (pace.frames - before.frames) / wall
             rate = (pace.simulated_seconds - before.simulated_seconds) / wall
-            slow = " (slow: this computer does not keep up"
-            has_cameras = self.session.simulation.diagram.station.config.cameras
-            slow += "; --no-cameras is faster)" if has_cameras else ")"
-            self._hint = f"{frames:.0f} frames per second, {rate:.2f} of real time" + (
-                slow if rate < _SLOW else ""
-            )
+            self._hint = f"{frames:.0f} frames per second, {rate:.2f} of real time"
+            if rate < _SLOW:
+                self._hint += ". Slow: this computer does not keep up"
+                if self.session.simulation.diagram.station.config.cameras:
+                    self._hint += "; teach.py --no-cameras is faster"
             self._pace = pace
         return self._hint

@@ -1,7 +1,7 @@
 """The simulated Pepper of a live session: what it is told, and what it measures, between frames."""
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,16 +14,16 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, System
 
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
-from pepper_drake.diagrams.live_teaching import (
-    PUBLISH_PERIOD,
-    LiveTeaching,
-    with_movable_objects,
-    with_spare_obstacles,
-)
+from pepper_drake.diagrams.live_teaching import LiveTeaching
 from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.movable_objects import (
+    SPARES,
+    with_movable_objects,
+    with_spare_obstacles,
+)
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
@@ -33,6 +33,9 @@ from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.systems.robot.arm_command import ArmMode
 
 Vector = npt.NDArray[np.float64]
+
+PUBLISH_PERIOD = 1 / 32
+"""Between two frames of the page [s]."""
 
 
 @dataclass(frozen=True)
@@ -262,10 +265,12 @@ class LiveSimulation:
             self._offsets[name] = np.array(offset, dtype=float)
             self._fix(f"{name}.target", self._offsets[name])
 
-    def place(self, name: str, position: Vector) -> None:
-        """Puts an obstacle to a place (3,) in W [m] at once, as `set_offset` does by and by."""
-        place = next(o.position for o in self.scene.obstacles if o.name == name)
-        offset = np.asarray(position) - place
+    def place(self, name: str, offset: Vector) -> None:
+        """Puts something to an offset (3,) [m] at once, as `set_offset` does by and by.
+
+        Raises:
+            InputError: There is nothing of that name that can be moved.
+        """
         self.set_offset(name, offset)
         mover = self.diagram.GetSubsystemByName(f"{name}_mover")
         rest = np.concatenate((offset, np.zeros(3)))
@@ -274,6 +279,27 @@ class LiveSimulation:
         context = plant.GetMyMutableContextFromRoot(self._root)
         for axis, value in zip("xyz", offset, strict=True):
             plant.GetJointByName(f"{name}_{axis}").set_translation(context, value)
+
+    def offsets(self) -> dict[str, tuple[float, float, float]]:
+        """Returns the offset [m] to which each thing that can be moved is sent, by its name."""
+        return {name: (o[0], o[1], o[2]) for name, o in self._offsets.items()}
+
+    def restore_offsets(
+        self, offsets: Mapping[str, tuple[float, float, float]], *, at_once: bool = False
+    ) -> None:
+        """Sends everything that can be moved to its offset [m], or home if none is given.
+
+        Args:
+            offsets: By name.
+            at_once: Whether it is there at once; what comes from or goes out of the scene is.
+
+        Raises:
+            InputError: There is nothing of a name that can be moved.
+        """
+        for name in dict.fromkeys([*self._offsets, *offsets]):
+            offset = np.array(offsets.get(name, np.zeros(3)))
+            appears = name in SPARES and not (offset.any() and self._offsets[name].any())
+            (self.place if at_once or appears else self.set_offset)(name, offset)
 
     def position(self, name: str) -> Vector:
         """Returns where something that can be moved is wanted, (3,) in W [m]."""
@@ -297,7 +323,7 @@ class LiveSimulation:
 
     def clearance(self) -> float:
         """Returns how far the arm is from what Pepper sees [m]; infinite while it rests."""
-        return float(self._eval(self.diagram.reaching.seen_clearance, "clearance")[0])
+        return float(self._eval(self.diagram.reaching.safety, "clearance")[0])
 
     def camera_picture(self) -> tuple[str, npt.NDArray[np.uint8]] | None:
         """Returns the head camera in use and its picture (H, W, 3); None without cameras."""

@@ -4,10 +4,10 @@ Nobody is there to be seen or heard in the simulation: what they would find stay
 ALMemory. The log says so when the first client subscribes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from pepper_drake.robot_server.kept_settings import keep_settings
+from pepper_drake.robot_server.kept_settings import Setting, keep_settings
 from pepper_drake.robot_server.waiting import Module
 
 Log = Callable[[str], None]
@@ -89,66 +89,6 @@ class Extractor(Module):
         return self._subscribers[name]
 
 
-class FaceDetection(Extractor):
-    """ALFaceDetection: it sees no face, so it can learn none."""
-
-    def __init__(self, log: Log) -> None:
-        super().__init__("ALFaceDetection", log, ("FaceDetected",), "faces")
-        tracking, recognition = ("is_tracking_enabled", False), ("is_recognition_enabled", True)
-        keep_settings(
-            self,
-            {
-                "enable_tracking": tracking,
-                "set_tracking_enabled": tracking,
-                "enable_recognition": recognition,
-                "set_recognition_enabled": recognition,
-                "set_recognition_confidence_threshold": (
-                    "get_recognition_confidence_threshold",
-                    0.4,
-                ),
-            },
-        )
-
-    def learn_face(self, _name: str) -> bool:
-        """Returns whether a face was learned: none is seen."""
-        return False
-
-    def re_learn_face(self, _name: str) -> bool:
-        """Returns whether a face was learned again: none is seen."""
-        return False
-
-    def forget_person(self, _name: str) -> bool:
-        """Returns whether somebody was known: nobody is."""
-        return False
-
-    def clear_database(self) -> bool:
-        """Forgets all faces; returns that it was done."""
-        return True
-
-    def get_learned_faces_list(self) -> list[str]:
-        """Returns who is known: nobody."""
-        return []
-
-    def set_resolution(self, _resolution: int) -> bool:
-        """Takes the resolution to look with."""
-        return True
-
-    def set_active_camera(self, camera: int) -> bool:
-        """Takes the camera to look with; returns whether it has one of that number."""
-        return camera in (0, 1)
-
-
-class FaceCharacteristics(Module):
-    """ALFaceCharacteristics."""
-
-    def __init__(self) -> None:
-        super().__init__("ALFaceCharacteristics")
-
-    def analyze_face_characteristics(self, _person: int) -> bool:
-        """Returns whether a face was there to be analysed: none is."""
-        return False
-
-
 class PeoplePerception(Extractor):
     """ALPeoplePerception: its settings; it sees nobody."""
 
@@ -225,11 +165,31 @@ class SpeechRecognition(Extractor):
         """Pauses it, or goes on."""
         self._paused = paused
 
-    def remove_all_context(self) -> None:
-        """Forgets contexts; there are none."""
+    def _grammar(self, *_: Any) -> float:
+        """Takes a grammar, a context or a rule; nothing is heard that it could fit."""
+        return 0.0
 
-    def delete_all_contexts(self) -> None:
-        """Forgets contexts; there are none."""
+    add_context = _grammar
+    remove_context = _grammar
+    remove_all_context = _grammar
+    delete_all_contexts = _grammar
+    save_context_set = _grammar
+    load_context_set = _grammar
+    erase_context_set = _grammar
+    activate_rule = _grammar
+    deactivate_rule = _grammar
+    activate_all_rules = _grammar
+    deactivate_all_rules = _grammar
+    add_word_list_to_slot = _grammar
+    remove_word_list_from_slot = _grammar
+    compile = _grammar
+    push_contexts = _grammar
+    pop_contexts = _grammar
+    load_vocabulary = _grammar
+
+    def get_rules(self, _context: str, _kind: str) -> list[str]:
+        """Returns the rules of a context: none."""
+        return []
 
     def set_parameter(self, name: str, value: float) -> None:
         """Keeps a parameter."""
@@ -243,14 +203,161 @@ class SpeechRecognition(Extractor):
 
 
 class Looker(Extractor):
-    """An extractor with a camera: landmarks, barcodes, pictures, movement, gazes, sounds."""
+    """An extractor whose settings are kept: landmarks, barcodes, movement, gazes, sounds."""
 
-    def __init__(self, name: str, log: Log, keys: Sequence[str], finds: str) -> None:
-        super().__init__(name, log, keys, finds)
-        keep_settings(self, {"set_resolution": ("get_resolution", 2)}, True)
-        keep_settings(self, {"set_active_camera": ("get_active_camera", 0)}, True)
-        keep_settings(self, {"set_tolerance": ("get_tolerance", 0.5)})
-        keep_settings(self, {"set_parameter": ("get_parameters", [])})
+    def __init__(
+        self,
+        name: str,
+        log: Log,
+        key: str,
+        finds: str,
+        settings: Mapping[str, Setting] | None = None,
+    ) -> None:
+        """Makes one without subscribers.
+
+        Args:
+            name: The service's name.
+            log: Told when the first client subscribes.
+            key: Key of ALMemory that it writes.
+            finds: What it would find.
+            settings: Those of its own.
+        """
+        super().__init__(name, log, (key,), finds)
+        self._paused = False
+        keep_settings(
+            self,
+            {
+                "set_resolution": ("get_resolution", 2),
+                "set_active_camera": ("get_active_camera", 0),
+                "set_frame_rate": ("get_frame_rate", 15),
+            },
+            True,
+        )
+        keep_settings(self, {"set_parameter": ("get_parameters", []), **(settings or {})})
+
+    def pause(self, paused: bool) -> None:
+        """Pauses it, or goes on."""
+        self._paused = paused
+
+    def is_paused(self) -> bool:
+        """Returns whether it is paused."""
+        return self._paused
+
+    def is_processing(self) -> bool:
+        """Returns whether it works: somebody subscribed, and it is not paused."""
+        return bool(self._subscribers) and not self._paused
+
+    def reset_grid(self) -> None:
+        """Forgets where it looked."""
+
+    def reset_detection(self) -> None:
+        """Forgets what moved."""
+
+    def get_circle(self) -> list[float]:
+        """Returns where a blob is: none is seen."""
+        return []
+
+    def get_top_of_blob(self, *_: Any) -> list[float]:
+        """Returns the top of a blob: none is seen."""
+        return []
+
+
+class FaceDetection(Looker):
+    """ALFaceDetection: it sees no face, so it can learn none."""
+
+    def __init__(self, log: Log) -> None:
+        super().__init__("ALFaceDetection", log, "FaceDetected", "faces")
+        tracking, recognition = ("is_tracking_enabled", False), ("is_recognition_enabled", True)
+        keep_settings(
+            self,
+            {
+                "enable_tracking": tracking,
+                "set_tracking_enabled": tracking,
+                "enable_recognition": recognition,
+                "set_recognition_enabled": recognition,
+                "set_recognition_confidence_threshold": (
+                    "get_recognition_confidence_threshold",
+                    0.4,
+                ),
+            },
+        )
+
+    def learn_face(self, _name: str) -> bool:
+        """Returns whether a face was learned: none is seen."""
+        return False
+
+    def re_learn_face(self, _name: str) -> bool:
+        """Returns whether a face was learned again: none is seen."""
+        return False
+
+    def forget_person(self, _name: str) -> bool:
+        """Returns whether somebody was known: nobody is."""
+        return False
+
+    def clear_database(self) -> bool:
+        """Forgets all faces; returns that it was done."""
+        return True
+
+    def get_learned_faces_list(self) -> list[str]:
+        """Returns who is known: nobody."""
+        return []
+
+    def set_active_camera(self, camera: int) -> bool:
+        """Takes the camera to look with; returns whether it has one of that number."""
+        return camera in (0, 1)
+
+
+class FaceCharacteristics(Looker):
+    """ALFaceCharacteristics."""
+
+    def __init__(self, log: Log) -> None:
+        settings = {"set_smiling_threshold": ("get_smiling_threshold", 0.7)}
+        key, finds = "FaceCharacteristics/PersonSmiling", "faces"
+        super().__init__("ALFaceCharacteristics", log, key, finds, settings)
+
+    def analyze_face_characteristics(self, _person: int) -> bool:
+        """Returns whether a face was there to be analysed: none is."""
+        return False
+
+
+class VisionRecognition(Looker):
+    """ALVisionRecognition: it sees no picture that it knows, and can learn none."""
+
+    def __init__(self, log: Log) -> None:
+        settings = {
+            "set_max_out_objs": ("get_max_out_objs", 1),
+            "set_param": ("get_param_kept", []),
+        }
+        super().__init__("ALVisionRecognition", log, "PictureDetected", "pictures", settings)
+
+    def get_size(self) -> int:
+        """Returns how many pictures it knows: none."""
+        return 0
+
+    def clear_current_database(self) -> bool:
+        """Forgets all pictures; returns that it was done."""
+        return True
+
+    def change_database(self, _folder: str, _name: str) -> bool:
+        """Returns whether there is a database of that name: there is none."""
+        return False
+
+    def learn_from_file(self, *_: Any) -> bool:
+        """Returns whether a picture was learned: it reads no files."""
+        return False
+
+
+class WavingDetection(Looker):
+    """ALWavingDetection: nobody waves."""
+
+    def __init__(self, log: Log) -> None:
+        settings = {
+            "set_max_distance": ("get_max_distance", 2.5),
+            "set_min_size": ("get_min_size", 0.1),
+        }
+        key, finds = "WavingDetection/Waving", "people who wave"
+        super().__init__("ALWavingDetection", log, key, finds, settings)
+        keep_settings(self, {"set_threshold": ("get_threshold", 0.4)}, True)
 
 
 def quiet_extractors(log: Log) -> list[Module]:
@@ -261,31 +368,118 @@ def quiet_extractors(log: Log) -> list[Module]:
     """
     return [
         FaceDetection(log),
-        FaceCharacteristics(),
+        FaceCharacteristics(log),
         PeoplePerception(log),
         SpeechRecognition(log),
-        Looker("ALLandMarkDetection", log, ("LandmarkDetected",), "landmarks"),
-        Looker("ALBarcodeReader", log, ("BarcodeReader/BarcodeDetected",), "barcodes"),
-        Looker("ALVisionRecognition", log, ("PictureDetected",), "pictures"),
-        Looker("ALMovementDetection", log, ("MovementDetection/MovementInfo",), "movements"),
-        Looker("ALGazeAnalysis", log, ("GazeAnalysis/PeopleLookingAtRobot",), "gazes"),
-        Looker("ALSoundLocalization", log, ("ALSoundLocalization/SoundLocated",), "sounds"),
-        Looker("ALSoundDetection", log, ("SoundDetected",), "sounds"),
+        VisionRecognition(log),
+        *(Looker(f"AL{name}", log, *about) for name, about in _LOOKERS.items()),
+        WavingDetection(log),
     ]
 
 
+_LOOKERS: dict[str, tuple[Any, ...]] = {
+    "LandMarkDetection": ("LandmarkDetected", "landmarks"),
+    "BarcodeReader": ("BarcodeReader/BarcodeDetected", "barcodes"),
+    "MovementDetection": (
+        "MovementDetection/MovementInfo",
+        "movements",
+        {
+            "set_color_sensitivity": ("get_color_sensitivity", 0.5),
+            "set_depth_sensitivity": ("get_depth_sensitivity", 0.5),
+        },
+    ),
+    "GazeAnalysis": (
+        "GazeAnalysis/PeopleLookingAtRobot",
+        "gazes",
+        {
+            "set_tolerance": ("get_tolerance", 0.5),
+            "set_face_analysis_enabled": ("is_face_analysis_enabled", False),
+        },
+    ),
+    "SoundLocalization": ("ALSoundLocalization/SoundLocated", "sounds"),
+    "AudioSourceLocalization": ("ALAudioSourceLocalization/SoundLocated", "sounds"),
+    "SoundDetection": ("SoundDetected", "sounds"),
+    "VoiceEmotionAnalysis": ("ALVoiceEmotionAnalysis/EmotionRecognized", "voices"),
+    "BacklightingDetection": ("BacklightingDetection/BacklightingDetected", "light from behind"),
+    "DarknessDetection": (
+        "DarknessDetection/DarknessDetected",
+        "darkness",
+        {"set_darkness_threshold": ("get_darkness_threshold", 10)},
+    ),
+    "CloseObjectDetection": ("CloseObjectDetection/ObjectInfo", "near objects"),
+    "ColorBlobDetection": (
+        "ALTracker/ColorBlobDetected",
+        "blobs of a colour",
+        {
+            "set_color": ("get_color", []),
+            "set_object_properties": ("get_object_properties", []),
+            "set_auto_exposure": ("get_auto_exposure", True),
+        },
+    ),
+    "RedBallDetection": ("redBallDetected", "red balls"),
+    "EngagementZones": (
+        "EngagementZones/PeopleInZone1",
+        "people",
+        {
+            "set_limit_angle": ("get_limit_angle", 90.0),
+            "set_first_limit_distance": ("get_first_limit_distance", 1.5),
+            "set_second_limit_distance": ("get_second_limit_distance", 2.5),
+        },
+    ),
+    "Segmentation3D": (
+        "Segmentation3D/SegmentedBlobs",
+        "blobs in depth images",
+        {
+            "set_blob_tracking_enabled": ("is_blob_tracking_enabled", False),
+            "set_blob_tracking_distance": ("get_blob_tracking_distance", 1.0),
+            "set_vertical_offset": ("get_vertical_offset", -0.2),
+            "set_delta_depth_threshold": ("get_delta_depth_threshold", 0.05),
+        },
+    ),
+    "SittingPeopleDetection": (
+        "SittingPeopleDetection/PeopleSittingList",
+        "people who sit",
+        {"set_sitting_threshold": ("get_sitting_threshold", 1.5)},
+    ),
+    "VisualSpaceHistory": (
+        "VisualSpaceHistory/VisualGrid",
+        "places that were looked at",
+        {"set_grid_precision": ("get_grid_precision", 2.0)},
+    ),
+}
+"""By service: the key that it writes, what it would find, and settings with their first values."""
+
 NOTHING_FOUND: dict[str, Any] = {
     "FaceDetected": [],
-    "LandmarkDetected": [],
     "PictureDetected": [],
-    "BarcodeReader/BarcodeDetected": [],
     "PeoplePerception/PeopleList": [],
     "PeoplePerception/VisiblePeopleList": [],
-    "GazeAnalysis/PeopleLookingAtRobot": [],
-    "MovementDetection/MovementInfo": [],
     "WordRecognized": ["", 0.0],
     "SpeechDetected": 0,
-    "SoundDetected": [],
-    "ALSoundLocalization/SoundLocated": [],
+    "LastWordRecognized": ["", 0.0],
+    "ALSpeechRecognition/Status": "Idle",
+    "ALSpeechRecognition/IsRunning": False,
+    "ALSpeechRecognition/ActiveListening": False,
+    "Dialog/LastInput": "",
+    "Dialog/CurrentString": "",
+    "Dialog/IsStarted": False,
+    "PeoplePerception/PeopleDetected": [],
+    "PeoplePerception/NonVisiblePeopleList": [],
+    "PeoplePerception/JustArrived": 0,
+    "PeoplePerception/JustLeft": 0,
+    "EngagementZones/PeopleInZone2": [],
+    "EngagementZones/PeopleInZone3": [],
+    "FaceCharacteristics/PersonSmiling": [],
+    "WavingDetection/Waving": [],
+    "WavingDetection/PersonWaving": 0,
+    "ALBasicAwareness/HumanTracked": -1,
+    "ALTextToSpeech/TextDone": 0,
+    "ALTextToSpeech/TextStarted": 0,
+    "ALTextToSpeech/CurrentSentence": "",
+    "ALTextToSpeech/CurrentWord": "",
+    "ALTextToSpeech/Status": [0, "done"],
+    "ALMotion/Protection/DisabledDevicesChanged": [],
+    "ALMotion/Protection/DisabledFeaturesChanged": [],
+    **{about[0]: [] for about in _LOOKERS.values()},
 }
 """Keys of ALMemory under which extractors leave what they find, and that nothing was found."""

@@ -22,7 +22,7 @@ class Tablet(Module):
         keep_settings(self, {"set_background_color": ("get_background_color", "#000000")}, True)
         keep_settings(self, {"configure_wifi": ("get_wifi", [])}, True)
         keep_settings(
-            self, {"set_on_touch_webview_scale_factor": ("get_on_touch_webview_scale_factor", 1.34)}
+            self, {"set_on_touch_webview_scale_factor": ("get_on_touch_scale_factor", 1.34)}
         )
 
     def robot_ip(self) -> str:
@@ -32,6 +32,22 @@ class Tablet(Module):
     def get_wifi_status(self) -> str:
         """Returns the state of the tablet's own network."""
         return "DISCONNECTED"
+
+    def get_wifi_mac_address(self) -> str:
+        """Returns the address of the tablet's own network: it has none."""
+        return ""
+
+    def get_available_keyboards(self) -> list[str]:
+        """Returns the keyboards: none."""
+        return []
+
+    def get_last_video_error_log(self) -> str:
+        """Returns what went wrong with a video: nothing."""
+        return ""
+
+    def get_current_life_activity(self) -> str:
+        """Returns the activity that is shown: none."""
+        return ""
 
     def get_video_position(self) -> int:
         """Returns how much of a video was shown [ms]: none plays."""
@@ -68,6 +84,20 @@ _SHOWN = {
     "turn_screen_on": "switches its screen to",
     "reset_tablet": "starts anew",
     "enable_wifi": "switches its network on",
+    "disable_wifi": "switches its network off",
+    "connect_wifi": "connects to network",
+    "disconnect_wifi": "leaves its network",
+    "forget_wifi": "forgets network",
+    "pause_gif": "pauses the moving image",
+    "resume_gif": "goes on with the moving image",
+    "hide_dialog": "hides the dialogue",
+    "show_alert_view": "shows alert",
+    "show_input_dialog": "shows a field for input",
+    "show_input_text_dialog": "shows a field for input",
+    "set_keyboard": "takes keyboard",
+    "set_tablet_language": "takes language",
+    "post_event_to_application": "tells the application",
+    "reset_to_default_value": "takes its first settings",
 }
 for _name, _what in _SHOWN.items():
     setattr(
@@ -107,6 +137,14 @@ class AudioPlayer(Module):
         """Plays a file, once."""
         self.play_file(name)
 
+    def play_in_loop(self, number: int, *_: float) -> None:
+        """Plays a loaded file, once."""
+        self.play(number)
+
+    def play_sine(self, frequency: int, _gain: int, _pan: int, duration: float) -> None:
+        """Plays a tone [Hz, s]."""
+        self._log(f"plays a tone of {frequency} Hz for {duration:g} s (no sound is simulated)")
+
     def play_file_from_position(self, name: str, _begin: float, *_: float) -> None:
         """Plays a file from a time on [s]."""
         self.play_file(name)
@@ -121,6 +159,25 @@ class AudioPlayer(Module):
 
     def load_sound_set(self, _name: str) -> None:
         """Loads a set of sounds."""
+
+    def unload_sound_set(self, _name: str) -> None:
+        """Forgets a set of sounds."""
+
+    def get_loaded_sound_sets_list(self) -> list[str]:
+        """Returns the loaded sets of sounds: there are none."""
+        return []
+
+    def get_sound_set_file_names(self, _name: str) -> list[str]:
+        """Returns the files of a set of sounds: there are none."""
+        return []
+
+    def is_sound_set_file_installed(self, _name: str, _file: str) -> bool:
+        """Returns whether a set of sounds has a file: there are no sets."""
+        return False
+
+    def is_sound_set_loaded(self, _name: str) -> bool:
+        """Returns whether a set of sounds is loaded: none is."""
+        return False
 
     def get_installed_sound_sets_list(self) -> list[str]:
         """Returns the sets of sounds: there are none."""
@@ -149,6 +206,20 @@ class AudioPlayer(Module):
         """Returns how much of a file was played [s]: it takes no time."""
         self._file(number)
         return 0.0
+
+    def get_file_length(self, number: int) -> float:
+        """Returns a file's duration [s]: no sound is read, and it takes no time."""
+        self._file(number)
+        return 0.0
+
+    def set_panorama(self, pan: float) -> None:
+        """Takes where the sound is to come from, -1 left to 1 right."""
+        if not -1.0 <= pan <= 1.0:
+            raise ValueError(f"the panorama is {pan:g}; it must be in [-1, 1]")
+
+    def get_loaded_files_names(self) -> list[str]:
+        """Returns the names of the loaded files."""
+        return list(self._files.values())
 
     def get_loaded_files_ids(self) -> list[int]:
         """Returns the numbers of the loaded files."""
@@ -217,6 +288,40 @@ class AudioDevice(Module):
     def close_audio_inputs(self) -> None:
         """Closes the microphones."""
 
+    def open_audio_outputs(self) -> None:
+        """Opens the loudspeakers."""
+
+    def close_audio_outputs(self) -> None:
+        """Closes the loudspeakers."""
+
+    def is_input_closed(self) -> bool:
+        """Returns whether the microphones are closed."""
+        return False
+
+    def is_output_closed(self) -> bool:
+        """Returns whether the loudspeakers are closed."""
+        return False
+
+    def start_microphones_recording(self, name: str) -> None:
+        """Would record to a file."""
+        self._log(f"no sound is simulated, and {name} is not written")
+
+    def stop_microphones_recording(self) -> None:
+        """Would end the recording."""
+
+    def set_file_as_input(self, name: str) -> None:
+        """Would hear a file instead of the microphones."""
+        self._log(f"no sound is simulated, and {name} is not heard")
+
+    def _no_energy(self) -> float:
+        """Returns a microphone's energy: there is no sound."""
+        return 0.0
+
+    get_front_mic_energy = _no_energy
+    get_rear_mic_energy = _no_energy
+    get_left_mic_energy = _no_energy
+    get_right_mic_energy = _no_energy
+
     def flush_audio_outputs(self) -> None:
         """Forgets what was to be played."""
 
@@ -277,28 +382,6 @@ class AnimationPlayer(Module):
 
     def reset(self) -> None:
         """Forgets the tags."""
-
-
-class Recorder(Module):
-    """ALVideoRecorder or ALPhotoCapture: settings are kept; to write a file is refused."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
-        keep_settings(
-            self,
-            {
-                "set_camera_id": ("get_camera_id", 0),
-                "set_resolution": ("get_resolution", 1),
-                "set_color_space": ("get_color_space", 11),
-                "set_frame_rate": ("get_frame_rate", 15.0),
-                "set_video_format": ("get_video_format", "MJPG"),
-                "set_picture_format": ("get_picture_format", "jpg"),
-            },
-        )
-
-    def is_recording(self) -> bool:
-        """Returns whether it records: it never does."""
-        return False
 
 
 class Notifications(Module):

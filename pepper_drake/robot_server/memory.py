@@ -58,6 +58,13 @@ class Memory(Module):
         """Puts a value, telling nobody."""
         self._data[key] = _Entry(value, self._clock())
 
+    def value_or_none(self, key: Any) -> Any:
+        """Returns the value of a key, None if there is none."""
+        try:
+            return self.get_data(key)
+        except (ValueError, TypeError, ServiceError):
+            return None
+
     # NAOqi's methods.
 
     def get_data(self, key: str, _deprecated: int = 0) -> Any:
@@ -76,7 +83,7 @@ class Memory(Module):
         """Returns the values of keys, None for one that is not there."""
         if not isinstance(keys, list | tuple):
             raise ValueError("the keys must be a list")
-        return [self._value_or_none(key) for key in keys]
+        return [self.value_or_none(key) for key in keys]
 
     def get_timestamp(self, key: str) -> list[Any]:
         """Returns a key's value and when it came, in seconds and microseconds."""
@@ -213,12 +220,6 @@ class Memory(Module):
     def get_description_list(self, keys: list[str]) -> list[Any]:
         """Returns keys with their descriptions."""
         return [[key, self._descriptions.get(key, "")] for key in keys]
-
-    def _value_or_none(self, key: Any) -> Any:
-        try:
-            return self.get_data(key)
-        except (ValueError, TypeError, ServiceError):
-            return None
 
     def _tell(self, name: str, value: Any) -> None:
         for service in list(self._subscribers.get(name, ())):

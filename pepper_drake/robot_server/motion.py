@@ -130,17 +130,20 @@ class Motion(BaseMoves, MotionSettings, Module):
         if self._awake:
             return
         self._awake = True
+        self._raise_event("ALMotion/Stiffness/wakeUpStarted", True)
         self.tasks.kill_where(lambda task: True)
         for name in JOINTS:
             self.joints.set_stiffness(name, 1.0)
         await self.go_to(NAOQI_POSTURES["StandInit"], _WAKE_SPEED, "wakeUp")
         self._raise_event("robotIsWakeUp", True)
+        self._raise_event("ALMotion/Stiffness/wakeUpFinished", True)
 
     async def rest(self, chain: str = "") -> None:
         """Crouches and makes all joints limp; with a chain, makes only that limp."""
         if chain:
             self.set_stiffnesses(chain, 0.0)
             return
+        self._raise_event("ALMotion/Stiffness/restStarted", True)
         self.tasks.kill_where(lambda task: True)
         self.base.stop()
         if self._awake:
@@ -149,6 +152,7 @@ class Motion(BaseMoves, MotionSettings, Module):
         for name in JOINTS:
             self.joints.set_stiffness(name, 0.0)
         self._raise_event("robotIsWakeUp", False)
+        self._raise_event("ALMotion/Stiffness/restFinished", True)
 
     def robot_is_wake_up(self) -> bool:
         """Returns whether the robot is awake: its leg is stiff."""
@@ -427,6 +431,26 @@ class Motion(BaseMoves, MotionSettings, Module):
     set_transform = _refuse_cartesian
     set_transforms = _refuse_cartesian
     change_transform = _refuse_cartesian
+
+    def _refuse_whole_body(self, *_: Any) -> None:
+        raise ValueError("whole-body control is not available on Pepper")
+
+    wb_enable = _refuse_whole_body
+    wb_enable_balance_constraint = _refuse_whole_body
+    wb_enable_effector_control = _refuse_whole_body
+    wb_enable_effector_optimization = _refuse_whole_body
+    wb_foot_state = _refuse_whole_body
+    wb_go_to_balance = _refuse_whole_body
+    wb_go_to_balance_with_speed = _refuse_whole_body
+    wb_set_effector_control = _refuse_whole_body
+
+    def _refuse_steps(self, *_: Any) -> None:
+        raise ValueError("Pepper rolls on wheels and takes no steps")
+
+    set_foot_steps = _refuse_steps
+    set_foot_steps_with_speed = _refuse_steps
+    get_foot_steps = _refuse_steps
+    get_foot_gait_config = _refuse_steps
 
 
 def _named(name: str, compute: Callable[[], _T]) -> _T:

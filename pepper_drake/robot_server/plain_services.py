@@ -1,11 +1,12 @@
-"""Services with little behind them: life, system, battery, abilities, sonar, lights."""
+"""Services with little behind them: life, battery, abilities, sonar."""
 
 from collections.abc import Callable
 from typing import Any
 
 from pepper_drake.robot_server.extractors import Extractor
+from pepper_drake.robot_server.kept_settings import keep_settings
 from pepper_drake.robot_server.robot_port import SENSORS
-from pepper_drake.robot_server.waiting import VERSION, Module, RobotTimer
+from pepper_drake.robot_server.waiting import Module
 
 _LIFE = ("solitary", "interactive", "safeguard", "disabled")
 
@@ -56,12 +57,12 @@ class AutonomousLife(Module):
         """Stops the activities; there are none."""
 
     def set_autonomous_ability_enabled(self, ability: str, enabled: bool) -> None:
-        """Switches an ability; the simulated robot does not use it."""
-        self.abilities[_ability(ability)] = enabled
+        """Switches an ability, or "All"; the simulated robot does not use them."""
+        self.abilities |= dict.fromkeys(_abilities(ability), enabled)
 
     def get_autonomous_ability_enabled(self, ability: str) -> bool:
-        """Returns whether an ability is switched on."""
-        return self.abilities[_ability(ability)]
+        """Returns whether an ability is switched on, for "All" whether all are."""
+        return all(self.abilities[name] for name in _abilities(ability))
 
     def get_autonomous_abilities_status(self) -> list[dict[str, Any]]:
         """Returns each ability, whether it is switched on, and that it does not run."""
@@ -121,6 +122,26 @@ class Ability(Module):
 
     def reset_tags_to_words(self) -> None:
         """Forgets gestures for words."""
+
+
+class AutonomousMoves(Module):
+    """ALAutonomousMoves: its switches; the simulated robot makes no moves of its own."""
+
+    def __init__(self) -> None:
+        super().__init__("ALAutonomousMoves")
+        keep_settings(
+            self,
+            {
+                "set_expressive_listening_enabled": ("get_expressive_listening_enabled", True),
+                "set_background_strategy": ("get_background_strategy", "none"),
+            },
+        )
+
+    def start_small_displacements(self) -> None:
+        """Would begin small moves of the base; there are none."""
+
+    def stop_small_displacements(self) -> None:
+        """Would end them."""
 
 
 class BasicAwareness(Ability):
@@ -188,6 +209,18 @@ class BasicAwareness(Ability):
             raise ValueError(f"there is no stimulus {stimulus!r}")
         return self._stimuli[stimulus]
 
+    def engage_person(self, _person: int) -> bool:
+        """Returns whether it turned to a person: nobody is seen."""
+        return False
+
+    def trigger_stimulus(self, _position: Any) -> int:
+        """Returns the person found where something stirred: nobody is there."""
+        return -1
+
+    def trigger_stimulus_from_frame(self, *_: Any) -> int:
+        """As `triggerStimulus`."""
+        return -1
+
     def set_parameter(self, name: str, value: Any) -> None:
         """Keeps a parameter."""
         self._parameters[name] = value
@@ -201,41 +234,6 @@ class BasicAwareness(Ability):
     def reset_all_parameters(self) -> None:
         """Forgets the parameters."""
         self._parameters.clear()
-
-
-class System(Module):
-    """ALSystem."""
-
-    def __init__(self) -> None:
-        super().__init__("ALSystem")
-        self._robot_name = "Pepper"
-        self._timezone = "Europe/Paris"
-
-    def system_version(self) -> str:
-        """Returns the version of NAOqi."""
-        return VERSION
-
-    def previous_system_version(self) -> str:
-        """Returns the version before: there was none."""
-        return ""
-
-    def robot_name(self) -> str:
-        """Returns the robot's name."""
-        return self._robot_name
-
-    def set_robot_name(self, name: str) -> bool:
-        """Sets the robot's name."""
-        self._robot_name = name
-        return True
-
-    def timezone(self) -> str:
-        """Returns the time zone."""
-        return self._timezone
-
-    def set_timezone(self, timezone: str) -> bool:
-        """Sets the time zone."""
-        self._timezone = timezone
-        return True
 
 
 class Battery(Module):
@@ -327,82 +325,9 @@ class Touch(Module):
         return [[sensor, sensor in self._touched(), []] for sensor in SENSORS]
 
 
-class Leds(Module):
-    """ALLeds: colours in the log; a change takes the time that it takes."""
-
-    def __init__(self, timer: RobotTimer, log: Callable[[str], None]) -> None:
-        super().__init__("ALLeds")
-        self._timer = timer
-        self._log = log
-        self._intensities: dict[str, float] = {}
-        self._groups: dict[str, list[str]] = {
-            name: [] for name in ("AllLeds", "FaceLeds", "EarLeds", "ChestLeds", "ShoulderLeds")
-        }
-
-    async def fade(self, name: str, intensity: float, duration: float) -> None:
-        """Changes an intensity, from 0 to 1, within a time [s]."""
-        await self._change(name, f"{intensity:g}", intensity, duration)
-
-    async def fade_rgb(self, name: str, *color_and_duration: Any) -> None:
-        """Changes a colour, given as a name, a number or three shares, within a time [s]."""
-        *color, duration = color_and_duration
-        text = f"#{color[0]:06x}" if isinstance(color[0], int) else " ".join(map(str, color))
-        await self._change(name, text, 1.0, duration)
-
-    def on(self, name: str) -> None:
-        """Switches lights on."""
-        self.set_intensity(name, 1.0)
-
-    def off(self, name: str) -> None:
-        """Switches lights off."""
-        self.set_intensity(name, 0.0)
-
-    def reset(self, name: str) -> None:
-        """Sets lights to what they are at first."""
-        self.set_intensity(name, 1.0)
-
-    def set_intensity(self, name: str, intensity: float) -> None:
-        """Sets an intensity, from 0 to 1."""
-        self._intensities[name] = intensity
-        self._log(f"lights of {name}: {intensity:g}")
-
-    def get_intensity(self, name: str) -> float:
-        """Returns an intensity."""
-        return self._intensities.get(name, 1.0)
-
-    async def rasta(self, duration: float) -> None:
-        """Shows colours for a time [s]."""
-        await self._change("FaceLeds", "rasta", 1.0, duration)
-
-    async def random_eyes(self, duration: float) -> None:
-        """Shows colours in the eyes for a time [s]."""
-        await self._change("FaceLeds", "random", 1.0, duration)
-
-    async def rotate_eyes(self, rgb: int, _rotation: float, duration: float) -> None:
-        """Lets a colour turn in the eyes for a time [s]."""
-        await self._change("FaceLeds", f"#{rgb:06x} turning", 1.0, duration)
-
-    def create_group(self, name: str, lights: list[str]) -> None:
-        """Gives lights a common name."""
-        self._groups[name] = lights
-
-    def list_groups(self) -> list[str]:
-        """Returns the names of groups."""
-        return list(self._groups)
-
-    def list_group(self, name: str) -> list[str]:
-        """Returns the lights of a group."""
-        if name not in self._groups:
-            raise ValueError(f"there is no group {name!r}")
-        return self._groups[name]
-
-    async def _change(self, name: str, text: str, intensity: float, duration: float) -> None:
-        self._log(f"lights of {name}: {text}")
-        await self._timer.sleep(duration)
-        self._intensities[name] = intensity
-
-
-def _ability(name: str) -> str:
+def _abilities(name: str) -> tuple[str, ...]:
+    if name == "All":
+        return ABILITIES
     if name not in ABILITIES:
         raise ValueError(f"there is no ability {name!r}; it must be one of {', '.join(ABILITIES)}")
-    return name
+    return (name,)

@@ -9,19 +9,19 @@ from pepper_drake.naoqi.constants import JOINTS, WHEELS
 from pepper_drake.robot_server.extractors import NOTHING_FOUND
 from pepper_drake.robot_server.memory import Memory
 from pepper_drake.robot_server.motion import Motion
+from pepper_drake.robot_server.range_sensors import MEASURED
 from pepper_drake.robot_server.robot_port import SENSORS
 
 DEVICES = "Device/SubDeviceList/"
 
 RANGES: tuple[str, ...] = (
-    "Platform/Front/Sonar",
-    "Platform/Back/Sonar",
+    *MEASURED,
     "Platform/InfraredSpot/Left",
     "Platform/InfraredSpot/Right",
     *(
-        f"Platform/LaserSensor/{side}/Horizontal/Seg{number:02d}/{axis}"
-        for side in ("Front", "Left", "Right")
-        for number in range(1, 16)
+        f"Platform/LaserSensor/Front/{beam}/Seg{number:02d}/{axis}"
+        for beam, count in (("Shovel", 3), ("Vertical/Left", 1), ("Vertical/Right", 1))
+        for number in range(1, count + 1)
         for axis in "XY"
     ),
 )
@@ -70,6 +70,10 @@ CONSTANTS: dict[str, Any] = {
     "RobotConfig/Head/FullHeadId": "pepper_drake",
     "RobotConfig/Body/BodyId": "pepper_drake",
     "Device/SubDeviceList/Battery/Charge/Sensor/Value": 1.0,
+    "Device/SubDeviceList/Battery/Charge/Sensor/Status": 0,
+    "Device/SubDeviceList/Battery/Current/Sensor/Value": 0.0,
+    "Device/SubDeviceList/Battery/Temperature/Sensor/Value": _TEMPERATURE,
+    "Device/SubDeviceList/Platform/ILS/Sensor/Value": 0.0,
     "BatteryChargeChanged": 100,
     "BatteryPowerPluggedChanged": False,
     "BatteryFullChargedFlagChanged": True,
@@ -97,6 +101,7 @@ def install_keys(memory: Memory, motion: Motion) -> None:
         keys[f"{device}/Speed/Actuator/Value"] = partial(_wheel_speed, motion, k, False)
         keys[f"{device}/Stiffness/Actuator/Value"] = lambda: float(motion.robot_is_wake_up())
         keys[f"{device}/Temperature/Sensor/Value"] = lambda: _TEMPERATURE
+        keys[f"{device}/Temperature/Sensor/Status"] = lambda: 0
     for sensor in SENSORS:
         keys[f"{DEVICES}{sensor}/Sensor/Value"] = partial(_touched, motion, sensor)
     inertial = f"{DEVICES}InertialSensorBase/"

@@ -1,36 +1,39 @@
 """All services of a served Pepper over one robot port."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 from pepper_drake.robot_server.dialog import Dialog
+from pepper_drake.robot_server.expression_watcher import ExpressionWatcher
 from pepper_drake.robot_server.extractors import quiet_extractors
+from pepper_drake.robot_server.leds import Leds
 from pepper_drake.robot_server.media_services import (
     AnimationPlayer,
     AudioDevice,
     AudioPlayer,
     AudioRecorder,
     Notifications,
-    Recorder,
     Tablet,
 )
 from pepper_drake.robot_server.memory import Memory
 from pepper_drake.robot_server.motion import Motion
+from pepper_drake.robot_server.people_services import Knowledge, Mood, UserInfo, UserSession
 from pepper_drake.robot_server.plain_services import (
     ABILITIES,
     Ability,
     AutonomousLife,
+    AutonomousMoves,
     BasicAwareness,
     Battery,
     BodyTemperature,
-    Leds,
     RobotModel,
     Sonar,
-    System,
     Touch,
 )
 from pepper_drake.robot_server.posture import Posture
+from pepper_drake.robot_server.recorders import PhotoCapture, RobotDisk, VideoRecorder
 from pepper_drake.robot_server.robot_port import RobotPort
-from pepper_drake.robot_server.sensor_keys import TouchEvents, install_keys
+from pepper_drake.robot_server.sensor_keys import DEVICES, TouchEvents, install_keys
 from pepper_drake.robot_server.service import Service, ServiceFinder
 from pepper_drake.robot_server.signatures import make_service, service_signatures
 from pepper_drake.robot_server.speech import AnimatedSpeech, TextToSpeech
@@ -42,8 +45,20 @@ from pepper_drake.robot_server.store_services import (
     PackageManager,
     PreferenceManager,
     Recharge,
-    UserSession,
 )
+from pepper_drake.robot_server.system_services import (
+    ConnectionManager,
+    Diagnosis,
+    Launcher,
+    Logger,
+    Preferences,
+    ResourceManager,
+    Sensors,
+    ServiceManager,
+    Store,
+    System,
+)
+from pepper_drake.robot_server.tactile_gesture import TactileGesture
 from pepper_drake.robot_server.tracker import Tracker
 from pepper_drake.robot_server.video import Video
 from pepper_drake.robot_server.waiting import Module, RobotTimer
@@ -72,6 +87,7 @@ class ServedPepper:
         *,
         log: Callable[[str], None] = lambda _: None,
         awake: bool = True,
+        files: Path | None = None,
     ) -> None:
         """Makes the services.
 
@@ -79,6 +95,7 @@ class ServedPepper:
             port: The robot.
             log: Takes a line of what the robot says, shows, and what was asked in vain.
             awake: Whether the joints are stiff from the start, as after a robot's boot.
+            files: Folder for the robot's files, such as pictures; None for no files.
         """
         self.finder: ServiceFinder | None = None
         self._port = port
@@ -94,6 +111,10 @@ class ServedPepper:
         self._touch = TouchEvents(self.memory)
         speech = TextToSpeech(self._timer, tell, log)
         life = AutonomousLife(tell)
+        self._gestures = TactileGesture(self.memory)
+        self._expressions = ExpressionWatcher(self.memory.value_or_none, lambda: self._timer.now)
+        disk = RobotDisk(files)
+        leds = Leds(self._timer, log)
         modules: list[Module] = [
             self.motion,
             self.memory,
@@ -101,7 +122,7 @@ class ServedPepper:
             self._posture,
             Tracker(self.motion, log),
             speech,
-            AnimatedSpeech(speech),
+            AnimatedSpeech(speech, tell),
             life,
             BasicAwareness(life),
             *(Ability(name, life) for name in ABILITIES if name != "BasicAwareness"),
@@ -111,7 +132,8 @@ class ServedPepper:
             RobotModel(),
             Sonar(),
             Touch(lambda: self.motion.state.touched),
-            Leds(self._timer, log),
+            leds,
+            AutonomousMoves(),
             *quiet_extractors(log),
             Dialog(log),
             Tablet(log),
@@ -119,26 +141,41 @@ class ServedPepper:
             AudioDevice(log),
             AudioRecorder(log),
             AnimationPlayer(log),
-            Recorder("ALVideoRecorder"),
-            Recorder("ALPhotoCapture"),
+            VideoRecorder(self.video, disk, self._timer),
+            PhotoCapture(self.video, disk, self._timer),
             Notifications(),
             PreferenceManager(),
             PackageManager(),
             BehaviorManager(),
             UserSession(),
+            UserInfo(),
+            Knowledge(),
+            Mood(),
+            self._gestures,
+            self._expressions,
+            ResourceManager(),
+            ConnectionManager(),
+            Launcher(lambda: [service.name for service in self.services]),
+            ServiceManager(),
+            Logger(log),
+            Preferences(),
+            Store(),
+            Diagnosis(),
+            Sensors(),
             LogManager(),
             Laser(),
             Recharge(tell),
             Navigation(self.motion),
         ]
         install_keys(self.memory, self.motion)
+        self.memory.compute({DEVICES + key: value for key, value in leds.keys().items()})
         self.memory.put("robotIsWakeUp", awake)
         served = {module.name: module for module in modules}
         self.services: list[Service] = []
         for name in service_signatures():
             module = served.get(name) or Module(name)
-            module.service = make_service(name, module, on_unserved=self._ask_in_vain)
-            self.services.append(module.service)
+            module.served = make_service(name, module, on_unserved=self._ask_in_vain)
+            self.services.append(module.served)
         self._service("ALMotion").on_client_left = self.motion.client_left
         self._service("ALVideoDevice").on_client_left = self.video.client_left
 
@@ -148,6 +185,8 @@ class ServedPepper:
         state = self.motion.state
         self._timer.step(state.time)
         self._touch.step(state.touched, state.time)
+        self._gestures.step(state.touched, state.time)
+        self._expressions.step(state.time)
         if self._cycle % _POSTURE_CYCLES == 0:
             self._posture.step()
         self._cycle += 1

@@ -19,6 +19,7 @@ from pepper_drake.robot_server.service import Service, ServiceError
 
 _TABLE = "signatures.csv"
 _SIGNAL = "signal"
+_PROPERTY = "property"
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -50,12 +51,22 @@ class SignalSignature:
 
 
 @dataclass(frozen=True)
+class PropertySignature:
+    """A property of a service: its number, name and the signature of its value."""
+
+    uid: int
+    name: str
+    value: str
+
+
+@dataclass(frozen=True)
 class ServiceSignature:
-    """A service: its name, methods and signals."""
+    """A service: its name, methods, signals and properties."""
 
     name: str
     methods: tuple[MethodSignature, ...]
     signals: tuple[SignalSignature, ...]
+    properties: tuple[PropertySignature, ...]
 
 
 @lru_cache(maxsize=1)
@@ -63,16 +74,25 @@ def service_signatures() -> dict[str, ServiceSignature]:
     """Returns the signatures of all services by name."""
     methods: dict[str, list[MethodSignature]] = {}
     signals: dict[str, list[SignalSignature]] = {}
+    properties: dict[str, list[PropertySignature]] = {}
     text = resources.files("pepper_drake.robot_server").joinpath(_TABLE).read_text("utf-8")
     for row in csv.DictReader(text.splitlines()):
         service, uid, name = row["service"], int(row["uid"]), row["name"]
         methods.setdefault(service, [])
         if row["returns"] == _SIGNAL:
             signals.setdefault(service, []).append(SignalSignature(uid, name, row["parameters"]))
+        elif row["returns"] == _PROPERTY:
+            found = PropertySignature(uid, name, row["parameters"])
+            properties.setdefault(service, []).append(found)
         else:
             methods[service].append(MethodSignature(uid, name, row["parameters"], row["returns"]))
     return {
-        name: ServiceSignature(name, tuple(methods[name]), tuple(signals.get(name, ())))
+        name: ServiceSignature(
+            name,
+            tuple(methods[name]),
+            tuple(signals.get(name, ())),
+            tuple(properties.get(name, ())),
+        )
         for name in methods
     }
 
@@ -121,7 +141,14 @@ def make_service(
             uid=method.uid,
             wants_caller=wants_caller,
         )
+    for known in signature.properties:
+        get = getattr(implementation, python_name(known.name), None)
+        full_name = f"{name}::{known.name}"
+        reading = _with_errors(get or _refusal(full_name, on_unserved), full_name, False)
+        service.add_property(known.name, known.value, reading, uid=known.uid)
     for signal in signature.signals:
+        if signal.uid in service.signals:
+            continue  # A property's, which tells of its changes.
         service.add_signal(signal.name, signal.parameters, uid=signal.uid)
     return service
 

@@ -10,6 +10,7 @@ import numpy as np
 from pepper_drake.errors import PepperDrakeError
 from pepper_drake.naoqi.constants import DEPTH
 from pepper_drake.robot_server.child_process import ChildProcess
+from pepper_drake.robot_server.range_sensors import MEASURED
 from pepper_drake.robot_server.robot_port import (
     SENSORS,
     CameraImage,
@@ -89,8 +90,9 @@ class SimulatedRobot(ChildProcess):
             np.array(now["velocities"]),
             (x, y, theta),
             (vx, vy, wz),
-            None,
+            np.array(now["currents"]),
             touched,
+            dict(zip(MEASURED, map(float, now["ranges"]), strict=True)),
         )
 
     def command(self, command: RobotCommand) -> None:

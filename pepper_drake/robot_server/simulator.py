@@ -19,6 +19,7 @@ from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
 from pepper_drake.naoqi.constants import BOTTOM, CYCLE, DEPTH, HANDS, JOINTS, TOP
+from pepper_drake.robot_server.range_sensors import MEASURED, PERIOD, RangeSensors
 from pepper_drake.robot_server.robot_port import SENSORS
 from pepper_drake.robot_server.shared_state import SharedNames, SharedRecord
 
@@ -35,6 +36,17 @@ _LIMP_JOINTS = tuple(
     name for group in ("head", "left_arm", "right_arm") for name in JOINT_GROUPS[group]
 )
 """Joints that go limp; the wheels and the leg are always stiff, or Pepper would fall."""
+_MOTORS = {
+    "Yaw": (27.5e-3, 101.3),
+    "ShoulderPitch": (27.5e-3, 101.3),
+    "HeadPitch": (19.2e-3, 118.1),
+    "Roll": (19.2e-3, 118.1),
+    "WristYaw": (21.2e-3, 50.61),
+    "HipRoll": (47.5e-3, 108.33),
+    "HipPitch": (36.9e-3, 108.33),
+    "KneePitch": (36.9e-3, 108.33),
+}
+"""Torque constant [N m/A] and gear ratio of the joints whose names end so; the longest counts."""
 _PALMS = {"l_wrist": "LHand/Touch/Back", "r_wrist": "RHand/Touch/Back"}
 
 STATE = np.dtype(
@@ -44,6 +56,8 @@ STATE = np.dtype(
         ("velocities", "f8", len(JOINTS)),
         ("base_pose", "f8", 3),
         ("base_velocity", "f8", 3),
+        ("currents", "f8", len(JOINTS)),
+        ("ranges", "f8", len(MEASURED)),
         ("touched", "?", len(SENSORS)),
         ("contacts", "i8"),
         ("rate", "f8"),
@@ -125,11 +139,20 @@ class SimulatedPepper:
         self._obeyed = np.zeros(len(JOINTS))
         self._stamps = [-math.inf] * len(CAMERAS)
         self._hands = np.full(len(HANDS), 0.5)
+        plant = self._station.plant
+        self._amperes = 1.0 / np.array([np.prod(_motor(name)) for name in BODY_JOINTS])
+        places = {
+            actuator.joint().name(): actuator.input_start()
+            for actuator in map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+        }
+        self._motors = [places[name] for name in BODY_JOINTS]
         inspector = self._station.scene_graph.model_inspector()
         self._links = {
             geometry: inspector.GetName(inspector.GetFrameId(geometry)).rpartition("::")[2]
             for geometry in self._station.robot_geometries()
         }
+        self._range_sensors = RangeSensors(inspector, self._station.robot_geometries())
+        self._scanned = -math.inf
 
     def run(self) -> None:
         """Advances slice by slice, in step with the wall's clock if the config says so."""
@@ -225,11 +248,20 @@ class SimulatedPepper:
         }
         goal = station.plant.GetBodyByName(station.scene_models.goal_object)
         plant_context = station.plant.GetMyContextFromRoot(self._context)
+        currents = np.zeros(len(JOINTS))
+        torques = station.plant.get_net_actuation_output_port().Eval(plant_context)
+        currents[self._rows] = np.abs(torques[self._motors]) * self._amperes
+        base_pose = self._eval("base_pose")
+        if now - self._scanned >= PERIOD:
+            self._scanned = now
+            query = station.GetOutputPort("ground_truth.query").Eval(self._context)
+            self._state.write(ranges=self._range_sensors.measure(query, base_pose))
         self._state.write(
             time=now,
+            currents=currents,
             positions=self._positions(),
             velocities=velocities,
-            base_pose=self._eval("base_pose"),
+            base_pose=base_pose,
             base_velocity=self._command.read()["base_velocity"],
             touched=touched,
             contacts=contacts,
@@ -281,3 +313,8 @@ class SimulatedPepper:
                 bumper = "Back" if abs(side) > 2.0 else "FrontLeft" if side > 0 else "FrontRight"
                 touched[SENSORS.index(f"Platform/{bumper}/Bumper")] = True
         return touched, contacts
+
+
+def _motor(joint: str) -> tuple[float, float]:
+    ending = max((name for name in _MOTORS if joint.endswith(name)), key=len)
+    return _MOTORS[ending]

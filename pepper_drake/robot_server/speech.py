@@ -77,8 +77,25 @@ class TextToSpeech(Module):
                 left -= 0.1
             ended = "done" if stops == self._stop else "stopped"
             self._raise_event("ALTextToSpeech/Status", [number, ended])
+            if ended == "stopped":
+                self._raise_event("ALTextToSpeech/TextInterrupted", 1)
             self._raise_event("ALTextToSpeech/TextDone", 1)
             self._raise_event("ALTextToSpeech/CurrentSentence", "")
+
+    def say_to_file(self, text: str, name: str) -> None:
+        """Would write what it says to a file: no sound is simulated."""
+        self._log(f'"{spoken(text)}" is to be written; no sound is simulated, and {name} is not')
+
+    async def say_to_file_and_play(self, text: str) -> None:
+        """Says a text; as on a robot, a file is only on the way."""
+        await self.say(text)
+
+    def load_voice_preference(self, _name: str) -> None:
+        """Takes the voice of a file of preferences; there are none."""
+
+    def set_language_default_voice(self, language: str, _voice: str) -> None:
+        """Takes the voice of a language."""
+        _known(language)
 
     def stop_all(self) -> None:
         """Stops what is being said and what was to follow."""
@@ -168,8 +185,9 @@ class TextToSpeech(Module):
 class AnimatedSpeech(Module):
     """ALAnimatedSpeech: says the text; of the gestures none is simulated."""
 
-    def __init__(self, speech: TextToSpeech) -> None:
+    def __init__(self, speech: TextToSpeech, raise_event: Callable[[str, Any], None]) -> None:
         super().__init__("ALAnimatedSpeech")
+        self._raise_event = raise_event
         self._speech = speech
         self._mode = 1
         self._enabled = True
@@ -177,6 +195,7 @@ class AnimatedSpeech(Module):
     async def say(self, text: Any, _configuration: Any = None) -> None:
         """Says a text without its gestures."""
         await self._speech.say(text)
+        self._raise_event("ALAnimatedSpeech/EndOfAnimatedSpeech", 1)
 
     def set_body_language_mode(self, mode: int) -> None:
         """Sets which gestures there would be: 0 none, 1 random, 2 contextual."""

@@ -1,4 +1,4 @@
-"""Preferences, packages, behaviours, users, log, laser, charging station: kept or empty."""
+"""Preferences, packages, behaviours, log, laser, charging station: kept or empty."""
 
 from collections.abc import Callable
 from typing import Any
@@ -54,9 +54,17 @@ class PackageManager(Module):
         """Returns the packages: none."""
         return []
 
-    def get_packages(self) -> list[Any]:
-        """As `packages`, its former name."""
-        return []
+    packages2 = packages
+
+    get_packages = packages
+
+    def _not_installed(self, name: str, *_: Any) -> Any:
+        """Refuses: no package is installed."""
+        raise ValueError(f"package {name!r} is not installed, and none can be")
+
+    package = package2 = get_package = _not_installed
+    package_icon = get_package_icon = _not_installed
+    install = install_check_md5 = remove_pkg = _not_installed
 
     def has_package(self, _name: str) -> bool:
         """Returns whether a package is installed: none is."""
@@ -124,25 +132,6 @@ class BehaviorManager(Module):
 
     def play_default_project(self) -> None:
         """Would start them."""
-
-
-class UserSession(Module):
-    """ALUserSession: nobody is with the robot."""
-
-    def __init__(self) -> None:
-        super().__init__("ALUserSession")
-
-    def get_focused_user(self) -> int:
-        """Returns the user with whom the robot is: none."""
-        return -1
-
-    def get_open_user_sessions(self) -> list[int]:
-        """Returns the users who are there: none."""
-        return []
-
-    def get_num_open_sessions(self) -> int:
-        """Returns how many users are there: none."""
-        return 0
 
 
 class LogManager(Module):

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from pepper_drake.naoqi.constants import CHAINS, FRAME_ROBOT, FRAME_TORSO, FRAME_WORLD, JOINTS
 from pepper_drake.perception.cameras.camera import CAMERA_TOP
 from pepper_drake.perception.gaze.head_aiming import aim_head, clamp_head
+from pepper_drake.robot_server.kept_settings import keep_settings
 from pepper_drake.robot_server.motion import Motion
 from pepper_drake.robot_server.motion_arguments import fraction, numbers
 from pepper_drake.robot_server.robot_model import clip_to_limits, kinematics
@@ -39,6 +40,16 @@ class Tracker(Module):
         self._search = False
         self._relative: Any = []
         self._targets: dict[str, Any] = {}
+        keep_settings(
+            self,
+            {
+                "set_maximum_velocity": ("get_maximum_velocity", 0.35),
+                "set_maximum_acceleration": ("get_maximum_acceleration", 0.3),
+                "set_search_fraction_max_speed": ("get_search_fraction_max_speed", 0.2),
+                "set_move_config": ("get_move_config", []),
+                "set_target_coordinates": ("get_target_coordinates", []),
+            },
+        )
 
     async def look_at(self, position: Any, *arguments: Any) -> None:
         """Turns the head so that the top camera looks at a place [m].
@@ -95,6 +106,10 @@ class Tracker(Module):
         """Returns the targets that the robot can recognise: none."""
         return []
 
+    def get_target_position(self, _frame: int = FRAME_TORSO) -> list[float]:
+        """Returns where the target is: it is not seen."""
+        return []
+
     def get_registered_targets(self) -> list[str]:
         """Returns the targets that were registered."""
         return sorted(self._targets)
@@ -115,6 +130,13 @@ class Tracker(Module):
     def unregister_all_targets(self) -> None:
         """Forgets all targets."""
         self._targets.clear()
+
+    get_target_names = get_supported_targets
+    get_managed_targets = get_registered_targets
+    add_target = register_target
+    remove_target = unregister_target
+    remove_targets = unregister_targets
+    remove_all_targets = unregister_all_targets
 
     def track(self, target: str) -> None:
         """Would follow a target; it is lost, as `isTargetLost` says: nothing is recognised."""
@@ -177,6 +199,11 @@ class Tracker(Module):
     def get_maximum_distance_detection(self) -> float:
         """Returns how far a target would be followed [m]."""
         return self._range
+
+    def initialize(self) -> None:
+        """Sets all settings to what they are at first."""
+        self._targets.clear()
+        self._effector, self._mode = "None", "Head"
 
     def set_relative_position(self, position: Any) -> None:
         """Sets where the robot would stand to a target."""

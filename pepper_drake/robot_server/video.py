@@ -222,6 +222,23 @@ class Video(CameraFacts, Module):
         """Returns the colour spaces of a subscription."""
         return [stream.color_space for stream in self._subscription(handle).streams]
 
+    def set_active_cameras(self, handle: str, cameras: Sequence[int]) -> list[bool]:
+        """Changes the cameras of a subscription; returns of each whether it could be."""
+        return self._change_each(handle, "camera", cameras)
+
+    def set_resolutions(self, handle: str, resolutions: Sequence[int]) -> list[bool]:
+        """Changes the resolutions of a subscription; returns of each whether it could be."""
+        return self._change_each(handle, "resolution", resolutions)
+
+    def set_color_spaces(self, handle: str, color_spaces: Sequence[int]) -> list[bool]:
+        """Changes the colour spaces of a subscription; returns of each whether it could be."""
+        return self._change_each(handle, "color_space", color_spaces)
+
+    def is_frame_grabber_off(self, *camera: int) -> bool | int:
+        """Returns whether a camera, or the active one (then 1 or 0), takes no images."""
+        off = not self.is_camera_started(*camera or (self.active,))
+        return off if camera else int(off)
+
     # A subscription's camera.
 
     def is_camera_started(self, camera: int) -> bool:
@@ -285,6 +302,23 @@ class Video(CameraFacts, Module):
         self._subscriptions[handle] = replace(found, streams=(changed, *found.streams[1:]))
         self._ask()
         return True
+
+    def _change_each(self, handle: str, what: str, values: Sequence[int]) -> list[bool]:
+        found = self._subscription(handle)
+        if not isinstance(values, list | tuple) or len(values) != len(found.streams):
+            raise ValueError(f"{len(found.streams)} values are needed, one for each camera")
+        if not all(map(_whole, values)):
+            raise ValueError("the values must be integers")
+        changed = [
+            _served(replace(stream, **{what: value}))
+            for stream, value in zip(found.streams, values, strict=True)
+        ]
+        streams = tuple(
+            new if new is not None else old for new, old in zip(changed, found.streams, strict=True)
+        )
+        self._subscriptions[handle] = replace(found, streams=streams)
+        self._ask()
+        return [stream is not None for stream in changed]
 
     def _ask(self) -> None:
         """Asks each camera for the largest image and rate that a subscription wants."""

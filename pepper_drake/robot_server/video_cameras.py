@@ -69,6 +69,22 @@ class CameraFacts:
         """Opens a camera; it is open."""
         return camera in CAMERAS
 
+    def close_camera(self, camera: int) -> bool:
+        """Closes a camera; subscriptions decide whether it takes images."""
+        return camera in CAMERAS
+
+    def reset_camera(self, camera: int) -> bool:
+        """Starts a camera anew; there is nothing to do."""
+        return camera in CAMERAS
+
+    stop_camera = close_camera
+
+    def start_frame_grabber(self, camera: int = TOP) -> bool:
+        """As `openCamera`, its former name."""
+        return camera in CAMERAS
+
+    stop_frame_grabber = start_frame_grabber
+
     def start_camera(self, camera: int) -> bool:
         """Starts a camera; a subscription does."""
         return camera in CAMERAS

@@ -58,14 +58,18 @@ class Module:
 
     Attributes:
         name: The service's name.
-        service: The service that is made of this; set when it is.
+        served: The service that is made of this; set when it is.
     """
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.service: Service | None = None
+        self.served: Service | None = None
         self._calls: dict[int, asyncio.Future[Any]] = {}
         self._last_call = 0
+
+    def exit(self) -> None:
+        """Refuses: a module is not ended from afar."""
+        raise ValueError("not allowed: the module ends with the robot")
 
     def version(self) -> str:
         """Returns NAOqi's version."""
@@ -137,10 +141,13 @@ class Module:
         if call in self._calls:
             self._calls[call].cancel()
 
+    def _emit(self, signal: str, *arguments: Any) -> None:
+        self._service().emit(signal, *arguments)
+
     def _service(self) -> Service:
-        if self.service is None:
+        if self.served is None:
             raise ServiceError(f"{self.name}: not served yet")
-        return self.service
+        return self.served
 
 
 def _look(future: "asyncio.Future[Any]") -> None:

@@ -96,6 +96,33 @@ def build(builder: framework.DiagramBuilder) -> framework.Diagram:
     return diagram
 
 
+def connect(
+    builder: framework.DiagramBuilder,
+    source: framework.System,
+    target: framework.System,
+    *names: str,
+    **renamed: str,
+) -> None:
+    """Connects outputs to inputs of the same name, or of another: `output="input"`.
+
+    Args:
+        builder: Of the diagram that both systems are in.
+        source: Has the outputs.
+        target: Has the inputs.
+        names: Of ports that have the same name on both sides.
+        renamed: The input's name by the output's.
+    """
+    for name, port in (*zip(names, names, strict=True), *renamed.items()):
+        builder.Connect(source.GetOutputPort(name), target.GetInputPort(port))
+
+
+def export_input(builder: framework.DiagramBuilder, name: str, *ports: framework.InputPort) -> None:
+    """Makes one input of the diagram of all these inputs."""
+    builder.ExportInput(ports[0], name)
+    for port in ports[1:]:
+        builder.ConnectInput(name, port)
+
+
 def release(diagram: framework.Diagram, *others: framework.System) -> None:
     """Lets a diagram of `build` go on this thread as soon as its last user does.
 
@@ -122,6 +149,30 @@ def ValueProducer(allocate: Callable[[], Any], calc: Callable[..., object]) -> A
 
 class Diagram(framework.Diagram, metaclass=_Collectable):
     """A Diagram that is freed when nobody uses it."""
+
+    def GetMyContextFromRoot(self, root_context: framework.Context) -> framework.Context:
+        """As Drake's."""
+        if self._owns(root_context):
+            return root_context
+        return super().GetMyContextFromRoot(root_context)
+
+    def GetMyMutableContextFromRoot(self, root_context: framework.Context) -> framework.Context:
+        """As Drake's."""
+        if self._owns(root_context):
+            return root_context
+        return super().GetMyMutableContextFromRoot(root_context)
+
+    def _owns(self, context: framework.Context) -> bool:
+        """Tells whether a context is the diagram's own.
+
+        Drake lets what its functions return keep what they were given: a root context that is
+        returned as it is would keep itself, and the simulator that owns it, for ever.
+        """
+        try:
+            self.ValidateContext(context)
+        except RuntimeError:
+            return False
+        return True
 
 
 def _weak(value: Any) -> Any:

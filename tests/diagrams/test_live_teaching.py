@@ -7,9 +7,10 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from pepper_drake.diagrams.factory import make_primitive
-from pepper_drake.diagrams.live_teaching import LiveTeaching, with_movable_objects
+from pepper_drake.diagrams.live_teaching import LiveTeaching
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
+from pepper_drake.models.movable_objects import with_movable_objects
 from pepper_drake.models.scene import SCENES_DIR, load_scene
 from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 from pepper_drake.systems.robot.arm_command import ArmMode

@@ -3,9 +3,9 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
-from pepper_drake.diagrams.live_teaching import with_movable_objects
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.models.control_model import BODY_JOINTS, body_indices, shared_control_model
+from pepper_drake.models.movable_objects import with_movable_objects
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper
 from pepper_drake.models.scene import SCENES_DIR, load_scene
 

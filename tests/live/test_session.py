@@ -4,7 +4,8 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.errors import PepperDrakeError
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.live.session import Mode
+from pepper_drake.live.session import LiveSession, Mode
+from pepper_drake.live.session_file import SessionFolder
 from pepper_drake.models.control_model import arm_joints, body_indices
 from pepper_drake.systems.robot.arm_command import ArmMode
 
@@ -120,6 +121,21 @@ def test_what_is_saved_can_be_loaded_and_performed(story):
     saved = MovementPrimitive.load(seen["folder"] / "primitive.yaml")
     np.testing.assert_allclose(saved.rollout().positions, session.primitive.rollout().positions)
     Demonstration.load(seen["folder"] / "demonstration")
+
+
+def test_a_session_goes_on_after_a_restart(story):
+    """On the same robot, which is moved elsewhere in between."""
+    session, seen = story
+    simulation = session.simulation
+    simulation.place("goal_object", np.zeros(3))
+    again = LiveSession(simulation, SessionFolder(seen["folder"]))
+    assert again.resumed == "1 demonstration and a learned movement"
+    np.testing.assert_allclose(simulation.offset("goal_object"), [0, 0, 0.05])
+    (motion,) = again.shown
+    np.testing.assert_allclose(motion.positions, session.demonstration.positions, atol=1e-8)
+    assert again.next_button == "Reach"
+    again.undo()
+    assert "nothing to undo" in again.status
 
 
 def test_stop_hands_the_arm_over_where_it_is(story):

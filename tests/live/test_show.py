@@ -155,6 +155,9 @@ def test_keys_lead_the_hand_and_objects_are_dragged_within_their_range(app, page
             **drag,
         )
     step_until(app, lambda: simulation.offset("goal_object")[2] == 0.2)
+    app.press("Undo")  # While it is recorded, too: nothing was taught since.
+    assert not simulation.offset("goal_object").any()
+    assert app.session.mode == Mode.RECORDED
 
 
 def goal_node(app):
@@ -175,9 +178,19 @@ def test_obstacles_are_added_where_the_arm_is_not_and_removed(app):
     at = frame.EvalPoseInWorld(context).translation()
     np.testing.assert_allclose(at, place, atol=1e-3)
     assert place[2] > 0.8
+
+    def height():
+        app.step()
+        return frame.EvalPoseInWorld(context).translation()[2]
+
     app.remove_added()
-    app.step()
-    assert frame.EvalPoseInWorld(context).translation()[2] < -0.5
+    assert height() < -0.5
+    app.press("Undo")
+    assert height() > 0.8
+    app.press("Undo")
+    assert height() < -0.5
+    app.press("Undo")
+    assert "nothing to undo" in app.session.status
 
 
 def test_a_session_left_alone_lives(app):

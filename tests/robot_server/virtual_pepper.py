@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from pathlib import Path
 from typing import Any
 
 from pepper_drake.naoqi.constants import CYCLE, JOINTS
@@ -15,10 +16,12 @@ CALLER = Caller(client=1)
 class VirtualPepper:
     """Calls methods by name as a client would, and lets time pass."""
 
-    def __init__(self, *, awake: bool = True, follow: float = 1.0) -> None:
+    def __init__(
+        self, *, awake: bool = True, follow: float = 1.0, files: Path | None = None
+    ) -> None:
         self.robot = KinematicRobot(follow=follow)
         self.lines: list[str] = []
-        self.pepper = ServedPepper(self.robot, log=self.lines.append, awake=awake)
+        self.pepper = ServedPepper(self.robot, log=self.lines.append, awake=awake, files=files)
         self.services: dict[str, Service] = {s.name: s for s in self.pepper.services}
         self.history: list[Any] = []
         self.pepper.step()

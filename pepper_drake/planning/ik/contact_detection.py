@@ -1,10 +1,12 @@
 """Contact by command against measurement: which joint does not go where it is sent."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+
+from pepper_drake.models.robot_wear import RobotWear
 
 Vector = npt.NDArray[np.float64]
 
@@ -30,6 +32,16 @@ class ContactParams:
     """Time [s] before the contact to whose position the joints go back."""
     back_off_speed: float = 0.5
     """Largest joint speed on the way back [rad/s]."""
+
+    def on_worn_robot(self, wear: RobotWear | None) -> "ContactParams":
+        """Returns the same for a robot whose commands are late and whose joints have slack."""
+        if wear is None:
+            return self
+        return replace(
+            self,
+            latency=self.latency + wear.command_latency,
+            angle=self.angle + 0.5 * float(wear.backlash.max()),
+        )
 
 
 def following_error(commands: Sequence[Vector], measured: Vector) -> Vector:

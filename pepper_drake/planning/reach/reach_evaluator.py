@@ -1,19 +1,16 @@
 """Simulates movements in a planning scene, judges them, and adapts the demonstrated one."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.math import RigidTransform
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling
-from pepper_drake.models.control_model import ControlModel, arm_joints
-from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
-from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.barrier_for_path import fit_barrier_to_path
 from pepper_drake.planning.reach.kinematic_simulation import KinematicSimulator
 from pepper_drake.planning.reach.movement import Movement
@@ -23,10 +20,9 @@ from pepper_drake.planning.reach.movement_from_path import (
 )
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.planning_scene import PlanningScene, PlanningSceneBuilder
-from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, quality
+from pepper_drake.planning.reach.reach_task import ReachTask
 from pepper_drake.planning.trajectories.trajectory_adapter import (
-    AdaptationParams,
     AdaptedTrajectory,
     TrajectoryAdapter,
 )
@@ -40,15 +36,8 @@ class ReachEvaluator:
     It moves nothing and remembers nothing: a call depends on its arguments alone.
 
     Args:
-        model: Pepper.
-        arm: "left" or "right".
-        X_OG: The hand's pre-grasp pose in the goal object's frame.
         primitive: With orientation and posture.
-        coupling: None to do without.
-        ik: Parameters of the inverse kinematics.
-        params: Criteria of a good reach.
-        adaptation: How a movement is adapted.
-        goal_solids: The goal object's shapes in its frame: an adapted movement keeps off them.
+        task: Arm, goal and criteria.
 
     Attributes:
         demonstrated: The movement as it was demonstrated.
@@ -63,42 +52,34 @@ class ReachEvaluator:
         InputError: The primitive has no orientation or no posture.
     """
 
-    def __init__(
-        self,
-        *,
-        model: ControlModel,
-        arm: str,
-        X_OG: RigidTransform,
-        primitive: MovementPrimitive,
-        coupling: Coupling | None,
-        ik: DifferentialIkParams,
-        params: ReachPlannerParams,
-        adaptation: AdaptationParams | None = None,
-        goal_solids: Sequence[Solid] = (),
-    ) -> None:
+    def __init__(self, primitive: MovementPrimitive, task: ReachTask) -> None:
         if primitive.orientation is None or primitive.posture is None:
             raise InputError(
                 f"primitive {primitive.name}: it has no orientation or no posture; "
                 "learn it from a demonstration with rotations and joints"
             )
+        model, params = task.model, task.params
         params.clearance.check()
-        self.demonstrated = Movement(primitive, coupling, X_OG)
+        self.demonstrated = Movement(primitive, task.coupling, task.X_OG)
         self.params = params
-        self.kinematics = arm_kinematics(model, arm)
-        self.scenes = PlanningSceneBuilder(model, arm, goal_solids, params)
-        self._simulator = KinematicSimulator(model, self.kinematics, ik, params.settle)
-        self.time_step = ik.time_step
-        self.limits = model.command_limits(arm_joints(arm), speed_fraction=ik.speed_fraction)
+        self.kinematics = arm_kinematics(model, task.arm)
+        self.scenes = PlanningSceneBuilder(model, task.arm, task.goal_solids, params)
+        self._simulator = KinematicSimulator(model, self.kinematics, task.ik, params.settle)
+        self.time_step = task.ik.time_step
+        self.limits = model.command_limits(
+            arm_joints(task.arm), speed_fraction=task.ik.speed_fraction
+        )
         self.adapter: TrajectoryAdapter | None = None
-        if params.adapt and isinstance(coupling, BarrierCoupling):
+        if params.adapt and isinstance(task.coupling, BarrierCoupling):
             demonstrated = primitive.posture.at(np.linspace(0.0, 1.0, 100))
             self.adapter = TrajectoryAdapter(
                 model,
-                arm,
+                task.arm,
                 demonstrated[None],
                 primitive.duration,
-                adaptation if adaptation is not None else AdaptationParams(),
+                params.adaptation,
                 params.clearance,
+                task.axis,
             )
 
     def quality(self, plan: ReachPlan) -> tuple[bool, bool, float, float]:

@@ -7,6 +7,7 @@ from pepper_drake.planning.collision.clearance_table import ClearanceTable
 from pepper_drake.planning.reach.steadiness import SteadinessParams
 from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
+from pepper_drake.planning.trajectories.trajectory_adapter import AdaptationParams
 
 
 @dataclass
@@ -115,6 +116,8 @@ class ReachPlannerParams:
     """True to check the movement with its coupling for collisions before the arm starts and on its
     way. If not, reach and base placement are judged without coupling, and no link that comes too
     close stops the arm: the setting in which some couplings were published."""
+    adaptation: AdaptationParams = field(default_factory=AdaptationParams)
+    """How it is adapted."""
     slowest: float = 1.6
     """Duration, in those of the demonstration, up to which a plan is taken at once."""
     places_adapted: int = 4

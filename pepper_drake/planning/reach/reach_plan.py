@@ -100,10 +100,13 @@ class RemainingClearance(NamedTuple):
     Attributes:
         times: (N,) from now on [s].
         distances: (N,) of the arm to obstacles, infinite where nothing is near [m].
+        stale: (3,) a place in W that the arm passes soon and that was not seen lately [m]; NaN if
+            there is none.
     """
 
     times: Vector
     distances: Vector
+    stale: tuple[float, float, float] = (np.nan, np.nan, np.nan)
 
     @property
     def least(self) -> float:

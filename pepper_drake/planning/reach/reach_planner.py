@@ -1,6 +1,5 @@
 """The reach planner: whether the hand can reach its goal, from where, and along which path."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +7,8 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.coupling import Coupling
-from pepper_drake.models.control_model import CommandLimits, ControlModel
-from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
-from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.base_placement import BasePlacement, BasePlacementPlanner
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
@@ -20,13 +16,14 @@ from pepper_drake.planning.reach.planning_scene import PlanningScene
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, RemainingClearance
+from pepper_drake.planning.reach.reach_task import ReachTask
 from pepper_drake.planning.reach.remaining_reach import (
+    path_ahead,
     plan_retreat,
     remaining_clearance,
     replan,
 )
 from pepper_drake.planning.reach.swept_space import unseen_sentence, unseen_space
-from pepper_drake.planning.trajectories.trajectory_adapter import AdaptationParams
 
 __all__ = ["PlanStatus", "ReachPlan", "ReachPlanner", "ReachPlannerParams"]
 
@@ -44,15 +41,8 @@ class ReachPlanner:
     on its arguments alone.
 
     Args:
-        model: Pepper.
-        arm: "left" or "right".
-        X_OG: The hand's pre-grasp pose in the goal object's frame.
         primitive: With orientation and posture.
-        coupling: None to do without.
-        ik: Parameters of the inverse kinematics.
-        params: Criteria of a good reach.
-        adaptation: How a movement is adapted.
-        goal_solids: The goal object's shapes in its frame: an adapted movement keeps off them.
+        task: Arm, goal and criteria.
 
     Attributes:
         base_placement: Candidate base poses.
@@ -61,34 +51,20 @@ class ReachPlanner:
         InputError: The primitive has no orientation or no posture.
     """
 
-    def __init__(
-        self,
-        *,
-        model: ControlModel,
-        arm: str,
-        X_OG: RigidTransform,
-        primitive: MovementPrimitive,
-        coupling: Coupling | None,
-        ik: DifferentialIkParams,
-        params: ReachPlannerParams,
-        adaptation: AdaptationParams | None = None,
-        goal_solids: Sequence[Solid] = (),
-    ) -> None:
-        self._evaluator = ReachEvaluator(
-            model=model,
-            arm=arm,
-            X_OG=X_OG,
-            primitive=primitive,
-            coupling=coupling,
-            ik=ik,
-            params=params,
-            adaptation=adaptation,
-            goal_solids=goal_solids,
-        )
-        self.base_placement = BasePlacement(model, arm, X_OG, primitive.goal, params)
+    def __init__(self, primitive: MovementPrimitive, task: ReachTask) -> None:
+        self._task, model, arm = task, task.model, task.arm
+        self._evaluator = ReachEvaluator(primitive, task)
+        self.base_placement = BasePlacement(model, arm, task.X_OG, primitive.goal, task.params)
         links = [name for name in body_links(model, arm) if name not in _AROUND_CAMERA]
         self._body = BodyClearance(model, links)
         self._base_planner = BasePlacementPlanner(self._evaluator, self.base_placement)
+
+    def with_primitive(
+        self, primitive: MovementPrimitive, X_OG: RigidTransform | None = None
+    ) -> "ReachPlanner":
+        """Returns the planner of another movement for the same task, or for another goal."""
+        task = self._task if X_OG is None else replace(self._task, X_OG=X_OG)
+        return ReachPlanner(primitive, task)
 
     @property
     def demonstrated(self) -> Movement:
@@ -134,7 +110,31 @@ class ReachPlanner:
 
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
-        return remaining_clearance(self._evaluator, plan, observation)
+        rest = remaining_clearance(self._evaluator, plan, observation)
+        return rest._replace(stale=self._stale(plan, observation))
+
+    def _stale(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
+        """A place in W that the arm passes soon and that was not seen lately [m]; NaN for none."""
+        params, space = self.params.unseen, observation.space
+        nowhere = (np.nan, np.nan, np.nan)
+        if plan.joint_path is None or space is None:
+            return nowhere
+        stride = max(round(params.stride / plan.time_step), 1)
+        rest = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1 : stride]
+        X_WT = observation.X_WO @ self._evaluator.scenes(observation).X_TO.inverse()
+        region, _ = unseen_space(
+            self._evaluator.kinematics,
+            rest,
+            X_WT,
+            space,
+            observation.time,
+            replace(params, oldest=params.recent),
+            self._body_spheres(observation, X_WT),
+        )
+        if not len(region):
+            return nowhere
+        x, y, z = region.mean(axis=0)
+        return (x, y, z)
 
     def simulate_taught(self, observation: Observation) -> ReachPlan:
         """Returns the plan of the movement as it was taught, coupling included, not adapted."""

@@ -76,7 +76,9 @@ class ReachState:
         arrived: When the base last arrived where it was sent [s].
         started: When the arm first started [s].
         blind: Time for which the arm waited because depth images did not come [s].
-        look_at: Place in W that was not seen and that the arm is going to pass [m]; NaN for none.
+        may_drive: Whether the base may be sent to another place.
+        look_at: Place in W that was not seen, or not lately, and that the arm is going to pass [m];
+            NaN for none.
         steadiness: Of what is measured, since the arm started.
         pending: Results of computations that have no effect yet.
     """
@@ -100,6 +102,7 @@ class ReachState:
     arrived: float = np.nan
     started: float = np.nan
     blind: float = 0.0
+    may_drive: bool = True
     look_at: tuple[float, float, float] = (np.nan, np.nan, np.nan)
     steadiness: Steadiness = field(default_factory=Steadiness)
     pending: tuple[Pending, ...] = ()
@@ -171,11 +174,12 @@ class ReachState:
 
     def fail(self, time: float, reason: str, message: str) -> "ReachState":
         """Returns the final state of a failure, named by a word and a sentence; the base stays."""
-        stay = (np.nan, np.nan, np.nan)
+        nowhere = (np.nan, np.nan, np.nan)
         return replace(
             self.to(ReachMode.FAILED, time),
             reason=reason,
             message=message,
-            base_pose_wanted=stay,
+            base_pose_wanted=nowhere,
+            look_at=nowhere,
             pending=(),
         )

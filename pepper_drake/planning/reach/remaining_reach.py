@@ -25,7 +25,7 @@ def remaining_clearance(
 ) -> RemainingClearance:
     """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
     scene = evaluator.scenes(observation)
-    rest = _rest(plan, observation)[::_STRIDE]
+    rest = path_ahead(plan, observation)[::_STRIDE]
     times = (_STRIDE * plan.time_step) * np.arange(len(rest), dtype=float)
     return RemainingClearance(times, scene.checker.distances(rest))
 
@@ -33,7 +33,7 @@ def remaining_clearance(
 def replan(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation) -> ReachPlan:
     """Returns the best plan for the rest of a movement; see `Planner`."""
     scene = evaluator.scenes(observation)
-    rest = _rest(plan, observation)
+    rest = path_ahead(plan, observation)
     duration = max((len(rest) - 1) * plan.time_step, _SHORTEST)
     path = None
     if evaluator.adapter is not None:
@@ -73,8 +73,8 @@ def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observ
     return evaluator.evaluate(scene, Movement(primitive, coupling, X_OG, origin=Origin.RETREAT))
 
 
-def _rest(plan: ReachPlan, observation: Observation) -> Vector:
-    """The rest (N, 5) of a plan's path from where the arm is, at least two configurations."""
+def path_ahead(plan: ReachPlan, observation: Observation) -> Vector:
+    """Returns the rest (N, 5) of a plan's path, at least two configurations [rad]."""
     assert plan.joint_path is not None
     first = min(plan.nearest(observation.arm), len(plan.joint_path) - 2)
     rest: Vector = plan.joint_path[first:]

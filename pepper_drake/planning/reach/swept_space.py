@@ -28,6 +28,11 @@ class UnseenSpaceParams:
     oldest: float = 15.0
     """Time since a place was seen to be free up to which that counts [s]: the longest that a look
     around, a drive and its settling take."""
+    recent: float = 1.0
+    """Time since a place was seen up to which it need not be seen again just before the arm passes
+    it [s]."""
+    ahead: float = 1.5
+    """Time before the arm passes a place at which the head looks there, if it need be [s]."""
     stride: float = 0.1
     """Time between the configurations of the path that are compared [s]."""
     cell: float = 0.03

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,10 +36,20 @@ PLANNED = -1
 
 _LOOKED_AT = 32
 """Number of goal configurations evaluated in a batch."""
-_TURN_SPARE = 0.05
-"""Angle by which the hand's axis may end off its goal posture [rad]."""
 _ROUNDING = 0.001
 """Clearance [m] by which a path may be below that of its start and goal."""
+
+
+class GoalAxis(NamedTuple):
+    """The axis of the hand whose direction counts for the task."""
+
+    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    """In H."""
+    tolerance: float = 0.5
+    """Angle from its goal within which goal postures are preferred [rad]."""
+
+
+_DOWN = GoalAxis()
 
 
 @dataclass
@@ -55,10 +66,8 @@ class AdaptationParams:
     """Goal postures per demonstration."""
     turn: float = 0.6
     """Turn of the hand from the wanted goal orientation that costs 1 [rad]."""
-    axis: tuple[float, float, float] = (0.0, 0.0, -1.0)
-    """Axis of the hand whose direction counts for the task, in H."""
-    axis_tolerance: float = 0.5
-    """Angle of that axis from its goal within which goal postures are preferred [rad]."""
+    turn_margin: float = 0.05
+    """Part of the goal axis's tolerance that goal postures leave [rad]."""
     posture: float = 1.0
     """Distance of the joints from the demonstration's end that costs 1 [rad]."""
     object_clearance: float = 0.004
@@ -112,6 +121,7 @@ class TrajectoryAdapter:
         params: Weights and sizes.
         clearance: Distances to keep: `start` and `want` at the goal, `optimise` on the way, and
             `resume` where the fallback planner looks.
+        axis: Of the hand, for goal postures.
     """
 
     def __init__(
@@ -122,8 +132,10 @@ class TrajectoryAdapter:
         duration: float,
         params: AdaptationParams,
         clearance: ClearanceTable,
+        axis: GoalAxis = _DOWN,
     ) -> None:
         self._duration, self.params, self._clearance = duration, params, clearance
+        self._axis = axis
         self._demonstrations = resampled(demonstrations, params.samples)
         self._kinematics = arm_kinematics(model, arm)
         limits = model.command_limits(arm_joints(arm), speed_fraction=params.speed_share)
@@ -296,7 +308,8 @@ class TrajectoryAdapter:
         R_TG = X_TG.rotation().matrix()
         q, there = self._postures.solve(p_TG, starts)
         q = q[there]
-        q = self._postures.well_turned(q, R_TG, params.axis, params.axis_tolerance - _TURN_SPARE)
+        axis, tolerance = self._axis
+        q = self._postures.well_turned(q, R_TG, axis, tolerance - params.turn_margin)
         turn = orientation_error(self._kinematics.poses(q).hand_rotation, R_TG)
         room = np.minimum(q - self._lower, self._upper - q).min(axis=1, initial=np.inf)
         shared = (turn / params.turn) ** 2 + 2.0 * np.maximum(1.0 - room / 0.1, 0.0) ** 2

@@ -8,7 +8,11 @@ from pydrake.math import RigidTransform
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
-from pepper_drake.planning.reach.reach_parameters import PlanningLatency, ReachPlannerParams
+from pepper_drake.planning.reach.reach_parameters import (
+    PlanningLatency,
+    ReachPlannerParams,
+    ReachTiming,
+)
 from pepper_drake.planning.reach.reach_plan import (
     Planner,
     PlanStatus,
@@ -16,6 +20,7 @@ from pepper_drake.planning.reach.reach_plan import (
     RemainingClearance,
 )
 from pepper_drake.systems.faults.fault import SIGNALS, Fault
+from pepper_drake.systems.faults.fault_set import FaultSet
 
 _FAR = 1e3
 """Distance of a base placement that is garbage [m]."""
@@ -119,13 +124,15 @@ class FaultyPlanner:
         return plan
 
 
-def slowed_latency(latency: PlanningLatency, fault: Fault | None) -> PlanningLatency:
-    """The latency of a planner whose fault is to be slow: five times as long, from the start."""
-    if fault is None or fault.kind != "slow":
-        return latency
-    return replace(
-        latency,
-        base_placement=5.0 * latency.base_placement,
-        plan=5.0 * latency.plan,
-        check=5.0 * latency.check,
-    )
+def faulty(planner: Planner, timing: ReachTiming, faults: FaultSet) -> tuple[Planner, ReachTiming]:
+    """Returns a planner and its timing as the fault of the signal "planner" has them.
+
+    One that is to be slow takes five times as long, from the start.
+    """
+    fault = faults.fault("planner")
+    if fault is None:
+        return planner, timing
+    if fault.kind == "slow":
+        slow = {name: 5.0 * seconds for name, seconds in vars(timing.latency).items()}
+        timing = replace(timing, latency=PlanningLatency(**slow))
+    return FaultyPlanner(planner, fault, faults.seed), timing

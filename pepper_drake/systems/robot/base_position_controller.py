@@ -12,7 +12,7 @@ from pepper_drake.systems.framework import LeafSystem
 Vector = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class BaseMotion:
     """Speed and acceleration limits, and gains, of the base."""
 
@@ -21,9 +21,9 @@ class BaseMotion:
     turning_speed: float = 1.0
     """Largest yaw rate [rad/s]."""
     acceleration: float = 0.3
-    """Acceleration along the floor, braking too [m/s^2]."""
+    """Acceleration along the floor, braking too [m/s²]."""
     turning_acceleration: float = 0.75
-    """Acceleration of the yaw rate [rad/s^2]."""
+    """Acceleration of the yaw rate [rad/s²]."""
     approach_rate: float = 4.0
     """Rate at which the last of the way is made [1/s]."""
     correction: float = 1.0

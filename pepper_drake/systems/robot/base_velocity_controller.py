@@ -16,13 +16,13 @@ class BaseVelocityController(LeafSystem):
 
         name: BaseVelocityController
         input_ports:
-        - base_velocity_command
+        - base_velocity_command (optional)
         - base_pose
         output_ports:
         - desired_state
 
-    Inputs: `base_velocity_command` (3), m/s, m/s, rad/s in B; `base_pose` (3), where the base
-    is when the first command arrives, x, y, yaw in W.
+    Inputs: `base_velocity_command` (3) in B [m/s, m/s, rad/s], zero if left out; `base_pose`
+    (3), x, y, yaw in W, read when the first command arrives [m, rad].
     Output: `desired_state` (6), x, y, yaw and their rates in W.
     State: x, y, yaw, rates, whether the first place is known, and the velocity in B (10), at
     `time_step`. Until it is known, in a context that was never initialized, the base stands at
@@ -71,7 +71,9 @@ class BaseVelocityController(LeafSystem):
         if state[6] == 0:
             self._initialize(context, discrete_state)
             return
-        command = self.velocity_input.Eval(context)
+        command = np.zeros(3)
+        if self.velocity_input.HasValue(context):
+            command = self.velocity_input.Eval(context)
         if not np.all(np.isfinite(command)):
             command = np.zeros(3)
         v_B, change = state[7:], self._change

@@ -24,7 +24,7 @@ class JointCommandMerge(LeafSystem):
         output_ports:
         - joint_position_command
 
-    Inputs: one for each group, rad. Output: `joint_position_command` (15), rad, in the order of
+    Inputs: one for each group [rad]. Output: `joint_position_command` (15) [rad], in the order of
     `BODY_JOINTS`.
 
     Args:
@@ -43,7 +43,8 @@ class JointCommandMerge(LeafSystem):
             "joint_position_command",
             len(BODY_JOINTS),
             self._calc_command,
-            prerequisites_of_calc={port.ticket() for port, _ in self._inputs},
+            prerequisites_of_calc={port.ticket() for port, _ in self._inputs}
+            or {self.nothing_ticket()},
         )
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:

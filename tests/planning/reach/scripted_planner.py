@@ -80,6 +80,7 @@ class ScriptedPlanner:
         back: Answer to `plan_retreat`.
         ahead: Least distance of the rest of a path, from `ahead_from` on [m].
         ahead_from: Time from now at which the path is as near as that [s].
+        stale: A place on the path that was not seen lately, in W [m].
         asked: Name and observation of each question.
     """
 
@@ -91,6 +92,7 @@ class ScriptedPlanner:
     )
     ahead: float = 0.02
     ahead_from: float = 1.0
+    stale: tuple[float, float, float] = (np.nan, np.nan, np.nan)
     asked: list[tuple[str, Observation]] = field(default_factory=list)
     demonstrated: Movement = DEMONSTRATED
     params: ReachPlannerParams = field(default_factory=ReachPlannerParams)
@@ -122,6 +124,7 @@ class ScriptedPlanner:
         return RemainingClearance(
             np.array([0.0, self.ahead_from]),
             np.array([self.ahead if self.ahead_from == 0.0 else far, self.ahead]),
+            self.stale,
         )
 
     def questions(self) -> list[str]:

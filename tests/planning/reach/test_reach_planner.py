@@ -15,13 +15,21 @@ from pepper_drake.models.control_model import (
 )
 from pepper_drake.models.pepper import posture_positions
 from pepper_drake.models.scene import default_pre_grasp
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.gaze.head_aiming import camera_pose
+from pepper_drake.perception.gaze.view_planning import head_grid
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.seen_space import SeenSpace
+from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import GoalTolerances, ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
+from pepper_drake.planning.reach.reach_task import ReachTask
 
 MODEL = shared_control_model()
 STAND = np.array([posture_positions("stand", {})[name] for name in BODY_JOINTS])
@@ -42,13 +50,15 @@ def planner(right_primitive):
 
 def make_planner(primitive, coupling, **params):
     return ReachPlanner(
-        model=MODEL,
-        arm="right",
-        X_OG=default_pre_grasp("right", 0.033).pose(),
-        primitive=primitive,
-        coupling=coupling,
-        ik=DifferentialIkParams(),
-        params=ReachPlannerParams(**params),
+        primitive,
+        ReachTask(
+            model=MODEL,
+            arm="right",
+            X_OG=default_pre_grasp("right", 0.033).pose(),
+            coupling=coupling,
+            ik=DifferentialIkParams(),
+            params=ReachPlannerParams(**params),
+        ),
     )
 
 
@@ -334,6 +344,32 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(planner, at_the_table, tru
     truth = min(true_clearance("right", q, points) for q in again.joint_path[::6])
     assert truth >= planner.params.clearance.start - 1e-9
     assert planner.remaining_clearance(again, seen).least >= planner.params.clearance.start
+
+
+def test_on_its_way_the_arm_names_a_place_ahead_that_was_not_seen_lately(planner, at_the_table):
+    plan = planner.check_reach(at_the_table)
+    middle = len(plan.joint_path) // 2
+    context = MODEL.create_context()
+    MODEL.plant.SetPositions(context, MODEL.positions(STAND, at_the_table.base_pose))
+    X_WT = MODEL.pose(context, "torso")
+    camera = CAMERA_DEPTH.intrinsics
+    depth = np.full((camera.height, camera.width), 3.0, np.float32)
+    space = SeenSpace(VoxelMap.empty())
+    for head in head_grid():
+        frame = DepthFrame(depth, X_WT @ camera_pose(CAMERA_DEPTH, head), 10.0, camera)
+        space = replace(space, views=(*space.views, frame))
+    arm = ArmState(plan.joint_path[middle], np.zeros(5))
+    seen = replace(at_the_table, arm=arm, space=space, time=10.2)
+    assert np.isnan(planner.remaining_clearance(plan, seen).stale).all()
+
+    late = planner.remaining_clearance(plan, replace(seen, time=12.0)).stale
+    ahead = round(planner.params.unseen.ahead / plan.time_step)
+    passed = arm_kinematics(MODEL, "right").sphere_centers_at(
+        plan.joint_path[middle : middle + ahead]
+    )
+    passed_W = passed.reshape(-1, 3) @ X_WT.rotation().matrix().T + X_WT.translation()
+    assert np.linalg.norm(passed_W - late, axis=1).min() < 0.05
+    assert np.isnan(planner.remaining_clearance(plan, at_the_table).stale).all()
 
 
 def test_on_its_way_the_arm_is_told_when_there_is_no_way_on(planner, at_the_table):

@@ -34,6 +34,15 @@ def test_the_rest_of_the_movement_is_checked_once_for_each_cloud():
     )
 
 
+def test_the_head_looks_where_the_arm_passes_soon_and_was_not_seen_lately():
+    one = on_its_way()
+    assert np.isnan(one.state.look_at).all()
+    one.planner.stale = (0.9, -0.3, 0.8)
+    assert one.look().state.look_at == (0.9, -0.3, 0.8)
+    one.planner.stale = (np.nan, np.nan, np.nan)
+    assert np.isnan(one.look().state.look_at).all()
+
+
 def test_a_detour_takes_effect_a_planning_latency_after_its_observation():
     one = on_its_way(ahead=0.004)
     first, before = one.time, one.state.plan

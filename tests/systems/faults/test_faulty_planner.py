@@ -6,10 +6,11 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
-from pepper_drake.planning.reach.reach_parameters import PlanningLatency
+from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
-from pepper_drake.systems.faults.fault import SIGNALS, parse_fault
-from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, slowed_latency
+from pepper_drake.systems.faults.fault import SIGNALS, parse_fault, parse_faults
+from pepper_drake.systems.faults.fault_set import FaultSet
+from pepper_drake.systems.faults.faulty_planner import FaultyPlanner, faulty
 
 CLEAR = ReachPlan(PlanStatus.CLEAR, "", np.zeros(3), joint_path=np.zeros((4, 5)))
 
@@ -98,8 +99,11 @@ def test_a_fault_that_waits_for_the_arm_spares_the_plans_before():
 
 
 def test_a_slow_planner_takes_five_times_as_long():
-    latency = PlanningLatency()
-    slowed = slowed_latency(latency, parse_fault("planner:slow@0"))
-    assert slowed.plan == pytest.approx(5 * latency.plan)
-    assert slowed_latency(latency, None) == latency
-    assert slowed_latency(latency, parse_fault("planner:off@0")) == latency
+    timing, planner = ReachTiming(), Recorder()
+    slow = FaultSet(parse_faults(["planner:slow@0"]))
+    slowed = faulty(planner, timing, slow)[1].latency
+    assert slowed.plan == pytest.approx(5 * timing.latency.plan)
+    assert faulty(planner, timing, FaultSet()) == (planner, timing)
+    off = FaultSet(parse_faults(["planner:off@0"]), seed=3)
+    spoilt = FaultyPlanner(planner, off.faults[0], seed=3)
+    assert faulty(planner, timing, off) == (spoilt, timing)

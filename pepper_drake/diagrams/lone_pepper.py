@@ -1,0 +1,49 @@
+"""Pepper alone: no scene, no cameras; one arm is commanded, all else stands still."""
+
+from collections.abc import Mapping
+from typing import cast
+
+import numpy as np
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource
+
+from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
+from pepper_drake.models.control_model import arm_joints, shared_control_model
+from pepper_drake.models.pepper import arm_group
+from pepper_drake.systems.framework import Diagram, connect
+from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
+
+
+def add_lone_pepper(
+    builder: DiagramBuilder,
+    arm: str,
+    positions: Mapping[str, float],
+    stiffness: float,
+    robot: Diagram | None = None,
+) -> tuple[PepperStation, JointCommandMerge, OutputPort]:
+    """Adds the station, and what commands one arm and holds all else.
+
+    Args:
+        builder: Of the diagram.
+        arm: "left" or "right".
+        positions: Start positions of all joints by name [rad, m].
+        stiffness: Of that arm, as NAOqi has it: from 0, limp, to 1. A limp one takes no commands.
+        robot: A robot's station, less the truth, which stands as `positions` say; simulated if left
+            out.
+
+    Returns:
+        The station; the system with the input `arm_command` (5) [rad], if it is not limp; and the
+        arm's measured position (5) [rad].
+    """
+    config, joints = StationConfig(cameras=False), arm_joints(arm)
+    config.stiffness[arm_group(arm)] = stiffness
+    chosen = robot or PepperStation(None, config, shared_control_model(), positions)
+    station = cast(PepperStation, builder.AddNamedSystem("station", chosen))
+    if robot is not None:
+        base = builder.AddNamedSystem("base_stands", ConstantVectorSource(np.zeros(3)))
+        builder.Connect(base.get_output_port(), station.GetInputPort("base_velocity_command"))
+    commanded = {"arm": joints} if stiffness else {}
+    commands = builder.AddNamedSystem("joint_commands", JointCommandMerge(commanded, positions))
+    connect(builder, commands, station, "joint_position_command")
+    measured = station.GetOutputPort("joint_position")
+    return station, commands, select_joints(builder, measured, "arm_position", joints)

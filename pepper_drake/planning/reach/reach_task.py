@@ -1,0 +1,62 @@
+"""What a reach is planned for: the arm, its goal on the object, and how it moves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from pydrake.math import RigidTransform
+
+from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.models.control_model import ControlModel
+from pepper_drake.models.scene import Scene
+from pepper_drake.perception.goal.detection import MarkedObject
+from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
+from pepper_drake.planning.trajectories.trajectory_adapter import GoalAxis
+
+
+@dataclass(frozen=True, eq=False)
+class ReachTask:
+    """All that a reach planner needs to know beside the movement.
+
+    Attributes:
+        model: Pepper.
+        arm: "left" or "right".
+        X_OG: The hand's pre-grasp pose in the goal object's frame.
+        coupling: How obstacles bend the movement; None for not at all.
+        ik: Parameters of the inverse kinematics.
+        params: Criteria of a good reach.
+        goal_solids: The goal object's shapes in its frame: an adapted movement keeps off them.
+        axis: Of the hand, that counts for the task.
+    """
+
+    model: ControlModel
+    arm: str
+    X_OG: RigidTransform
+    coupling: Coupling | None
+    ik: DifferentialIkParams
+    params: ReachPlannerParams
+    goal_solids: Sequence[Solid] = ()
+    axis: GoalAxis = field(default_factory=GoalAxis)
+
+    @classmethod
+    def in_scene(
+        cls,
+        scene: Scene,
+        model: ControlModel,
+        coupling: Coupling | None,
+        ik: DifferentialIkParams,
+        params: ReachPlannerParams,
+    ) -> "ReachTask":
+        """Returns the task of reaching for a scene's goal object."""
+        x, y, z = scene.goal.pre_grasp.axis
+        return cls(
+            model,
+            scene.arm,
+            scene.pre_grasp(),
+            coupling,
+            ik,
+            params,
+            MarkedObject.from_scene(scene.goal).solids,
+            GoalAxis((x, y, z), scene.goal.pre_grasp.tolerance),
+        )
