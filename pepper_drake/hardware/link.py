@@ -8,7 +8,6 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -20,6 +19,7 @@ from pepper_drake.hardware.camera_reader import CameraReader
 from pepper_drake.hardware.dead_man import DeadManKey, dead_man_key
 from pepper_drake.hardware.hand_over import hand_over
 from pepper_drake.hardware.link_clock import LinkClock
+from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.link_fault import HANDED_OVER, LinkFault
 from pepper_drake.hardware.mailbox import (
     CAMERA_NAMES,
@@ -39,7 +39,6 @@ from pepper_drake.models.control_model import (
     body_indices,
     shared_control_model,
 )
-from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.naoqi.clock import join_time
 from pepper_drake.naoqi.constants import BODY, CYCLE
 from pepper_drake.naoqi.streaming import lookahead
@@ -62,49 +61,20 @@ _REACTION = 0.1
 """Time from a command until a robot at rest is measured to move [s]."""
 MOVING = 0.05
 """Rate of a command above which a measurement must change [rad/s]."""
+_PROTECTION = "setExternalCollisionProtectionEnabled"
 _CLOCK_KEY = "Device/SubDeviceList/HeadYaw/Position/Sensor/Value"
 _WATCH_PERIOD = 0.25
 TAKEN_OVER = 0.15
 """Distance of the robot's own command from ours, in two looks, that another program must have
 made [rad]."""
 _SLOWED_SECONDS = 0.5
+FIRST_STATES = 3
+"""Answers before the round trip is judged."""
 PROBE_SECONDS = 2.0
 """Time for which a lost robot is asked whether it was started anew [s]."""
 _PROBE_PERIOD = 0.2
 SILENT = 30.0
 """Time without a command after which the run is over [s]: no plan takes this long."""
-LATE_CYCLES = 5
-"""Cycles in a row without one of ours after which this computer is too slow."""
-
-
-@dataclass(frozen=True)
-class LinkConfig:
-    """Configuration of the link to a robot.
-
-    Attributes:
-        arm: "left" or "right": this one moves, the other is held by the robot.
-        cameras: Those of `CAMERA_NAMES` that may be asked for images.
-        camera_rate: Images of each camera [1/s].
-        name: Under which the robot lists our subscriptions.
-        clock_rate: Rate of the robot's clock; 1 but for a served robot that was told otherwise.
-        dead_man: The key that a person holds while the robot moves, as `dead_man_key` takes it.
-        protects_arms: Whether the robot slows its arms near what it sees, as it does by itself.
-        late_cycles: Cycles in a row that may be left out.
-    """
-
-    arm: str
-    cameras: tuple[str, ...] = CAMERA_NAMES
-    camera_rate: float = 5.0
-    name: str = "pepper_drake"
-    clock_rate: float = 1.0
-    dead_man: str = ""
-    protects_arms: bool = True
-    late_cycles: int = LATE_CYCLES
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """The joints that are commanded."""
-        return (*JOINT_GROUPS["head"], *arm_joints(self.arm))
 
 
 class RobotLink:
@@ -212,10 +182,7 @@ class RobotLink:
         return asyncio.ensure_future(guarded())
 
     def _command(self) -> npt.NDArray[np.void]:
-        """Returns the newest command, or the one before while it is being written.
-
-        The station, which may be interrupted in the middle, is not waited for.
-        """
+        """Returns the newest command, or while it is being written the one before."""
         newest = self._mailbox.command.read_at_once()
         if newest is not None:
             self._commanded = newest
@@ -262,7 +229,7 @@ class RobotLink:
             self._fail(LinkFault("link_frozen", f"no answer for {FROZEN:g} s"))
         elif self._measured.newest and self._clock() - self._measured.newest.time > FROZEN:
             self._fail(LinkFault("state_stale", f"its clock stood still for {FROZEN:g} s"))
-        elif self._states and lookahead(self._round_trip) is None:
+        elif self._states > FIRST_STATES and lookahead(self._round_trip) is None:
             self._fail(LinkFault("link_slow", f"{self._round_trip * 1000:.0f} ms to an answer"))
 
     async def _tell_reboot(self, transport: Transport) -> None:
@@ -303,7 +270,11 @@ class RobotLink:
         )
         answered = self._clock()
         trip = answered - self._asked
-        self._round_trip += 0.1 * (trip - self._round_trip) if self._states else trip
+        if self._states < FIRST_STATES:
+            # The first answers take longer: services are looked up.
+            self._round_trip = min(trip, self._round_trip or trip)
+        else:
+            self._round_trip += 0.1 * (trip - self._round_trip)
         self._shortest_trip = min(self._shortest_trip, trip)
         if len(angles) != len(BODY):
             raise LinkFault("wrong_robot", f"its body has {len(angles)} joints, not {len(BODY)}")
@@ -497,8 +468,7 @@ class RobotLink:
     async def _protect(self, is_on: bool) -> None:
         """Switches the arms' protection, unless it is on as the robot has it by itself."""
         if not self._config.protects_arms:
-            method = "setExternalCollisionProtectionEnabled"
-            await self._transport.call("ALMotion", method, "Arms", is_on)
+            await self._transport.call("ALMotion", _PROTECTION, "Arms", is_on)
 
     def _fail(self, fault: LinkFault) -> None:
         """Keeps the first fault, and holds."""

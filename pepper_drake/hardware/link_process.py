@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.hardware.link import PROBE_SECONDS, LinkConfig, RobotLink
+from pepper_drake.hardware.link import PROBE_SECONDS, RobotLink
 from pepper_drake.hardware.link_clock import LinkClock
+from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.link_fault import LINK_FAULTS, LinkFault
 from pepper_drake.hardware.mailbox import END, HAND_OVER, HOLD, Mailbox, MailboxNames
 from pepper_drake.hardware.preflight import PreflightOptions, check_robot

@@ -12,7 +12,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
 from pepper_drake.hardware.dead_man import KEYBOARD
-from pepper_drake.hardware.link import LinkConfig
+from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.link_fault import HANDED_OVER, LinkFault
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.paced_run import DiagramClock, Pacing, run_paced

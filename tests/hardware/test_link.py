@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from served import served
 
-from pepper_drake.hardware.link import HOLD_FRACTION, LinkConfig, RobotLink
+from pepper_drake.hardware.link import HOLD_FRACTION, RobotLink
+from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.mailbox import CAMERA_NAMES, END, HAND_OVER, HOLD, STREAM, Mailbox
 from pepper_drake.hardware.robot_commands import HEADROOM, base_segment, streamed_targets
 from pepper_drake.hardware.transport import RobotAccess, make_transport

@@ -13,7 +13,8 @@ from test_link import ARM, NAOQI, START, Led, led
 import pepper_drake.hardware.link
 from pepper_drake.errors import InputError
 from pepper_drake.hardware import dead_man
-from pepper_drake.hardware.link import LATE_CYCLES, LinkConfig, RobotLink
+from pepper_drake.hardware.link import RobotLink
+from pepper_drake.hardware.link_config import LATE_CYCLES, LinkConfig
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.mailbox import END, HAND_OVER, HOLD, Mailbox
 from pepper_drake.hardware.preflight import PreflightOptions, check_robot

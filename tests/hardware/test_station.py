@@ -10,7 +10,7 @@ from served import served
 
 from pepper_drake.diagrams.head_perception import HeadPerception
 from pepper_drake.diagrams.station import PepperStation, StationConfig
-from pepper_drake.hardware.link import LinkConfig
+from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.paced_run import DiagramClock, run_paced
