@@ -29,12 +29,12 @@ from pepper_drake.learning import (
 from pepper_drake.learning.demonstrations.check import (
     examine,
     refuse_out_of_reach,
-    refuse_unlike,
 )
 from pepper_drake.learning.demonstrations.demonstration_files import (
     read_demonstrations,
     read_joint_recording,
 )
+from pepper_drake.learning.demonstrations.refusals import refuse_unlike
 from pepper_drake.learning.dmp.joint_primitive import JointPrimitive
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS
 from pepper_drake.learning.dmp.primitive import (

@@ -15,6 +15,7 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --no-avoidance               what happens without the obstacle coupling
   reach.py --method reactive            the coupling alone bends the movement, nothing is adapted
   reach.py --method adapted reactive report     the methods beside one another, in methods.png
+  reach.py --tasks lift                 then wait, lift, put down, return; or a file of tasks
   reach.py --live                       watch it in a browser, in real time
   reach.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
 
@@ -52,6 +53,7 @@ from pepper_drake.hardware.options import (
 )
 from pepper_drake.hardware.reach_run import reach_with_robot
 from pepper_drake.hardware.run_options import hardware_run
+from pepper_drake.models.pepper import MODELS_DIR
 from pepper_drake.models.robot_calibration import load_calibration
 from pepper_drake.models.robot_wear import ROBOTS
 from pepper_drake.models.scene import COUPLINGS
@@ -66,6 +68,7 @@ from pepper_drake.scenario import (
     Scenario,
     add_scenario_options,
     build_reaching,
+    load_tasks,
     movement_and_config,
     save_scenario,
     scenario_of,
@@ -91,6 +94,7 @@ SIMULATED_ONLY: dict[str, object] = {
     "goal_motion": None,
     "moving": False,
     "push": None,
+    "tasks": None,
     "no_avoidance": False,
     "unvetted": False,
     "live": False,
@@ -122,6 +126,12 @@ def make_parser() -> ArgumentParser:
         metavar="PATH",
         help="a demonstration of a right arm: a folder with translation.txt and rotation.txt, or "
         "one text file of ten columns (default: the one that ships)",
+    )
+    parser.add_argument(
+        "--tasks",
+        metavar="NAME|FILE",
+        help="what the arm does after the reach: lift (wait, lift, put down, return), or a YAML "
+        "file with a list of tasks, see docs/howto/chains.md",
     )
     parser.add_argument("--arm", choices=("left", "right"), help="default: the scene's")
     parser.add_argument(
@@ -219,6 +229,9 @@ def chosen_scenario(options: Namespace) -> Scenario:
         scenario.calibration = options.calibration
     if options.fault:
         scenario.faults = options.fault
+    if options.tasks is not None:
+        shipped = MODELS_DIR / "tasks" / f"{options.tasks}.yaml"
+        scenario.tasks = load_tasks(shipped if shipped.is_file() else Path(options.tasks))
     if options.push is not None:
         if not all(map(math.isfinite, (*options.push, options.push_at))):
             raise InputError("--push and --push-at must be finite numbers")

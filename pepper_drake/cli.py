@@ -14,7 +14,8 @@ from typing import NoReturn
 
 from threadpoolctl import threadpool_limits
 
-from pepper_drake.errors import InputError, PepperDrakeError
+from pepper_drake.errors import InputError, PepperDrakeError, one_line
+from pepper_drake.files import MOST_DIGITS
 from pepper_drake.results.folder import check_writable
 
 EXIT_DONE = 0
@@ -30,18 +31,16 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Exits with what every app exits with when its input is bad."""
-        self.exit(EXIT_BAD_INPUT, f"error: {message}; see {self.prog} --help\n")
+        self.exit(EXIT_BAD_INPUT, f"error: {one_line(message)}; see {self.prog} --help\n")
 
 
 def seed(text: str) -> int:
-    """Reads a seed from the command line: a whole number of at least 0."""
-    try:
-        number = int(text)
-    except ValueError:
-        number = -1
-    if number < 0:
-        raise argparse.ArgumentTypeError(f'"{text}" is no seed; give a whole number, 0 or above')
-    return number
+    """Reads a seed from the command line: a whole number of at least 0, which a file may hold."""
+    if not (text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS):
+        raise argparse.ArgumentTypeError(
+            f'"{text}" is no seed; give a whole number, 0 or above, of at most {MOST_DIGITS} digits'
+        )
+    return int(text)
 
 
 def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:

@@ -6,7 +6,6 @@ memory.
 """
 
 import json
-import math
 import os
 import stat
 import tempfile
@@ -17,6 +16,12 @@ from pepper_drake.errors import InputError
 
 TEXT_LIMIT = 64 * 2**20
 """Largest text file that is read [bytes]: an hour of demonstration at 100 Hz is 60 MB."""
+
+LARGEST_NUMBER = 1e9
+"""No number in SI units of a robot's world is larger."""
+
+MOST_DIGITS = 15
+"""Digits of a whole number: more would not survive as a floating-point number."""
 
 _DEEPEST = 100
 """Levels of lists and objects that a JSON file may have."""
@@ -78,7 +83,7 @@ def read_text(path: Path, limit: int = TEXT_LIMIT) -> str:
 
 
 def read_json(path: Path, limit: int = TEXT_LIMIT) -> Any:
-    """Returns the value that a JSON file holds: objects, lists, texts and finite numbers.
+    """Returns the value that a JSON file holds: objects, lists, texts and numbers of our world.
 
     Args:
         path: The file.
@@ -86,7 +91,8 @@ def read_json(path: Path, limit: int = TEXT_LIMIT) -> Any:
 
     Raises:
         InputError: As `read_text`, or the file is no JSON (which knows no NaN), gives a name in
-            an object twice, or nests deeper than any of our files.
+            an object twice, has a number beyond `LARGEST_NUMBER` or a whole one of more than
+            `MOST_DIGITS`, or nests deeper than any of our files.
     """
     return parse_json(read_text(path, limit), str(path))
 
@@ -122,14 +128,14 @@ def _refuse_constant(word: str) -> float:
 
 def _finite(text: str) -> float:
     number = float(text)
-    if not math.isfinite(number):
+    if not abs(number) <= LARGEST_NUMBER:
         raise ValueError(f"{text[:20]} is too large")
     return number
 
 
 def _whole(text: str) -> int:
-    if len(text) > 20:
-        raise ValueError("a whole number of more than 20 digits")
+    if len(text.lstrip("-")) > MOST_DIGITS:
+        raise ValueError(f"a whole number of more than {MOST_DIGITS} digits")
     return int(text)
 
 

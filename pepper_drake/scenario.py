@@ -29,6 +29,7 @@ from pepper_drake.models.typed_yaml import load_yaml, save_yaml, with_settings
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.planning.reach.task_sequence import SequenceTask
 from pepper_drake.systems.faults.fault import parse_faults
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.guiding.external_force import ForcePulse
@@ -61,6 +62,39 @@ StationSettings: Any = _without(StationConfig, _NOT_IN_FILES)
 
 
 @dataclass
+class TaskSettings:
+    """A task after the reach, as a file names it."""
+
+    name: str = ""
+    """For reports; made of its number if empty."""
+    demonstration: str = ""
+    """Folder or file of the movement that was taught for it; the reach's own if empty."""
+    wait: float = 0.0
+    """Time to stay where the hand is, instead of a movement [s]."""
+    offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    """Where the hand goes: from its pre-grasp pose, x, y, z in the goal object's frame [m]."""
+    returns: bool = False
+    """True to go back to where the hand was before the reach."""
+
+    def check(self) -> None:
+        """Raises InputError unless it is one task of sensible size."""
+        label = f"task {self.name!r}"
+        if len(self.offset) != 3 or not all(abs(x) <= 0.5 for x in self.offset):
+            raise InputError(f"{label}: offset {self.offset} must be three numbers, 0.5 m at most")
+        if not 0.0 <= self.wait <= 60.0:
+            raise InputError(f"{label}: wait {self.wait:g} must be from 0 to 60 s")
+        if self.wait and (self.returns or any(self.offset) or self.demonstration):
+            raise InputError(f"{label}: it waits or moves; give two tasks for both")
+
+
+@dataclass
+class _Tasks:
+    """Content of a file of tasks."""
+
+    tasks: list[TaskSettings] = field(default_factory=list)
+
+
+@dataclass
 class Scenario:
     """All that a reach depends on, as Drake's YAML loader reads it."""
 
@@ -81,6 +115,8 @@ class Scenario:
     """Signals that fail, as SIGNAL:KIND@START[+DURATION]."""
     gentle: bool = False
     """True to keep every point of the arm below 250 mm/s."""
+    tasks: list[TaskSettings] = field(default_factory=list)
+    """What the arm does after the reach, one after the other."""
     push: list[float] = field(default_factory=list)
     """Force at the hand on its way, x, y, z in W [N]; none if empty."""
     push_at: float = 1.5
@@ -110,6 +146,8 @@ class Scenario:
             checked.check()
         if self.push and len(self.push) != 3:
             raise InputError(f"push has {len(self.push)} numbers; give three, or none")
+        for task in self.tasks:
+            task.check()
         if self.robot not in ROBOTS:
             raise InputError(f'robot is "{self.robot}"; it must be {" or ".join(ROBOTS)}')
         parse_faults(self.faults)
@@ -184,7 +222,41 @@ def movement_and_config(scenario: Scenario) -> tuple[MovementPrimitive, Reaching
     )
     if scenario.gentle:
         primitive, config.ik = make_gentle(primitive, config.ik)
+    config.tasks = tuple(
+        _task(number, task, primitive, scenario) for number, task in enumerate(scenario.tasks, 1)
+    )
     return primitive, config
+
+
+def _task(
+    number: int, settings: TaskSettings, reach: MovementPrimitive, scenario: Scenario
+) -> SequenceTask:
+    primitive: MovementPrimitive | None = reach
+    if settings.wait:
+        primitive = None
+    elif settings.demonstration:
+        shown = Path(settings.demonstration)
+        primitive = make_primitive(shown, scenario.scene.arm, scenario.learning)
+    x, y, z = settings.offset
+    name = settings.name or f"task {number}"
+    return SequenceTask(name, primitive, settings.wait, (x, y, z), settings.returns)
+
+
+def load_tasks(path: Path) -> list[TaskSettings]:
+    """Loads what the arm does after the reach: a YAML file with a list `tasks`.
+
+    Raises:
+        InputError: The file does not fit, or has no task; the sentence names it.
+    """
+    loaded = load_yaml(_Tasks, path, _Tasks())
+    if not loaded.tasks:
+        raise InputError(f"{path}: no tasks in it; list at least one")
+    try:
+        for task in loaded.tasks:
+            task.check()
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return loaded.tasks
 
 
 def build_reaching(scenario: Scenario) -> Reaching:

@@ -12,16 +12,13 @@ from typing import Any, ClassVar
 import yaml
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text
+from pepper_drake.files import MOST_DIGITS, read_text
 
 _DEEPEST = 20
 """Levels of lists and mappings that a file may have; ours have at most eight."""
 
 _MOST_NODES = 400_000
 """Values that a file may have: a hundred times a large primitive."""
-
-_MOST_DIGITS = 15
-"""Digits of a whole number: more would not survive as a floating-point number."""
 
 _PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -30,7 +27,7 @@ _TAGS = {
     "tag:yaml.org,2002:null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
     "tag:yaml.org,2002:bool": (r"true|True|TRUE|false|False|FALSE", list("tTfF")),
     "tag:yaml.org,2002:int": (
-        rf"[-+]?(?:0|[1-9]{_DIGIT}{{0,{_MOST_DIGITS - 1}}})",
+        rf"[-+]?(?:0|[1-9]{_DIGIT}{{0,{MOST_DIGITS - 1}}})",
         list("-+0123456789"),
     ),
     "tag:yaml.org,2002:float": (

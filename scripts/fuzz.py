@@ -4,25 +4,32 @@
   fuzz.py scene log --seed 3           of these formats, other ones
   fuzz.py scene --only 17              one of them again, with its traceback
 
-Each file is read in a process that may take 10 s and 1 GiB for it. It must be accepted, or refused
-by an InputError of one line with the file's name; all else is a finding. Exit code 1 if any.
+Each file is read in a process that may take 10 s and 1 GiB for it. It must be accepted with finite
+numbers only, or refused by an InputError of one line with the file's name; all else is a finding.
+Exit code 1 if any.
 """
 
 import argparse
 import collections
+import contextlib
+import logging
 import multiprocessing
 import os
 import random
+import re
 import resource
+import shutil
 import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+import cv2
 import numpy as np
-from fuzz_formats import Format, formats
+from fuzz_formats import Format, formats, meaningless
 
 from pepper_drake.errors import InputError
 
@@ -31,6 +38,9 @@ LONGEST, MEMORY = 10.0, 2**30
 
 _PATIENCE = 300.0
 """How long a busy computer is waited for [s]."""
+
+_PART = 20_000
+"""Length of the part of a file in which a number is looked for [bytes]."""
 
 ACCEPTED, REFUSED = "accepted", "refused"
 
@@ -74,7 +84,7 @@ def _cut(content: bytearray, dice: random.Random) -> bytearray:
 def _repeat(content: bytearray, dice: random.Random) -> bytearray:
     start = _place(content, dice)
     piece = content[start : start + dice.choice((1, 8, 200))]
-    return content[:start] + piece * dice.choice((2, 3, 50, 5000)) + content[start:]
+    return content[:start] + piece * dice.choice((2, 2, 3, 3, 3, 50, 50, 5000)) + content[start:]
 
 
 def _insert(content: bytearray, dice: random.Random) -> bytearray:
@@ -90,14 +100,14 @@ def _zero(content: bytearray, dice: random.Random) -> bytearray:
 
 
 def _replace_number(content: bytearray, dice: random.Random) -> bytearray:
-    import re
-
-    found = list(re.finditer(rb"-?\d+(\.\d*)?([eE][-+]?\d+)?", bytes(content)))
+    # In a part, for a file may have grown by a megabyte.
+    first = dice.randrange(max(1, len(content) - _PART))
+    found = list(re.finditer(rb"-?\d+(\.\d*)?([eE][-+]?\d+)?", content[first : first + _PART]))
     if not found:
         return content
-    one = dice.choice(found)
+    start, end = (first + place for place in dice.choice(found).span())
     value = dice.choice(_WORDS) if dice.random() < 0.5 else repr(dice.choice(_numbers(dice)))
-    return content[: one.start()] + value.encode() + content[one.end() :]
+    return content[:start] + value.encode() + content[end:]
 
 
 def _numbers(dice: random.Random) -> tuple[float, ...]:
@@ -136,7 +146,7 @@ def _drop_line(content: bytearray, dice: random.Random) -> bytearray:
 
 def _deepen(content: bytearray, dice: random.Random) -> bytearray:
     start = _place(content, dice)
-    depth = dice.choice((10, 1000, 100_000))
+    depth = dice.choice((10, 10, 1000, 1000, 100_000))
     return content[:start] + dice.choice((b"[", b"{a: ", b"- ", b'{"a":')) * depth + content[start:]
 
 
@@ -175,13 +185,24 @@ def _corrupt_arrays(path: Path, dice: random.Random) -> None:
     (np.savez_compressed if dice.random() < 0.7 else np.savez)(path, **arrays)
 
 
-def try_one(form: Format, seed: str, folder: Path) -> tuple[str, str]:
-    """Corrupts and reads one file; returns what came of it, in a word and in words."""
+def try_one(form: Format, seed: str, folder: Path, good: Path | None = None) -> tuple[str, str]:
+    """Corrupts and reads one file; returns what came of it, in a word and in words.
+
+    Args:
+        form: The format.
+        seed: Of how it is corrupted.
+        folder: An empty one, for the file and those beside it.
+        good: A folder in which the format has made its files; left out, they are made anew.
+    """
     dice = random.Random(seed)
-    path = form.make(folder)
+    if good is None:
+        path = form.make(folder)
+    else:
+        shutil.copytree(good, folder, dirs_exist_ok=True)
+        path = folder / (good.parent / "path").read_text()
     corrupt(path, dice)
     try:
-        form.read(path)
+        found = meaningless(form.read(path))
     except InputError as error:
         words = str(error)
         if len(words.splitlines()) > 1 or not words.isprintable():
@@ -191,37 +212,49 @@ def try_one(form: Format, seed: str, folder: Path) -> tuple[str, str]:
         return REFUSED, words
     except BaseException as error:
         return f"traceback {type(error).__name__}", traceback.format_exc()
-    return ACCEPTED, ""
+    return ("meaningless", found) if found else (ACCEPTED, "")
 
 
-def _work(name: str, numbers: range, seed: int, channel: Connection) -> None:
-    import logging
+@contextlib.contextmanager
+def _made_once(form: Format) -> Iterator[Path]:
+    """Makes a format's files, for `try_one` to copy."""
+    with tempfile.TemporaryDirectory() as folder:
+        good = Path(folder) / "good"
+        good.mkdir()
+        (good.parent / "path").write_text(str(form.make(good).relative_to(good)))
+        yield good
 
-    logging.disable(logging.CRITICAL)
-    form = formats()[name]
+
+def _work(form: Format, seed: str, numbers: range, channel: Connection) -> None:
     with open("/proc/self/statm") as statm:
         used = int(statm.read().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
-    for number in numbers:
-        channel.send((number, "begins", ""))
-        with tempfile.TemporaryDirectory() as folder:
-            began = time.process_time()
-            outcome, words = try_one(form, f"{seed} {name} {number}", Path(folder))
-            if time.process_time() - began > LONGEST:
-                outcome = f"over {LONGEST:g} s"
-            channel.send((number, outcome, words))
+    with _made_once(form) as good:
+        for number in numbers:
+            channel.send((number, "begins", ""))
+            with tempfile.TemporaryDirectory() as folder:
+                began = time.process_time()
+                # Whatever does not come back is ended, which shows as exit code -24.
+                soft = int(began + 2.0 * LONGEST) + 1
+                resource.setrlimit(resource.RLIMIT_CPU, (soft, resource.RLIM_INFINITY))
+                outcome, words = try_one(form, f"{seed} {number}", Path(folder), good)
+                if time.process_time() - began > LONGEST:
+                    outcome = f"over {LONGEST:g} s"
+                channel.send((number, outcome, words))
 
 
-def fuzz(name: str, count: int, seed: int) -> collections.Counter[str]:
+def fuzz(name: str, form: Format, count: int, seed: int) -> collections.Counter[str]:
     """Reads corrupted files of a format; returns how often what came of it."""
     outcomes: collections.Counter[str] = collections.Counter()
-    context = multiprocessing.get_context("spawn")
+    # A fork has all libraries loaded, so that one that ends is soon replaced.
+    context = multiprocessing.get_context("fork")
     number = 0
     while number < count:
         here, there = context.Pipe(duplex=False)
-        process = context.Process(target=_work, args=(name, range(number, count), seed, there))
+        work = (form, f"{seed} {name}", range(number, count), there)
+        process = context.Process(target=_work, args=work)
         process.start()
         there.close()
         reading = -1
@@ -233,7 +266,8 @@ def fuzz(name: str, count: int, seed: int) -> collections.Counter[str]:
                     continue
                 outcomes[outcome] += 1
                 if outcome not in (ACCEPTED, REFUSED):
-                    print(f"{name} {number}: {outcome}: {words.strip().splitlines()[-1][:200]}")
+                    line = words.strip().splitlines()[-1][:200]
+                    print(f"{name} {number}: {outcome}: {line}", flush=True)
                 reading = -1
                 number += 1
                 if number == count:
@@ -254,22 +288,30 @@ def fuzz(name: str, count: int, seed: int) -> collections.Counter[str]:
 
 def main() -> int:
     """Runs the program."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("formats", nargs="*", help="default: all")
     parser.add_argument("--count", type=int, default=1000, help="of each format")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", type=int, help="one of them, here")
     options = parser.parse_args()
-    names = options.formats or list(formats())
+    logging.disable(logging.CRITICAL)
+    cv2.setNumThreads(0)  # Threads would not come along into a forked process.
+    known = formats()
+    names = options.formats or list(known)
+    for name in names:
+        if name not in known:
+            parser.error(f'"{name}" is unknown; there are {", ".join(known)}')
     if options.only is not None:
         folder = Path(tempfile.mkdtemp())
-        print(*try_one(formats()[names[0]], f"{options.seed} {names[0]} {options.only}", folder))
+        print(*try_one(known[names[0]], f"{options.seed} {names[0]} {options.only}", folder))
         print(f"see {folder}")
         return 0
     findings = 0
     for name in names:
         began = time.monotonic()
-        outcomes = fuzz(name, options.count, options.seed)
+        outcomes = fuzz(name, known[name], options.count, options.seed)
         findings += sum(n for what, n in outcomes.items() if what not in (ACCEPTED, REFUSED))
         print(f"{name:15} {dict(outcomes)} {time.monotonic() - began:.0f} s", flush=True)
     return 1 if findings else 0

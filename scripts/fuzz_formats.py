@@ -27,6 +27,13 @@ held: [RWristYaw offset]
 """
 
 
+_LARGEST = 1e12
+"""Nothing in SI units is larger, nor a time in seconds since 1970."""
+
+_UNKNOWN = ("target", "mean_costs")
+"""Numbers that may be unknown or without bound."""
+
+
 @dataclass(frozen=True)
 class Format:
     """A format: how a good file is made, and how one is read.
@@ -38,6 +45,36 @@ class Format:
 
     make: Callable[[Path], Path]
     read: Callable[[Path], object]
+
+
+def meaningless(value: object, name: str = "it", depth: int = 0) -> str:
+    """Returns which number of what was read is none that a robot's world has; "" if all are.
+
+    Args:
+        value: Anything that a format reads: dataclasses, collections, arrays, numbers.
+        name: Where it comes from.
+        depth: How far inside; what is deeper than any of our files is left alone.
+    """
+    if depth > 8 or isinstance(value, str | bytes | bool | Path):
+        return ""
+    if isinstance(value, int | float | np.ndarray | np.generic):
+        numbers = np.asarray(value)
+        if numbers.dtype.kind in "SUmM" or (numbers.dtype.kind in "fiub" and _is_sane(numbers)):
+            return ""
+        return f"{name} is {numbers.ravel()[:3]} ({numbers.dtype})"
+    if isinstance(value, dict):
+        inside = {f"{name}[{key!r}]": item for key, item in value.items()}
+    elif isinstance(value, list | tuple | set | frozenset):
+        inside = {f"{name}[{index}]": item for index, item in enumerate(value)}
+    else:
+        fields = vars(value) if hasattr(value, "__dict__") else {}
+        inside = {f"{name}.{key}": item for key, item in fields.items() if key not in _UNKNOWN}
+    found = (meaningless(item, where, depth + 1) for where, item in inside.items())
+    return next(filter(None, found), "")
+
+
+def _is_sane(numbers: np.ndarray) -> bool:
+    return bool(np.all(np.isfinite(numbers)) and np.all(np.abs(numbers.astype(float)) < _LARGEST))
 
 
 def formats() -> dict[str, Format]:

@@ -60,7 +60,7 @@ def test_bytes_are_no_text(tmp_path, content):
         ("NaN", "NaN is no number"),
         ("[-Infinity]", "-Infinity is no number"),
         ("1e999", "1e999 is too large"),
-        ("9" * 5000, "more than 20 digits"),
+        ("9" * 5000, "more than 15 digits"),
         ('{"a": 1, "a": 2}', '"a" stands there twice'),
         ("[" * 100_000, "nested too deeply"),
         ("[" * 150 + "]" * 150, "nested too deeply"),
@@ -80,8 +80,8 @@ def test_what_is_no_json_is_refused_in_one_line(tmp_path, text, reason):
 _values = st.recursive(
     st.none()
     | st.booleans()
-    | st.integers(-(10**18), 10**18)
-    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.integers(1 - 10**15, 10**15 - 1)
+    | st.floats(-1e9, 1e9)
     | st.text(),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4),
     max_leaves=20,

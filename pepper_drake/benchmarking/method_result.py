@@ -8,7 +8,7 @@ from typing import Any, Self, get_args, get_type_hints
 import numpy as np
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_json
+from pepper_drake.files import LARGEST_NUMBER, read_json
 
 OUTCOMES = ("reached", "touched", "refused", "failed", "error")
 """Outcomes of a run: the hand is at its goal and nothing was touched; a link touched an
@@ -81,6 +81,8 @@ class MethodResult:
             kinds = float | int | None if float in (hint, *get_args(hint)) else hint
             if not isinstance(value, kinds) or (isinstance(value, bool) and hint is not bool):
                 raise InputError(f"{path}: {name} is of another kind; {mend}")
+            if isinstance(value, int | float) and not abs(value) <= LARGEST_NUMBER:
+                raise InputError(f"{path}: {name} is {value:g}; {mend}")
         if result.outcome not in OUTCOMES:
             raise InputError(f'{path}: outcome is "{result.outcome}"; {mend}')
         return result

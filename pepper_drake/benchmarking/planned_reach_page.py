@@ -7,7 +7,7 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
 from pepper_drake.benchmarking.known_scene import GroundTruthScene
-from pepper_drake.diagrams.reach_simulation import frame_view
+from pepper_drake.diagrams.reach_drawing import frame_view
 from pepper_drake.models.objects import add_scene
 from pepper_drake.models.pepper import add_pepper
 from pepper_drake.systems.framework import build

@@ -13,24 +13,26 @@ from pydrake.geometry import (
     MeshcatVisualizer,
     MeshcatVisualizerParams,
     QueryObject,
-    Rgba,
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 
+from pepper_drake.diagrams.reach_drawing import draw_cloud, draw_paths, frame_view
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.task_outcomes import task_outcomes
 from pepper_drake.diagrams.taught_movement import explain_adaptation, taught_path
 from pepper_drake.diagrams.touch_report import arm_speed, stopping_time, touch_speed
 from pepper_drake.models.control_model import arm_joints, body_indices
 from pepper_drake.models.pepper import JOINT_GROUPS, hand_frame
 from pepper_drake.models.scene import Scene, save_scene
-from pepper_drake.perception.mapping.cloud_points import cloud_points, make_cloud
+from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
+from pepper_drake.planning.reach.task_sequence import SequenceState
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.performance import measure_performance
 from pepper_drake.results.reach_log import ReachLog
@@ -101,6 +103,7 @@ class ReachSimulation:
         self.simulator = Simulator(system)
         self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
         self._fault = ""
+        self._longest = _LONGEST * (1 + len(reaching.config.tasks))
         self._is_over = False
         self._true_rows: list[list[float]] = []
         self._cloud_W: Vector = np.zeros((0, 3))
@@ -145,7 +148,8 @@ class ReachSimulation:
             now = self.simulator.get_context().get_time()
             if mode == ReachMode.FAILED and previous != mode:
                 failed = now
-            return mode == ReachMode.DONE or now >= failed + _AFTERMATH
+            done = mode == ReachMode.DONE and self._sequence().finished
+            return done or now >= failed + _AFTERMATH
 
         def keep() -> None:
             if options.keep is not None:
@@ -153,7 +157,7 @@ class ReachSimulation:
 
         end = simulate(
             self.simulator,
-            _LONGEST,
+            self._longest,
             watch=watch,
             should_stop=options.should_stop,
             keep=keep,
@@ -247,14 +251,29 @@ class ReachSimulation:
         ]
         return self._rows("state")[:, columns]
 
-    def _true_poses(self, plant_context: Context) -> tuple[RigidTransform, RigidTransform]:
+    def _sequence(self) -> SequenceState:
+        """Progress in the tasks; that of a reach alone is over when the reach is."""
+        sequencer, scene = self.reaching.sequencer, self.reaching.scene
+        if sequencer is None:
+            return SequenceState(goals=(scene.pre_grasp(),), finished=True)
+        return sequencer.progress(sequencer.GetMyContextFromRoot(self.simulator.get_context()))
+
+    def _tasks(self) -> npt.NDArray[np.int64]:
+        """The task of each logged row (N,)."""
+        if self.reaching.sequencer is None:
+            return np.zeros(len(self._rows("mode")), dtype=np.int64)
+        return self._rows("task")[:, 0].astype(np.int64)
+
+    def _true_poses(
+        self, plant_context: Context, X_OG: RigidTransform
+    ) -> tuple[RigidTransform, RigidTransform]:
         """The hand's and its goal's true poses in W."""
         station, scene = self.reaching.station, self.reaching.scene
         X_WH = station.plant.GetFrameByName(hand_frame(scene.arm)).CalcPoseInWorld(plant_context)
         X_WO = station.plant.EvalBodyPoseInWorld(
             plant_context, station.plant.GetBodyByName(station.scene_models.goal_object)
         )
-        return X_WH, X_WO @ scene.pre_grasp()
+        return X_WH, X_WO @ X_OG
 
     def _true_goal_rows(self) -> Vector:
         """Rows (N, 6): true position of the hand in W, distance to its goal, and two angles.
@@ -264,9 +283,10 @@ class ReachSimulation:
         plant = self.reaching.station.plant
         plant_context = plant.CreateDefaultContext()
         task = self.reaching.scene.goal.pre_grasp
-        for state in self._rows("state")[len(self._true_rows) :]:
+        known, goals = len(self._true_rows), self._sequence().goals
+        for state, number in zip(self._rows("state")[known:], self._tasks()[known:], strict=True):
             plant.SetPositionsAndVelocities(plant_context, state)
-            X_WH, X_WG = self._true_poses(plant_context)
+            X_WH, X_WG = self._true_poses(plant_context, goals[number])
             distance, angle = pose_error(X_WH, X_WG)
             axis = task.axis_error(X_WH.rotation().inverse() @ X_WG.rotation())
             self._true_rows.append([*X_WH.translation(), distance, angle, axis])
@@ -290,7 +310,8 @@ class ReachSimulation:
         reaching, root = self.reaching, self.simulator.get_context()
         scene, station = reaching.scene, reaching.station
         progress = reaching.supervisor.progress(reaching.supervisor.GetMyContextFromRoot(root))
-        X_WH, X_WG = self._true_poses(station.plant.GetMyContextFromRoot(root))
+        X_OG = self._sequence().goals[-1]
+        X_WH, X_WG = self._true_poses(station.plant.GetMyContextFromRoot(root), X_OG)
         is_coupled = reaching.planner.demonstrated.coupling is not None
         report = ReachReport(
             scene=scene.name,
@@ -331,11 +352,13 @@ class ReachSimulation:
         seen = perception.GetMyContextFromRoot(root)
         if perception.GetOutputPort("goal_valid").Eval(seen)[0]:
             X_WO = perception.GetOutputPort("object_pose").Eval(seen)
-            report.goal_estimate_error, _ = pose_error(X_WO @ scene.pre_grasp(), X_WG)
+            report.goal_estimate_error, _ = pose_error(X_WO @ X_OG, X_WG)
         moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
         if np.any(moving):
             error = log.hand_position_torso_m[moving] - log.desired_position_torso_m[moving]
             report.tracking_error_rms = float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+        names = ["reach", *(task.name for task in reaching.config.tasks)]
+        report.tasks = task_outcomes(names, self._tasks(), log)
         self._measure_motion(report, log)
         self._judge(report, progress.mode, progress.reason, progress.message)
         return report
@@ -397,12 +420,14 @@ class ReachSimulation:
             report.reason, report.message = "simulation_failed", self._fault
         elif mode == ReachMode.FAILED:
             report.reason, report.message = reason, message
+            if len(report.tasks) > 1:
+                report.message = f"{report.tasks[-1].name}: {message}"
         elif mode != ReachMode.DONE and not self._is_over:
             report.reason = "interrupted"
             report.message = f"the run was ended at {report.simulated_seconds:.1f} s"
         elif mode != ReachMode.DONE:
             report.reason = "timeout"
-            report.message = f"the reach was not over after {_LONGEST:g} s"
+            report.message = f"the reach was not over after {self._longest:g} s"
         elif report.contacts:
             report.reason = "touched"
             report.message = touched
@@ -412,7 +437,9 @@ class ReachSimulation:
                 f"the goal object was pushed with {report.goal_force:.0f} N, more than "
                 f"{limits.force:g} N (planner.tolerance.force)"
             )
-        elif report.final_position_error is None or report.final_position_error > tolerance:
+        elif report.final_position_error is None or any(
+            task.final_position_error > tolerance for task in report.tasks
+        ):
             report.reason = "not_at_goal"
             report.message = "the hand is farther from the true goal than the robot believes"
         elif float(report.final_axis_error or 0.0) > self.reaching.scene.goal.pre_grasp.tolerance:
@@ -449,26 +476,6 @@ def measure_cloud(station: PepperStation, query: QueryObject, points_W: Vector) 
     if squares:
         report.rms_error = float(np.sqrt(np.mean(squares)))
     return report
-
-
-def frame_view(meshcat: Meshcat, scene: Scene) -> None:
-    """Looks at the goal from the reaching arm's side, without grid and axes."""
-    side = 1.0 if scene.arm == "left" else -1.0
-    goal = np.array(scene.goal.position)
-    meshcat.SetCameraPose(goal + [0.55, 1.35 * side, 0.5], goal + [-0.2, 0.0, -0.05])
-    for path in ("/Grid", "/Axes"):
-        meshcat.SetProperty(path, "visible", False)
-
-
-def draw_paths(meshcat: Meshcat, hand_W: Vector, demonstration_W: Vector) -> None:
-    """Shows the hand's path in white and the demonstration, from the same start, in black."""
-    meshcat.SetLine("demonstration", demonstration_W.T, 3.0, Rgba(0.0, 0.0, 0.0))
-    meshcat.SetLine("reproduction", hand_W.T, 4.0, Rgba(1.0, 1.0, 1.0))
-
-
-def draw_cloud(meshcat: Meshcat, points_W: Vector) -> None:
-    """Shows what the robot takes for obstacles as small dots."""
-    meshcat.SetObject("cloud", make_cloud(points_W), 0.006, Rgba(0.85, 0.33, 0.1))
 
 
 def save_result(result: ReachResult, folder: Path) -> None:

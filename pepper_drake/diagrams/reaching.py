@@ -20,15 +20,19 @@ from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.reach_task import ReachTask
+from pepper_drake.planning.reach.task_sequence import SequenceTask
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
 from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.faulty_planner import faulty
 from pepper_drake.systems.framework import Diagram, build_into, connect
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
+from pepper_drake.systems.task_sequencer import TaskSequencer
 
 
 @dataclass
@@ -47,6 +51,8 @@ class ReachingConfig:
     """Compliance of the reaching arm when it is pushed; a stiff arm if None."""
     log_period: float = 0.01
     """Period of all logs [s]."""
+    tasks: tuple[SequenceTask, ...] = ()
+    """What the arm does after the reach, one after the other."""
     is_guided: bool = False
     """True if a person moves objects and arm: nothing moves by itself, and nothing is logged."""
 
@@ -60,7 +66,7 @@ class Reaching(Diagram):
 
         name: Reaching
         input_ports:
-        - command, primitive (optional)
+        - command, primitive (optional; not with tasks)
         - arm_mode, joint_target (optional)
         - reset (optional)
         - applied_forces (optional; not of an arm that gives way)
@@ -110,6 +116,7 @@ class Reaching(Diagram):
         self.logs: dict[str, VectorLogSink] = {}
         self._add_systems(coupling)
         self._connect_systems()
+        self._add_sequencer()
         self._add_commands()
         self._add_motions()
         self._add_exports()
@@ -133,8 +140,17 @@ class Reaching(Diagram):
         self.planner = ReachPlanner(self.primitive, task)
         planner, timing = faulty(self.planner, config.timing, self._faults)
         self.timed_planner = TimedPlanner(planner)
+
+        def planner_for(wanted: MovementPrimitive | Movement) -> Planner:
+            if isinstance(wanted, MovementPrimitive):
+                return self.planner.with_primitive(wanted)
+            first = self.planner.demonstrated
+            if wanted.primitive is first.primitive and wanted.X_OG is first.X_OG:
+                return self.timed_planner
+            return self.planner.with_primitive(wanted.primitive, wanted.X_OG)
+
         supervisor = ReachSupervisor(
-            self.timed_planner, timing, arm=scene.arm, planner_for=self.planner.with_primitive
+            self.timed_planner, timing, arm=scene.arm, planner_for=planner_for
         )
         start = scene.robot.positions()
         contact = config.contact.on_worn_robot(config.station.wear)
@@ -194,6 +210,24 @@ class Reaching(Diagram):
             wire(safety, supervisor, "predicted_clearance")
         wire(safety, controller, "stop_reason")
 
+    def _add_sequencer(self) -> None:
+        """What tells the supervisor what to do: the sequence of tasks, or whoever is outside."""
+        builder, config = self._builder, self.config
+        self.sequencer: TaskSequencer | None = None
+        if not config.tasks:
+            for name in ("command", "primitive"):
+                builder.ExportInput(self.supervisor.GetInputPort(name), name)
+            return
+        self.sequencer = builder.AddNamedSystem(
+            "sequencer",
+            TaskSequencer(self.planner.demonstrated, config.tasks, config.timing.time_step),
+        )
+        hand = {f"{self.scene.arm}_hand_pose": "hand_pose"}
+        connect(builder, self.supervisor, self.sequencer, "mode")
+        connect(builder, self.perception, self.sequencer, "object_pose")
+        connect(builder, self.station, self.sequencer, "torso_pose", **hand)
+        connect(builder, self.sequencer, self.supervisor, "command", "primitive")
+
     def _add_commands(self) -> None:
         """Connects safe commands to the station, through faults on the way, and forces."""
         builder, station, config = self._builder, self.station, self.config
@@ -231,9 +265,9 @@ class Reaching(Diagram):
 
     def _add_exports(self) -> None:
         """Exports what a user commands, and what a person who leads the hand has to know."""
-        builder, station, supervisor = self._builder, self.station, self.supervisor
-        inputs = {"command": supervisor, "primitive": supervisor, "reset": self.safety}
-        inputs |= {"arm_mode": self.controller, "joint_target": self.controller}
+        builder, station = self._builder, self.station
+        inputs = {"reset": self.safety, "arm_mode": self.controller}
+        inputs |= {"joint_target": self.controller}
         for name, system in inputs.items():
             builder.ExportInput(system.GetInputPort(name), name)
         builder.ExportOutput(station.GetOutputPort(f"{self.scene.arm}_hand_pose"), "hand_pose")
@@ -261,5 +295,7 @@ class Reaching(Diagram):
             (self.controller, "desired_position", "goal_position", "phase", "tau", "coupling"),
         ):
             sources |= {name: system.GetOutputPort(name) for name in names}
+        if self.sequencer is not None:
+            sources["task"] = self.sequencer.GetOutputPort("task")
         for name, source in sources.items():
             self.logs[name] = LogVectorOutput(source, builder, self.config.log_period)

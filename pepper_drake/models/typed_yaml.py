@@ -13,7 +13,7 @@ import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text, write_atomically
+from pepper_drake.files import LARGEST_NUMBER, read_text, write_atomically
 from pepper_drake.yaml_files import compose, construct, number_of
 
 T = TypeVar("T")
@@ -27,9 +27,6 @@ _SCALARS: dict[type, tuple[str, ...]] = {
     bool: ("tag:yaml.org,2002:bool",),
     str: ("tag:yaml.org,2002:str",),
 }
-_LARGEST = 1e9
-"""No number in SI units of a robot's world is larger."""
-
 _LINES = str.maketrans("\n\t", "  ")
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
@@ -179,8 +176,8 @@ def _check_node(node: yaml.Node, schema: Any, field: str, path: str) -> None:
             number = number_of(node.value)
             if not math.isfinite(number):
                 raise InputError(f"{where}{name} is {node.value}; it must be a finite number")
-            if abs(number) > _LARGEST:
-                raise InputError(f"{where}{name} is {node.value}, more than {_LARGEST:g}")
+            if abs(number) > LARGEST_NUMBER:
+                raise InputError(f"{where}{name} is {node.value}, more than {LARGEST_NUMBER:g}")
         if schema is str and not node.value.translate(_LINES).isprintable():
             raise InputError(f"{where}{name} has control characters; write plain text")
 

@@ -29,6 +29,18 @@ _REPRODUCTION_COLUMNS = {
     "joint_position_rad": 5,
 }
 
+_FIGURES = {
+    "hand to goal [mm]": ("final_position_error", 1000.0),
+    "orientation error [deg]": ("final_orientation_error", float(np.degrees(1.0))),
+    "axis that counts [deg]": ("final_axis_error", float(np.degrees(1.0))),
+    "least clearance [mm]": ("minimum_clearance", 1000.0),
+    "tracking error [mm]": ("tracking_error_rms", 1000.0),
+}
+"""Figures of a report that are compared: where they are in it, and their scale."""
+
+_LARGEST_FIGURE = 1e3
+"""No length [m] or angle [rad] of a report is larger."""
+
 
 def load_motion(path: str | Path) -> Motion:
     """Loads whatever can be played back.
@@ -183,14 +195,7 @@ def _report_figures(report: dict[str, Any]) -> dict[str, str | float]:
     figures: dict[str, str | float] = {
         name: one_line(report.get(name, "")) for name in ("outcome", "reason", "scene", "coupling")
     }
-    scales = {
-        "hand to goal [mm]": ("final_position_error", 1000.0),
-        "orientation error [deg]": ("final_orientation_error", float(np.degrees(1.0))),
-        "axis that counts [deg]": ("final_axis_error", float(np.degrees(1.0))),
-        "least clearance [mm]": ("minimum_clearance", 1000.0),
-        "tracking error [mm]": ("tracking_error_rms", 1000.0),
-    }
-    for name, (key, scale) in scales.items():
+    for name, (key, scale) in _FIGURES.items():
         value = report.get(key)
         if isinstance(value, int | float) and not isinstance(value, bool):
             figures[name] = scale * value
@@ -207,6 +212,10 @@ def _load_report(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: this is no report of a run ({why}); record it again") from None
     if not isinstance(report, dict) or not isinstance(report.get("outcome"), str):
         raise InputError(f"{path}: the report says no outcome; record the run again")
+    for key, _ in _FIGURES.values():
+        value = report.get(key)
+        if isinstance(value, int | float) and abs(value) > _LARGEST_FIGURE:
+            raise InputError(f"{path}: {key} is {value:g}; record the run again")
     for name in ("reason", "scene", "coupling", "arm"):
         if not isinstance(report.get(name, ""), str):
             raise InputError(f"{path}: {name} is no text; record the run again")

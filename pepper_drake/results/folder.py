@@ -18,6 +18,9 @@ INTERRUPTED = "interrupted"
 
 _UNFINISHED = ".unfinished"
 
+_LEAST_SPACE = 2**20
+"""Space that a disk must have for results [bytes]."""
+
 
 @contextlib.contextmanager
 def whole_results(folder: Path, names: Collection[str]) -> Iterator[Path]:
@@ -53,7 +56,7 @@ def whole_results(folder: Path, names: Collection[str]) -> Iterator[Path]:
 
 
 def check_writable(folder: Path) -> None:
-    """Checks that a folder can be made and written to, without leaving anything.
+    """Checks that a folder can be made and a megabyte written to it, without leaving anything.
 
     Args:
         folder: It need not exist.
@@ -65,7 +68,8 @@ def check_writable(folder: Path) -> None:
     try:
         while not existing.exists() and existing.parent != existing:
             existing = existing.parent
-        Path(tempfile.mkdtemp(dir=existing, prefix=_UNFINISHED)).rmdir()
+        with tempfile.TemporaryDirectory(dir=existing, prefix=_UNFINISHED) as trial:
+            (Path(trial) / "space").write_bytes(bytes(_LEAST_SPACE))
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{folder}: cannot be written to ({reason}); choose another") from None

@@ -69,8 +69,8 @@ def check_rows(path: Path, arrays: Mapping[str, Array], shapes: Mapping[str, int
                 f"{path}: {name} is {arrays[name].shape} where {wanted} is expected; "
                 "record the run again"
             )
-        known = arrays[name][np.isfinite(arrays[name])].astype(float)
-        if np.any(np.abs(known) > _LARGEST):
+        if not np.all(np.abs(arrays[name]) <= _LARGEST):
             raise InputError(
-                f"{path}: {name} holds numbers above {_LARGEST:g}; record the run again"
+                f"{path}: {name} holds numbers that are not finite, or above {_LARGEST:g}; "
+                "record the run again"
             )

@@ -30,6 +30,21 @@ class CloudReport:
 
 
 @dataclass
+class TaskOutcome:
+    """One task of a run: the reach, or what came after it."""
+
+    name: str = ""
+    began: float = 0.0
+    """Time at which it began."""
+    seconds: float = 0.0
+    """Time that it took."""
+    final_position_error: float = 0.0
+    """Distance between the hand and its true goal at its end."""
+    minimum_clearance: float = 0.0
+    """Least signed distance between Pepper and obstacles while it lasted."""
+
+
+@dataclass
 class ReachReport:
     """Contents of `report.json`. Errors are against the truth, in m, rad and s."""
 
@@ -75,6 +90,8 @@ class ReachReport:
     """Largest acceleration of a joint's commands [rad/s^2]."""
     stopping_seconds: float | None = None
     """After a failure: time until arms, body and base stood still; None if the run ended before."""
+    tasks: list[TaskOutcome] = field(default_factory=list)
+    """The reach, and the tasks after it that were begun."""
     faults: list[str] = field(default_factory=list)
     """The faults that were injected, as SIGNAL:KIND@START[+DURATION]."""
     unseen_volume: float = 0.0
@@ -144,6 +161,11 @@ class ReachReport:
         ):
             if volume > 0.0:
                 lines.append(f"  {name} {1000 * volume:6.1f} litres passed by the arm")
+        for task in self.tasks[1:]:
+            lines.append(
+                f"  {task.name:17} {1000 * task.final_position_error:6.1f} mm to its goal, "
+                f"{1000 * task.minimum_clearance:.1f} mm clear, in {task.seconds:.1f} s"
+            )
         lines.extend(f"  injected          {fault}" for fault in self.faults)
         if self.tracking_error_rms is not None:
             lines.append(f"  tracking error    {1000 * self.tracking_error_rms:6.1f} mm rms")

@@ -150,6 +150,30 @@ def ValueProducer(allocate: Callable[[], Any], calc: Callable[..., object]) -> A
 class Diagram(framework.Diagram, metaclass=_Collectable):
     """A Diagram that is freed when nobody uses it."""
 
+    def GetMyContextFromRoot(self, root_context: framework.Context) -> framework.Context:
+        """As Drake's."""
+        if self._owns(root_context):
+            return root_context
+        return super().GetMyContextFromRoot(root_context)
+
+    def GetMyMutableContextFromRoot(self, root_context: framework.Context) -> framework.Context:
+        """As Drake's."""
+        if self._owns(root_context):
+            return root_context
+        return super().GetMyMutableContextFromRoot(root_context)
+
+    def _owns(self, context: framework.Context) -> bool:
+        """Tells whether a context is the diagram's own.
+
+        Drake lets what its functions return keep what they were given: a root context that is
+        returned as it is would keep itself, and the simulator that owns it, for ever.
+        """
+        try:
+            self.ValidateContext(context)
+        except RuntimeError:
+            return False
+        return True
+
 
 def _weak(value: Any) -> Any:
     """Returns a function that keeps no system; what is no function is returned as it is.

@@ -104,7 +104,7 @@ class ReachSupervisor(LeafSystem):
     the base waits for something in its way; `predicted_clearance` (1), to which the arm's motion
     leads where moving obstacles are predicted [m]; `command` (1), a `ReachCommand`, REACH if
     unconnected; `primitive`, abstract MovementPrimitive, is what is performed in place of the
-    planner's own.
+    planner's own, or a Movement, whose X_OG is the goal as well.
     Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
     `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `movement_origin` (1), the
@@ -119,7 +119,7 @@ class ReachSupervisor(LeafSystem):
         timing: ReachTiming,
         *,
         arm: str,
-        planner_for: Callable[[MovementPrimitive], Planner] | None = None,
+        planner_for: Callable[[MovementPrimitive | Movement], Planner] | None = None,
     ) -> None:
         """Makes the system.
 

@@ -32,12 +32,18 @@ from pepper_drake.planning.reach.reach_parameters import (
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
+from pepper_drake.planning.reach.task_sequence import SequenceTask
 
 
-def make_reaching(name, arm):
+def make_reaching(name, arm, *, lifts=False):
     scene = prepare_scene(load_scene(name), arm=arm)
-    coupling = make_coupling(scene.coupling)
-    return Reaching(scene, make_primitive(None, scene.arm), coupling, ReachingConfig())
+    coupling, primitive = make_coupling(scene.coupling), make_primitive(None, scene.arm)
+    wait, lift = (
+        SequenceTask("wait", wait=0.2),
+        SequenceTask("lift", primitive, offset=(0, 0, 0.06)),
+    )
+    config = ReachingConfig(tasks=(wait, lift) if lifts else ())
+    return Reaching(scene, primitive, coupling, config)
 
 
 def plain(value, key):
@@ -72,8 +78,8 @@ def outputs(reaching, root):
 
 @pytest.mark.render
 def test_a_whole_reach_with_the_left_arm_in_which_no_cached_value_is_ever_stale():
-    run = ReachSimulation(make_reaching("table", "left"), RunOptions(progress=False))
-    reaching = run.reaching
+    reaching = make_reaching("table", "left", lifts=True)
+    run = ReachSimulation(reaching, RunOptions(progress=False))
     checked = dict.fromkeys(ReachMode, 0)
     last = -1.0
 
@@ -98,6 +104,14 @@ def test_a_whole_reach_with_the_left_arm_in_which_no_cached_value_is_ever_stale(
     assert report.final_position_error <= 0.010
     assert checked[ReachMode.LOOKING] >= 1
     assert checked[ReachMode.REACHING] >= 2
+    reach, wait, lift = report.tasks
+    assert [reach.name, wait.name, lift.name] == ["reach", "wait", "lift"]
+    assert max(task.final_position_error for task in report.tasks) <= 0.010
+    assert wait.seconds == pytest.approx(0.2, abs=0.06)
+    hand = np.array(run._true_goal_rows())[:, 2]
+    times = run.reaching.logs["mode"].FindLog(run.simulator.get_context()).sample_times()
+    before = hand[np.searchsorted(times, lift.began)]
+    assert hand[-1] - before == pytest.approx(0.06, abs=0.005)
 
 
 @pytest.mark.render

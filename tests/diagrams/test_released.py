@@ -19,7 +19,7 @@ from pepper_drake.diagrams.reproduction_simulation import start_positions
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.diagrams.teaching import Teaching
 from pepper_drake.models.scene import SCENES_DIR, load_scene
-from pepper_drake.systems.framework import LeafSystem, ValueProducer, build
+from pepper_drake.systems.framework import Diagram, LeafSystem, ValueProducer, build, build_into
 
 
 def reaching():
@@ -178,3 +178,37 @@ def test_a_system_lives_as_long_as_its_diagram():
     gc.collect()
     gc.collect()
     assert gone() is None
+
+
+class Remembering(LeafSystem):
+    """Has something in its state."""
+
+    def __init__(self, memory):
+        super().__init__()
+        self.DeclareAbstractState(Value(memory))
+
+
+class Remembered:
+    """Something in a state."""
+
+
+class Outer(Diagram):
+    """A diagram of it."""
+
+    def __init__(self, memory):
+        super().__init__()
+        builder = DiagramBuilder()
+        builder.AddSystem(Remembering(memory))
+        build_into(builder, self)
+
+
+@pytest.mark.parametrize("get", ["GetMyContextFromRoot", "GetMyMutableContextFromRoot"])
+def test_a_root_context_that_was_asked_for_goes_with_its_simulator(get):
+    diagram = Outer(Remembered())
+    simulator = Simulator(diagram)
+    root = simulator.get_mutable_context()
+    assert getattr(diagram, get)(root) is root
+    del diagram, simulator, root
+    gc.collect()
+    gc.collect()
+    assert not [o for o in gc.get_objects() if isinstance(o, Remembered)]

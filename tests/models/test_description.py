@@ -6,7 +6,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 import yaml
+from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import Role
+from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.models.control_model import ControlModel, shared_control_model
 from pepper_drake.models.description import (
@@ -15,7 +17,12 @@ from pepper_drake.models.description import (
     shaped_links,
     standard_urdf,
 )
-from pepper_drake.models.pepper import MODELS_DIR, joint_names, set_joint_positions
+from pepper_drake.models.pepper import (
+    MODELS_DIR,
+    joint_names,
+    posture_positions,
+    set_joint_positions,
+)
 from pepper_drake.planning.collision.sphere_file import sphere_yaml
 
 INTEROP = "needs the extra interop"
@@ -49,6 +56,7 @@ def drake_positions(model: ControlModel, q: dict[str, float]) -> dict[str, np.nd
 
 
 def num_shapes(model: ControlModel) -> int:
+    """The 25 shapes that collide: 10 boxes, 8 cylinders, 5 spheres and 2 capsules."""
     return model.diagram.scene_graph().model_inspector().NumGeometriesWithRole(Role.kProximity)
 
 
@@ -135,3 +143,51 @@ def test_yourdfpy_has_drakes_poses_and_shapes(model: ControlModel) -> None:
         robot.update_cfg(q)
         for name, X_WF in drake_positions(model, q).items():
             np.testing.assert_allclose(robot.get_transform(name), X_WF, atol=1e-6)
+
+
+def test_roboplan_has_drakes_poses_shapes_and_pairs(model: ControlModel) -> None:
+    roboplan = pytest.importorskip("roboplan.core", reason=INTEROP)
+    path = str(COMMITTED / "pepper_standard.urdf")
+    scene = roboplan.Scene("pepper", roboplan.loadUrdfSceneDescription(path))
+    assert len(scene.getRobotCollisionGeometryIds()) == num_shapes(model)
+    scene.importSrdf((COMMITTED / "pepper.srdf").read_text())
+    values = np.array(scene.getCurrentJointPositions())
+    # Upright, arms at its sides: what the SRDF leaves to be checked does not collide.
+    for name, value in posture_positions("stand").items():
+        part = scene.getJointPositionIndices([name])
+        values[part] = [np.cos(value), np.sin(value)] if len(part) == 2 else [value]
+    assert not scene.hasCollisions(values)
+    for q in random_postures(model, 20):
+        for name, value in q.items():
+            part = scene.getJointPositionIndices([name])
+            values[part] = [np.cos(value), np.sin(value)] if len(part) == 2 else [value]
+        for name, X_WF in drake_positions(model, q).items():
+            np.testing.assert_allclose(scene.forwardKinematics(values, name), X_WF, atol=1e-6)
+
+
+def test_viser_has_drakes_poses_and_shapes(model: ControlModel) -> None:
+    viser = pytest.importorskip("viser", reason="viser draws the pages")
+    extras = pytest.importorskip("viser.extras", reason=INTEROP)
+    pytest.importorskip("yourdfpy", reason=INTEROP)
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        robot = extras.ViserUrdf(
+            server, COMMITTED / "pepper_standard.urdf", load_collision_meshes=True
+        )
+        # A mesh for each link that has a shape, as yourdfpy hands them on.
+        drawn = [mesh.name for mesh in robot._meshes if mesh.name.startswith("/collision/")]
+        assert len(drawn) == len(shaped_links())
+        frames = {frame.name: frame for frame in robot._joint_frames}
+        names = robot.get_actuated_joint_names()
+        for q in random_postures(model, 5):
+            robot.update_cfg(np.array([q[name] for name in names]))
+            for name, X_WF in drake_positions(model, q).items():
+                path = next(path for path in frames if path.endswith(f"/{name}"))
+                X = RigidTransform()  # A frame of the page is placed in the one that it is below.
+                for end in [k for k, c in enumerate(path) if c == "/" and k] + [len(path)]:
+                    if (frame := frames.get(path[:end])) is not None:
+                        turn = RotationMatrix(Quaternion(frame.wxyz / np.linalg.norm(frame.wxyz)))
+                        X = X @ RigidTransform(turn, frame.position)
+                np.testing.assert_allclose(X.GetAsMatrix4(), X_WF, atol=1e-6)
+    finally:
+        server.stop()

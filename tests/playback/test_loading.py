@@ -68,7 +68,7 @@ def _lacking(run, name):
         (lambda run: _lacking(run, "object_offset_m"), r"log\.npz: the log lacks object_offset_m"),
         (
             lambda run: _with_log(run, joint_position_rad=np.full((251, 15), np.nan)),
-            r"log\.npz: HeadYaw is not finite",
+            r"log\.npz: joint_position_rad holds numbers that are not finite",
         ),
         (
             lambda run: _with_log(run, object_offset_m=np.zeros((251, 6))),

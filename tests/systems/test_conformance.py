@@ -27,6 +27,7 @@ from pepper_drake.models.scene import SCENES_DIR, load_scene
 from pepper_drake.perception.mapping.cloud_points import make_cloud
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachCommand
+from pepper_drake.planning.reach.task_sequence import SequenceTask
 from pepper_drake.systems.robot.arm_command import ArmMode
 
 X = RigidTransform(RollPitchYaw(0.1, -0.2, 0.3), [0.05, -0.04, 0.03])
@@ -36,7 +37,8 @@ MIRRORED = make_primitive(None, "left")
 def reaching():
     scene = load_scene("free")
     primitive = make_primitive(None, scene.arm)
-    return Reaching(scene, primitive, make_coupling("barrier"), ReachingConfig()), {}
+    config = ReachingConfig(tasks=(SequenceTask("return", primitive, returns=True),))
+    return Reaching(scene, primitive, make_coupling("barrier"), config), {}
 
 
 def live_teaching():

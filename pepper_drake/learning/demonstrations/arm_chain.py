@@ -57,65 +57,76 @@ class ArmChain:
 
     def hand(self, joints: npt.ArrayLike) -> tuple[Array, Array]:
         """Returns p_TH (N, 3) [m] and unit quaternions of R_TH (N, 4) at joints (N, 5) [rad]."""
-        q = np.asarray(joints, dtype=float)
+        position, rotation, _, _ = self._chain(np.asarray(joints, dtype=float))
+        return position, rotation
+
+    def _chain(self, q: Array) -> tuple[Array, Array, list[Array], list[Array]]:
+        """Returns the hand's pose, and each joint's place (N, 3) and axis (N, 3), in T."""
         position = np.zeros((len(q), 3))
         rotation = np.tile([1.0, 0.0, 0.0, 0.0], (len(q), 1))
+        places, axes = [], []
         chain = zip(self._offsets, self._turns, self._axes, strict=True)
         for k, (offset, turn, axis) in enumerate(chain):
             position = position + rotate(rotation, offset)
             rotation = so3.multiply(rotation, np.broadcast_to(turn, rotation.shape))
+            places.append(position)
+            axes.append(rotate(rotation, axis))
             rotation = so3.multiply(rotation, so3.exp_map(q[:, k, None] * axis))
         position = position + rotate(rotation, self._p_WH)
         rotation = so3.multiply(rotation, np.broadcast_to(self._q_WH, rotation.shape))
-        return position, rotation
+        return position, rotation, places, axes
 
-    def pose_distance(self, position: Array, rotation: Array, lever: float = 0.1) -> float:
-        """Returns how far the nearest pose that the arm can take is from a pose [m].
+    def pose_distances(self, positions: Array, rotations: Array, lever: float = 0.1) -> Array:
+        """Returns how far the nearest pose that the arm can take is from each of N poses (N,) [m].
 
         Damped least squares from a grid of starts: the arm has five joints for six coordinates, so
         poses that it cannot take are the rule, and one that it can is evidence.
 
         Args:
-            position: (3,) [m] in T.
-            rotation: (4,) unit quaternion.
+            positions: (N, 3) [m] in T.
+            rotations: (N, 4) unit quaternions.
             lever: What an error of one radian counts [m].
         """
         middle, half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
         # The shoulder and the elbow's turn decide which way the arm is bent.
         starts = np.stack(np.meshgrid(*([-0.5, 0.5],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
         starts = np.concatenate((starts, np.zeros((len(starts), 2))), axis=1)
-        q = middle + half * starts
+        count, tries = len(positions), len(starts)
+        q = np.tile(middle + half * starts, (count, 1))
+        position = np.repeat(positions, tries, axis=0)
+        rotation = np.repeat(rotations, tries, axis=0)
         damping = np.full(len(q), 1e-2)
-        error = self._pose_error(q, position, rotation, lever)
+        error, jacobian = self._pose_error(q, position, rotation, lever)
         for _ in range(25):
-            jacobian = self._jacobian(q, position, rotation, lever, error)
             normal = jacobian.swapaxes(1, 2) @ jacobian
             normal = normal + damping[:, None, None] * 1e-2 * np.eye(5)
             step = np.linalg.solve(normal, jacobian.swapaxes(1, 2) @ error[..., None])[..., 0]
             tried = np.clip(q - step, self.lower, self.upper)
-            left = self._pose_error(tried, position, rotation, lever)
+            left, slope = self._pose_error(tried, position, rotation, lever)
             better = np.sum(left**2, axis=1) < np.sum(error**2, axis=1)
             q = np.where(better[:, None], tried, q)
             error = np.where(better[:, None], left, error)
-            if np.sum(error**2, axis=1).min() < 1e-8:
+            jacobian = np.where(better[:, None, None], slope, jacobian)
+            nearest = np.sum(error**2, axis=1).reshape(count, tries).min(axis=1)
+            if nearest.max() < 1e-8:
                 break
             damping = np.clip(np.where(better, 0.2 * damping, 5.0 * damping), 1e-8, 1e4)
-        return float(np.sqrt(np.sum(error**2, axis=1).min()))
+        return np.asarray(np.sqrt(np.sum(error**2, axis=1).reshape(count, tries).min(axis=1)))
 
-    def _pose_error(self, q: Array, position: Array, rotation: Array, lever: float) -> Array:
-        p, r = self.hand(q)
+    def _pose_error(
+        self, q: Array, position: Array, rotation: Array, lever: float
+    ) -> tuple[Array, Array]:
+        """Returns errors (N, 6) [m] and their derivatives by the joints (N, 6, 5), near a pose."""
+        p, r, places, axes = self._chain(q)
         turn = so3.log_map(so3.multiply(r, so3.conjugate(rotation)))
-        return np.concatenate((p - position, lever * turn), axis=1)
-
-    def _jacobian(
-        self, q: Array, position: Array, rotation: Array, lever: float, error: Array
-    ) -> Array:
-        columns = []
-        for k in range(5):
-            moved = q.copy()
-            moved[:, k] += 1e-6
-            columns.append((self._pose_error(moved, position, rotation, lever) - error) / 1e-6)
-        return np.stack(columns, axis=-1)
+        jacobian = np.stack(
+            [
+                np.concatenate((np.cross(axis, p - place), lever * axis), axis=1)
+                for place, axis in zip(places, axes, strict=True)
+            ],
+            axis=-1,
+        )
+        return np.concatenate((p - position, lever * turn), axis=1), jacobian
 
 
 def rotate(rotations: Array, vectors: Array) -> Array:

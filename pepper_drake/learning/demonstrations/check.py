@@ -1,10 +1,10 @@
 """One look at a demonstration before anything is learned from it.
 
-`examine` measures; `refuse_impossible` raises where a motion cannot be what it says. What is merely
-doubtful is told with the sample (or the line of the file) that it is about.
+`examine` measures, and tells what is doubtful with the sample (or the line of the file) that it is
+about; what cannot be right is refused by `refusals`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.demonstrations.arm_chain import arm_chain, arm_of, joint_limits
+from pepper_drake.learning.demonstrations.arm_chain import arm_chain, arm_of
 from pepper_drake.learning.demonstrations.conditioning import measure_noise
 
 if TYPE_CHECKING:
@@ -21,30 +20,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Where = Callable[[int], str]
-
-FARTHEST = 2.0
-"""A hand farther from the torso than this [m] is not Pepper's, in whatever frame it was recorded:
-upright, its head is 1.2 m above the floor, and its arm reaches 0.41 m."""
-
-FASTEST = 6.0
-"""A hand faster than this [m/s] was not moved by an arm."""
-
-FASTEST_TURN = 40.0
-"""A hand that turns faster than this [rad/s] did not turn."""
-
-SLOWEST, SLOW_STEP = 0.005, 0.5
-"""A motion with a mean speed below this [m/s] and samples this far apart [s] has another unit of
-time."""
-
-LIMIT_SLACK = 0.06
-"""Joints may be measured beyond their limits by this much [rad]."""
-
-HAND_DISTANCE, HAND_TURN = 0.03, 0.2
-"""The hand may be so far from where the joints have it [m, rad], by the median of all samples."""
-
-_DERIVATIVE_SHARE = 0.3
-_OUTLIER = 0.03
-_FEW = 8
 
 
 @dataclass(frozen=True)
@@ -191,28 +166,6 @@ def _warn_motion(
     return warnings
 
 
-def refuse_impossible(demonstration: "Demonstration", where: Where | None = None) -> None:
-    """Raises where a demonstration cannot be what its numbers say.
-
-    Args:
-        demonstration: In the torso frame or the floor's [m, s, rad].
-        where: Names a sample in the message, with the file.
-
-    Raises:
-        InputError: With the sample and the mend.
-    """
-    name = demonstration.name
-    label = where or (lambda sample: f"{name}, sample {sample + 1}")
-    t, p = demonstration.times, demonstration.positions
-    refuse_far(p, label)
-    refuse_jumps(t, p, label)
-    refuse_derivatives(demonstration, label)
-    if demonstration.rotations is not None:
-        refuse_turns(t, demonstration.rotations, label)
-    if demonstration.joints is not None:
-        refuse_joints(demonstration, label)
-
-
 def refuse_out_of_reach(demonstration: "Demonstration", name: str) -> None:
     """Refuses a motion for an arm to perform of which no sample is within its reach.
 
@@ -226,248 +179,3 @@ def refuse_out_of_reach(demonstration: "Demonstration", name: str) -> None:
             f" shoulder (up to {report.reach:.2f} m); positions above the floor need import.py"
             " --frame base_footprint"
         )
-
-
-def refuse_far(positions: Array, label: Where) -> None:
-    """Refuses positions that are metres away: another unit, another frame."""
-    far = np.linalg.norm(positions, axis=1)
-    k = int(np.argmax(far))
-    if far[k] <= FARTHEST:
-        return
-    units = [
-        f"{word} (--unit {unit})"
-        for unit, word, size in (("mm", "millimetres", 1e-3), ("cm", "centimetres", 1e-2))
-        if far[k] * size <= FARTHEST
-    ]
-    guess = f"are they {' or '.join(units[::-1])}, or in" if units else "are they in"
-    hint = f"{guess} another unit or frame (--unit, --start X Y Z)?"
-    raise InputError(
-        f"{label(k)}: the hand would be {far[k]:.3g} m from the torso, and the arm reaches 0.41 m;"
-        f" positions must be metres in the torso frame: {hint}"
-    )
-
-
-def refuse_time(times: Array, positions: Array, label: Where) -> None:
-    """Refuses a motion so slow that its times must have another unit."""
-    step = float(np.median(np.diff(times)))
-    length = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
-    duration = float(times[-1] - times[0])
-    if step >= SLOW_STEP and 0.01 < length < SLOWEST * duration:
-        raise InputError(
-            f"{label(len(times) - 1)}: {duration:.4g} s for {length:.2f} m, {length / duration:.2g}"
-            " m/s: times must be seconds; are they milliseconds (--time ms)? Say --time s if it was"
-            " that slow"
-        )
-
-
-def find_outliers(times: Array, positions: Array) -> npt.NDArray[np.int64]:
-    """Returns the samples that jump away and back: far from the line between their neighbours.
-
-    Far is 3 cm, ten times the median of all samples, and one and a half times what the neighbours
-    are apart.
-    """
-    if len(times) < _FEW:
-        return np.empty(0, dtype=np.int64)
-    share = ((times[1:-1] - times[:-2]) / (times[2:] - times[:-2]))[:, None]
-    between = positions[:-2] + share * (positions[2:] - positions[:-2])
-    away = np.linalg.norm(positions[1:-1] - between, axis=1)
-    apart = np.linalg.norm(positions[2:] - positions[:-2], axis=1)
-    far = (away > _OUTLIER) & (away > 10.0 * np.median(away)) & (away > 1.5 * apart)
-    return np.flatnonzero(far) + 1
-
-
-def refuse_jumps(times: Array, positions: Array, label: Where) -> None:
-    """Refuses samples that no hand can have been at: outliers, zeros of a lost tracker, jumps."""
-    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    usual = float(np.median(steps))
-    zero = np.flatnonzero(np.all(positions == 0.0, axis=1))
-    for k in zero[:1] if 0 < len(zero) < len(positions) else ():
-        beside = [steps[i] for i in (k - 1, k) if 0 <= i < len(steps)]
-        run = steps[steps > 0.0]
-        if len(times) >= _FEW and max(beside) > max(0.02, 5.0 * float(np.median(run))):
-            raise InputError(
-                f"{label(int(k))}: a jump to 0 0 0 (an outlier: the tracker was lost there);"
-                f" remove the row ({len(zero)} such)"
-            )
-    outliers = find_outliers(times, positions)
-    if len(outliers):
-        k = int(outliers[0])
-        raise InputError(
-            f"{label(k)}: an outlier, a jump of {100 * steps[k - 1]:.0f} cm and back"
-            f" ({len(outliers)} such samples); remove the rows (or say --drop-outliers)"
-        )
-    speeds = steps / np.diff(times)
-    k = int(np.argmax(steps))
-    if speeds[k] > FASTEST and steps[k] > _OUTLIER:
-        raise InputError(
-            f"{label(k + 1)}: a jump of {100 * steps[k]:.0f} cm in {np.diff(times)[k]:.2g} s,"
-            f" {speeds[k]:.3g} m/s; remove what is wrong there, or are positions metres and times"
-            " seconds (--unit, --time)?"
-        )
-    # Between samples that are a fiftieth of a second apart: nearer ones differ by their noise.
-    stride = int(
-        np.clip(round(0.02 / float(np.median(np.diff(times)))), 1, max(1, len(times) // 4))
-    )
-    way = np.linalg.norm(positions[stride:] - positions[:-stride], axis=1)
-    fast = way / (times[stride:] - times[:-stride])
-    if fast.max() > FASTEST:
-        j = int(np.argmax(fast))
-        raise InputError(
-            f"{label(j + stride)}: the hand at {fast[j]:.3g} m/s; are positions metres and times"
-            " seconds (--unit, --time)?"
-        )
-    if len(times) >= _FEW and steps[k] > max(0.10, 20.0 * usual) and speeds[k] > 1.0:
-        raise InputError(
-            f"{label(k + 1)}: a jump of {100 * steps[k]:.0f} cm where the hand moves"
-            f" {1000 * usual:.1f} mm from sample to sample; remove what is wrong there"
-        )
-
-
-def refuse_derivatives(demonstration: "Demonstration", label: Where) -> None:
-    """Refuses velocities and accelerations that are not the derivatives they should be."""
-    from pepper_drake.learning.demonstrations.importers.number_columns import derivative_error
-
-    t, p = demonstration.times, demonstration.positions
-    v, a = demonstration.velocities, demonstration.accelerations
-    if len(t) < 5 or demonstration.derivation.startswith("derivatives"):
-        return
-    wrong = []
-    if derivative_error(t, p, v) > _DERIVATIVE_SHARE:
-        wrong.append("velocities are not the derivatives of the positions")
-    elif np.ptp(v) > 0.01 and derivative_error(t, v, a) > 0.5:
-        wrong.append("accelerations are not the derivatives of the velocities")
-    if wrong:
-        raise InputError(
-            f"{label(0)}: the {wrong[0]} (another unit, other columns, or a path of 1 or 2"
-            " dimensions?); leave them out and they are derived"
-        )
-
-
-def refuse_turns(times: Array, rotations: Array, label: Where) -> None:
-    """Refuses orientations that jump."""
-    turns = so3.log_map(so3.multiply(rotations[1:], so3.conjugate(rotations[:-1])))
-    sizes = np.linalg.norm(turns, axis=1)
-    rates = sizes / np.diff(times)
-    k = int(np.argmax(rates))
-    if rates[k] > FASTEST_TURN and sizes[k] > 0.5:
-        raise InputError(
-            f"{label(k + 1)}: the hand turns by {np.degrees(sizes[k]):.0f} degrees in"
-            f" {np.diff(times)[k]:.2g} s; are angles in degrees (--angle deg), or was the tracker"
-            " lost there?"
-        )
-
-
-def refuse_joints(demonstration: "Demonstration", label: Where) -> None:
-    """Refuses joints beyond their limits, and joints that have the hand elsewhere."""
-    joints, names = demonstration.joints, demonstration.joint_names
-    assert joints is not None
-    refuse_limits(joints, names, label)
-    arm = arm_of(names)
-    if arm is not None:
-        _refuse_disagreement(demonstration, joints, arm, label)
-
-
-def refuse_limits(joints: Array, names: Sequence[str], label: Where) -> None:
-    """Refuses joints (N, J) [rad] beyond their limits."""
-    limits = joint_limits()
-    for j, name in enumerate(names):
-        if name not in limits:
-            continue
-        lower, upper = limits[name]
-        over = np.maximum(lower - joints[:, j], joints[:, j] - upper)
-        k = int(np.argmax(over))
-        if over[k] > LIMIT_SLACK:
-            # A joint that turns by more than a circle is not in radians.
-            degrees = np.abs(joints).max() > 4.0
-            mend = "are they degrees (--angle deg)?" if degrees else "correct the row"
-            raise InputError(
-                f"{label(k)}: joint {name} at {joints[k, j]:.4g} rad is beyond its limits,"
-                f" {lower:g} to {upper:g} rad; {mend}"
-            )
-
-
-def _refuse_disagreement(
-    demonstration: "Demonstration", joints: Array, arm: str, label: Where
-) -> None:
-    hand, rotation = arm_chain(arm).hand(joints)
-    offsets = demonstration.positions - hand
-    distances = np.linalg.norm(offsets, axis=1)
-    median = float(np.median(distances))
-    if median > HAND_DISTANCE:
-        k = int(np.argmax(distances))
-        mean = offsets.mean(axis=0)
-        steady = float(np.linalg.norm(offsets - mean, axis=1).max()) < HAND_DISTANCE
-        if steady and abs(mean[2] - 0.82) < 0.05 and np.abs(mean[:2]).max() < 0.05:
-            mend = "they are above the floor (--frame base_footprint)"
-        elif steady:
-            mend = f"they are in another frame, shifted by {np.round(mean, 3)} m"
-        else:
-            mend = "are they of the same motion, arm, unit and frame?"
-        raise InputError(
-            f"{label(k)}: the hand and the joints disagree: by forward kinematics the hand is"
-            f" {100 * median:.0f} cm from the positions (median); {mend}"
-        )
-    if demonstration.rotations is None:
-        return
-    turns = so3.log_map(so3.multiply(rotation, so3.conjugate(demonstration.rotations)))
-    sizes = np.linalg.norm(turns, axis=1)
-    if float(np.median(sizes)) > HAND_TURN:
-        k = int(np.argmax(sizes))
-        raise InputError(
-            f"{label(k)}: the orientation and the joints disagree by"
-            f" {np.degrees(np.median(sizes)):.0f} degrees (median) by forward kinematics; is the"
-            " quaternion's order another (--quaternion xyzw), or are the angles degrees (--angle"
-            " deg)?"
-        )
-
-
-def refuse_unlike(demonstrations: "list[Demonstration]") -> None:
-    """Refuses demonstrations that are not of one movement.
-
-    Sizes and durations may differ by a factor of 10; the displacements from the start, at the same
-    share of the time, must point the same way: their normalised correlation with that of the
-    others' mean is at least 0.3.
-
-    Raises:
-        InputError: Naming the one that is unlike the others.
-    """
-    if len(demonstrations) < 2:
-        return
-    share = np.linspace(0.0, 1.0, 60)
-    paths = []
-    for demo in demonstrations:
-        s = (demo.times - demo.times[0]) / demo.duration
-        moved = np.column_stack([np.interp(share, s, column) for column in demo.positions.T])
-        paths.append(moved - moved[0])
-    for kind, values in (
-        ("long", [demo.path_length for demo in demonstrations]),
-        ("slow", [demo.duration for demo in demonstrations]),
-    ):
-        middle = float(np.median(values))
-        worst = int(np.argmax([abs(np.log(max(v, 1e-9) / max(middle, 1e-9))) for v in values]))
-        ratio = max(values[worst], 1e-9) / max(min(values), 1e-9)
-        ratio = max(ratio, max(values) / max(values[worst], 1e-9))
-        if ratio > 10.0 and max(values) > 0.01:
-            unit = "m" if kind == "long" else "s"
-            raise InputError(
-                f"{demonstrations[worst].name}: {values[worst]:.3g} {unit} where others have"
-                f" {middle:.3g} {unit}: the demonstrations are not alike; are their units the same?"
-            )
-    for k, path in enumerate(paths):
-        rest = np.mean(
-            [p / max(float(np.linalg.norm(p)), 1e-12) for i, p in enumerate(paths) if i != k],
-            axis=0,
-        )
-        size = float(np.linalg.norm(path) * np.linalg.norm(rest))
-        likeness = float(np.sum(path * rest)) / size if size > 1e-9 else 1.0
-        if likeness < 0.3:
-            raise InputError(
-                f"{demonstrations[k].name}: it moves another way than the other demonstrations"
-                f" (correlation {likeness:.2f}): they are not alike; learn it by itself"
-            )
-
-
-def turn_between(one: Array, other: Array) -> float:
-    """Returns the median angle between orientations (N, 4) and (N, 4) [rad]."""
-    turns = so3.log_map(so3.multiply(one, so3.conjugate(other)))
-    return float(np.median(np.linalg.norm(turns, axis=1)))

@@ -34,6 +34,9 @@ BOUND, BOUND_SHARE = 0.02, 0.25
 """Between two samples a motion stays this near [m], or within this share of their distance, to the
 straight line between them: what is not shown is not made up."""
 
+CAREFUL = "shape-preserving cubic (PCHIP)"
+"""Name of the way through few or uneven samples."""
+
 _FOURTH = 70.0
 """Variance of the fourth difference of white noise of variance one."""
 
@@ -137,7 +140,7 @@ def interpolant(times: Array, values: Array) -> tuple[Array, Array, str]:
         return spline.derivative(1)(times), spline.derivative(2)(times), "quintic spline"
     way = careful(times, values)
     slopes = np.asarray(way.derivative(1)(times))
-    return slopes, np.asarray(way.derivative(2)(times)), "shape-preserving cubic (PCHIP)"
+    return slopes, np.asarray(way.derivative(2)(times)), CAREFUL
 
 
 def careful(times: Array, values: Array) -> CubicHermiteSpline:

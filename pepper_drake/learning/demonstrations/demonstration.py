@@ -123,6 +123,8 @@ class Demonstration:
         if np.any(np.diff(t) <= 0.0):
             raise InputError(f"{name}: times must increase from sample to sample")
         derivation = RECORDED
+        if velocities is None and accelerations is not None:
+            raise InputError(f"{name}: accelerations without velocities; give both, or none")
         if velocities is None:
             v, a, way = interpolant(t, p)
             derivation = f"derivatives of the {way} through the positions"
@@ -143,8 +145,13 @@ class Demonstration:
                     f"{name}: rotations: sample {k + 1} has norm {norms[k]:.4g}; give unit"
                     " quaternions w, x, y, z"
                 )
-            q = so3.make_continuous(q)
+            # What is a unit quaternion but for rounding stays as it is.
+            q = so3.make_continuous(q if abs(norms[k] - 1.0) < 1e-6 else so3.normalize(q))
         j = None
+        joint_names = tuple(joint_names)
+        named = all(isinstance(joint, str) for joint in joint_names)
+        if not named or len(set(joint_names)) < len(joint_names):
+            raise InputError(f"{name}: joint_names {joint_names!r} must be different words")
         if joints is not None:
             j = _numbers(joints, (len(t), len(joint_names)), name, "joints")
         return cls(
@@ -154,7 +161,7 @@ class Demonstration:
             accelerations=a,
             rotations=q,
             joints=j,
-            joint_names=tuple(joint_names),
+            joint_names=joint_names,
             name=name,
             derivation=derivation,
         )
@@ -324,9 +331,13 @@ class Demonstration:
 def _numbers(values: npt.ArrayLike, shape: tuple[int | None, ...], name: str, label: str) -> Array:
     """Returns an array of finite numbers of a shape; None in it is any size."""
     try:
-        array = np.array(values, dtype=float)
+        given = np.asanyarray(values)
+        real = not np.ma.is_masked(given) and not np.iscomplexobj(given)
+        array = np.array(values, dtype=float) if real else np.empty(0)
     except (TypeError, ValueError):
         raise InputError(f"{name}: {label} are not an array of numbers") from None
+    if not real:
+        raise InputError(f"{name}: {label} hold masked or complex values; give numbers alone")
     fits = len(array.shape) == len(shape) and all(
         size in (None, own) for own, size in zip(array.shape, shape, strict=True)
     )

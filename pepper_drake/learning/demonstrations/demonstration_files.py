@@ -25,7 +25,7 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text, write_atomically
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.demonstrations.check import refuse_impossible
+from pepper_drake.learning.demonstrations.conditioning import CAREFUL
 from pepper_drake.learning.demonstrations.demonstration import RECORDED, Demonstration
 from pepper_drake.learning.demonstrations.importers import ImportOptions, Track, read_tracks
 from pepper_drake.learning.demonstrations.importers.table import check_file
@@ -35,6 +35,7 @@ from pepper_drake.learning.demonstrations.interpretation import (
     interpret_joints,
 )
 from pepper_drake.learning.demonstrations.recording import PARTIAL, read_partial
+from pepper_drake.learning.demonstrations.refusals import refuse_impossible
 from pepper_drake.learning.demonstrations.text_files import (
     format_table,
     parse_table,
@@ -193,7 +194,7 @@ def _read_folder(path: Path) -> Track:
         recorded, _ = _read_table(rotation, _COLUMNS, _ROTATION_MEANING)
         _check_times(recorded[:, 0], table[:, 0], rotation, translation)
         angles = recorded[:, 1:]
-    width = table.shape[1]
+    width = min(table.shape[1], _recorded_width(translation))
     return Track(
         translation,
         path.name,
@@ -207,6 +208,17 @@ def _read_folder(path: Path) -> Track:
         joint_names=names,
         lines=lines,
     )
+
+
+def _recorded_width(path: Path) -> int:
+    """Returns how many columns are taken: the rates of few samples are derived again.
+
+    Between few samples the second derivative jumps, and does not pass for that of the first.
+    """
+    header = read_text(path).partition("\n")[0]
+    if not header.startswith("#") or CAREFUL not in header:
+        return 10
+    return 4 if "through the positions" in header else 7
 
 
 def _read_table(path: Path, columns: tuple[int, ...], meaning: str) -> tuple[Array, Lines]:

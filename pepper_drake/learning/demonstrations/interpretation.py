@@ -13,15 +13,6 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.arm_chain import ARMS, arm_chain, joint_limits, rotate
-from pepper_drake.learning.demonstrations.check import (
-    HAND_DISTANCE,
-    find_outliers,
-    refuse_far,
-    refuse_impossible,
-    refuse_jumps,
-    refuse_limits,
-    refuse_time,
-)
 from pepper_drake.learning.demonstrations.conditioning import (
     LEVER,
     LOUD,
@@ -42,6 +33,17 @@ from pepper_drake.learning.demonstrations.importers.options import (
 )
 from pepper_drake.learning.demonstrations.importers.track import Track
 from pepper_drake.learning.demonstrations.orientation_columns import read_rotations
+from pepper_drake.learning.demonstrations.refusals import (
+    HAND_DISTANCE,
+    find_outliers,
+    refuse_far,
+    refuse_impossible,
+    refuse_jumps,
+    refuse_limits,
+    refuse_rest,
+    refuse_time,
+    refuse_unreached,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -90,6 +92,10 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
         placed = _in_torso(placed, track, options, notes)
     where = track.where
     refuse_far(placed.positions, where)
+    if joints is None and (options.frame, options.start) == (None, None):
+        refuse_unreached(placed.positions, where)
+    if options.unit is None:
+        refuse_rest(placed.positions, placed.rotations, where)
     if options.time is None and track.time_unit is None:
         refuse_time(track.times, placed.positions, where)
     if options.drop_outliers:
@@ -349,6 +355,11 @@ def _joints(
         unit = "rad"  # What is in degrees is the orientation.
     elif unit == "deg":
         notes.append("joints in degrees")
+        if whole and options.angle is None and np.abs(track.joints).max() < np.pi:
+            raise InputError(
+                f"{track.path}: joints in degrees, but none is beyond 3.1; say --angle rad or"
+                " --angle deg"
+            )
     joints = track.joints * ANGLES[unit]
     if not whole:
         joints_of_arm, joint_names = _part_of_an_arm(track, names, joints, notes)

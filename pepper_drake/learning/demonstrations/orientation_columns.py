@@ -1,17 +1,23 @@
 """The orientation columns of a file: the order of a quaternion, the unit of angles."""
 
+from typing import TypeGuard
+
 import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.demonstrations.arm_chain import ARMS, arm_chain
-from pepper_drake.learning.demonstrations.check import FARTHEST, HAND_TURN, turn_between
+from pepper_drake.learning.demonstrations.arm_chain import arm_chain
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.demonstrations.importers.options import ANGLES, ImportOptions
 from pepper_drake.learning.demonstrations.importers.track import Track
+from pepper_drake.learning.demonstrations.refusals import FARTHEST, HAND_TURN, turn_between
 
 Array = npt.NDArray[np.float64]
+
+_FITS, _MISSES = 2e-3, 0.02
+"""Poses nearer than the first [m] to what the arm can take are the arm's, farther than the second
+are not; a radian counts 0.1 m."""
 
 _MOST_TURN = 2.2 * np.pi
 """Roll, pitch and yaw beyond this [rad] are degrees: a hand does not turn more than once."""
@@ -39,7 +45,7 @@ def read_rotations(
         InputError: With file, line and the mend.
     """
     if track.angles is not None:
-        return _from_angles(track, options, arm, joints, notes)
+        return _from_angles(track, options, arm, joints, positions, notes)
     q = track.rotations
     if q is None:
         return None, None
@@ -52,58 +58,109 @@ def read_rotations(
             " a unit quaternion"
         )
     q = so3.make_continuous(q if track.quaternion == "wxyz" else so3.normalize(q))
+    orders = {"wxyz": q, "xyzw": q[:, [3, 0, 1, 2]]}
     order = options.quaternion or track.quaternion
-    if options.quaternion is None and track.frame is None:
-        found = _order_by_arm(track, q, arm, joints, positions)
+    if options.quaternion is None and _in_torso(track, options):
+        named = track.quaternion is not None and not track.kind.startswith("poses")
+        found = None if named else _order_by_arm(orders, arm, joints, positions)
         if found is not None and found != order:
             order = found
             notes.append(
                 f"quaternions are {found}: Pepper's arm reaches the poses in no other order"
             )
+        elif order is not None:
+            others = {name: r for name, r in orders.items() if name != order}
+            inverse = {f"{order} of the inverse rotation": so3.conjugate(orders[order])}
+            _refuse_other_reading(track, orders[order], others | inverse, joints, positions)
     if order is None:
         raise InputError(
             f"{track.path}: the order of the quaternion's columns is not said, and both are"
             " possible; say --quaternion wxyz or --quaternion xyzw"
         )
-    return (q if order == "wxyz" else q[:, [3, 0, 1, 2]]), None
+    return orders[order], None
 
 
 def _order_by_arm(
-    track: Track, q: Array, arm: str | None, joints: Array | None, positions: Array | None
+    orders: dict[str, Array], arm: str | None, joints: Array | None, positions: Array | None
 ) -> str | None:
     """Returns the order in which the orientations are those of Pepper's hand, None if unsure.
 
     With the arm's joints by forward kinematics; without, by the poses that an arm of five joints
     can take: a wrong order is none of them.
     """
-    if track.quaternion is not None and not track.kind.startswith("poses"):
-        return None  # The names of the columns say it.
-    orders = {"wxyz": q, "xyzw": q[:, [3, 0, 1, 2]]}
     if joints is not None and arm is not None and joints.shape[1] == 5:
         hand = arm_chain(arm).hand(joints)[1]
         turns = {name: turn_between(hand, r) for name, r in orders.items()}
         best = min(turns, key=lambda name: turns[name])
         return best if turns[best] < HAND_TURN < max(turns.values()) else None
-    if positions is None or positions.shape[1] != 3:
+    if not _may_be_a_hand(positions):
         return None
-    if float(np.linalg.norm(positions, axis=1).max()) > FARTHEST:
-        return None
-    samples = sorted({0, len(q) // 3, 2 * len(q) // 3, len(q) - 1})
-    for name, r in orders.items():
-        other = orders["xyzw" if name == "wxyz" else "wxyz"]
-        for side in ARMS if arm is None else (arm,):
-            chain = arm_chain(side)
-            if all(chain.pose_distance(positions[k], r[k]) < 2e-3 for k in samples):
-                misses = [
-                    min(arm_chain(s).pose_distance(positions[k], other[k]) for s in ARMS)
-                    for k in samples
-                ]
-                return name if max(misses) > 0.02 else None
-    return None
+    misses = {name: _miss(positions, r) for name, r in orders.items()}
+    best = min(misses, key=lambda name: misses[name])
+    return best if misses[best] < _FITS and max(misses.values()) > _MISSES else None
+
+
+def _refuse_other_reading(
+    track: Track,
+    rotations: Array,
+    others: dict[str, Array],
+    joints: Array | None,
+    positions: Array | None,
+) -> None:
+    """Refuses orientations that Pepper's hand cannot have, where another reading of them fits.
+
+    Without joints; with them, the check of the demonstration compares orientation and joints.
+    """
+    if joints is not None or not _may_be_a_hand(positions):
+        return
+    if _miss(positions, rotations) < _MISSES:
+        return
+    for name, other in others.items():
+        if _miss(positions, other) < _FITS:
+            raise InputError(
+                f"{track.path}: Pepper's hand cannot be turned so at these positions, but it can if"
+                f" the orientation is read as {name}; write it as a quaternion qw, qx, qy, qz of"
+                " the hand in the torso frame, or say --quaternion if it is right"
+            )
+
+
+def _in_torso(track: Track, options: ImportOptions) -> bool:
+    """Tells whether the poses are in the torso frame as far as anybody says."""
+    return (
+        track.frame in (None, "torso", "base_link")
+        and options.frame in (None, "torso")
+        and (options.start, options.up, options.unit) == (None, None, None)
+    )
+
+
+def _may_be_a_hand(positions: Array | None) -> TypeGuard[Array]:
+    return (
+        positions is not None
+        and positions.shape[1] == 3
+        and float(np.linalg.norm(positions, axis=1).max()) <= FARTHEST
+    )
+
+
+def _miss(positions: Array, rotations: Array) -> float:
+    """Returns how far four of the poses are, at worst, from any that the better arm can take."""
+    count = len(positions)
+    samples = sorted({0, count // 3, 2 * count // 3, count - 1})
+    right = positions[:, 1].mean() < 0.0
+    nearest = np.inf
+    for arm in ("right", "left") if right else ("left", "right"):
+        if nearest > _FITS:
+            away = arm_chain(arm).pose_distances(positions[samples], rotations[samples])
+            nearest = min(nearest, float(away.max()))
+    return nearest
 
 
 def _from_angles(
-    track: Track, options: ImportOptions, arm: str | None, joints: Array | None, notes: list[str]
+    track: Track,
+    options: ImportOptions,
+    arm: str | None,
+    joints: Array | None,
+    positions: Array | None,
+    notes: list[str],
 ) -> tuple[Array, Array | None]:
     assert track.angles is not None
     assert track.times is not None
@@ -122,6 +179,17 @@ def _from_angles(
                 f"{track.where(int(k))}: an angle of {values[k, j]:.4g} rad is more than a turn;"
                 " are they degrees (--angle deg)?"
             )
+    if options.angle is None and _in_torso(track, options):
+        roll, pitch, yaw = values[:, :3].T
+        others = {
+            "turns about the hand's own axes x, y, z": so3.conjugate(
+                so3.from_angles(-values[:, [0, 1, 2]])
+            ),
+            "yaw, pitch, roll": so3.from_angles(np.column_stack((yaw, pitch, roll))),
+        }
+        if unit is None:
+            others["angles in degrees (--angle deg)"] = so3.from_angles(np.radians(values[:, :3]))
+        _refuse_other_reading(track, so3.from_angles(values[:, :3]), others, joints, positions)
     values[:, :3] = np.unwrap(values[:, :3], axis=0)
     try:
         motion = Demonstration.from_positions(

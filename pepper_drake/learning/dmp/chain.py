@@ -185,6 +185,10 @@ class Chain:
         for k in range(leg, len(legs)):
             before, own = legs[k - 1], legs[k]
             fixed = own.step.primitive is not None and not own.step.relative
+            if _is_shifted(own, before):
+                shift = before.positions[-1] - own.positions[0]
+                legs[k] = replace(own, positions=own.positions + shift)
+                continue
             legs[k] = _leg(
                 replace(own.step, goal=own.positions[-1]) if fixed else own.step,
                 before.positions[-1],
@@ -198,6 +202,19 @@ class Chain:
             if fixed:
                 break
         return replace(self, legs=tuple(legs))
+
+
+def _is_shifted(own: Leg, before: Leg) -> bool:
+    """Tells whether a leg is the same motion from another place, given the leg before it."""
+    step = own.step
+    follows = step.goal is None and (step.primitive is None or step.relative) and not step.via
+    pairs = [
+        (own.velocities[0], before.velocities[-1]),
+        (own.accelerations[0], before.accelerations[-1]),
+    ]
+    if own.rotations is not None and before.rotations is not None:
+        pairs.append((own.rotations[0], before.rotations[-1]))
+    return follows and all(float(np.abs(a - b).max()) < 1e-9 for a, b in pairs)
 
 
 def plan_chain(
@@ -353,27 +370,28 @@ def _powers(width: float) -> Array:
     return np.array([[1.0], [width], [width * width]])
 
 
+# 1 - 10 u^3 + 15 u^4 - 6 u^5 and so on: the Hermite basis of the fifth degree.
+_HERMITE = np.array(
+    [
+        [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
+        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
+        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
+    ]
+)
+_QUINTICS = tuple(
+    np.pad(np.polynomial.polynomial.polyder(_HERMITE, order, axis=1), ((0, 0), (0, order)))
+    for order in range(3)
+)
+"""Its coefficients, and those of its first and second derivatives."""
+
+
 def _from_end(u: Array, wanted: Array) -> Array:
     """Returns (3, N, D): quintics of u with given value, slope and curvature at 0, none at 1.
 
     Value, first and second derivative by u; zero beyond u = 1.
     """
-    y, s, c = wanted
-    # 1 - 10 u^3 + 15 u^4 - 6 u^5 and so on: the Hermite basis of the fifth degree.
-    rows = np.array(
-        [
-            [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
-            [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
-            [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
-        ]
-    )
-    inside = (u < 1.0)[:, None]
-    parts = []
-    for order in range(3):
-        polynomials = [np.polynomial.polynomial.polyder(row, order) for row in rows]
-        values = [np.polynomial.polynomial.polyval(u, poly)[:, None] for poly in polynomials]
-        parts.append(np.where(inside, values[0] * y + values[1] * s + values[2] * c, 0.0))
-    return np.stack(parts)
+    powers = (u < 1.0)[:, None] * u[:, None] ** np.arange(6)
+    return np.stack([powers @ (rows.T @ wanted) for rows in _QUINTICS])
 
 
 def _through(step: Step, times: Array, p: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators.registry import LinearForcingModel
-from pepper_drake.learning.demonstrations.check import refuse_impossible, refuse_unlike
 from pepper_drake.learning.demonstrations.conditioning import hermite
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.demonstrations.refusals import refuse_impossible, refuse_unlike
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.learning.dmp.orientation import OrientationAttractor, learn_orientation
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
@@ -57,6 +57,17 @@ FIT_TOLERANCE = 0.005
 is left open, it is doubled."""
 
 _MOST_SAMPLES, _FEWEST_NUM_BASIS = 6000, 8
+_MOST_STEPS = 10_000_000
+_FEWEST_EACH, _FILLED_EACH = 2, 6
+"""Samples for each basis function below which the way between is filled in, and then so densely:
+with two that are made up, the last basis functions are weighted beyond measure."""
+
+
+def _dense(demonstration: Demonstration, num_basis: int) -> Demonstration:
+    """Returns a demonstration with enough samples for a number of basis functions."""
+    share = demonstration.duration / max(num_basis, 1)
+    filled = demonstration.filled(share / _FEWEST_EACH)
+    return filled if filled is demonstration else demonstration.filled(share / _FILLED_EACH)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,8 +163,8 @@ class MovementPrimitive:
         demos = (
             [demonstrations] if isinstance(demonstrations, Demonstration) else list(demonstrations)
         )
-        if not demos:
-            raise InputError("demonstrations: none given; a primitive needs at least one")
+        if not demos or not all(isinstance(demo, Demonstration) for demo in demos):
+            raise InputError("demonstrations: give one or several; Demonstration.load reads them")
         if not alpha_z > 0.0:
             raise InputError(f"alpha_z: {alpha_z} is not positive")
         if check:
@@ -186,10 +197,7 @@ class MovementPrimitive:
         alpha_z: float,
         seed: int,
     ) -> Self:
-        demos = [
-            demo.thinned(_MOST_SAMPLES).filled(demo.duration / (2 * max(num_basis, 1)))
-            for demo in demonstrations
-        ]
+        demos = [_dense(demo.thinned(_MOST_SAMPLES), num_basis) for demo in demonstrations]
         samples = [motion_sample(demo) for demo in demos]
         times = [sample.times for sample in samples]
         turning = None
@@ -425,13 +433,22 @@ class MovementPrimitive:
     def _check(
         self, time_step: float, duration: float | None, settle: float
     ) -> tuple[float, float, float]:
-        tau = self.duration if duration is None else float(duration)
+        try:
+            tau = self.duration if duration is None else float(duration)
+            time_step, settle = float(time_step), float(settle)
+        except (TypeError, ValueError):
+            raise InputError("duration, time_step and settle must be numbers") from None
         for label, value in (("duration", tau), ("time_step", time_step)):
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"{label}: {value} is not a positive number of seconds")
         if not (np.isfinite(settle) and settle >= 0.0):
             raise InputError(f"settle: {settle} is negative or not finite; give it in tau")
-        return tau, float(time_step), float(settle)
+        if tau * (1.0 + settle) / time_step > _MOST_STEPS:
+            raise InputError(
+                f"time_step: {time_step:g} s makes more than {_MOST_STEPS} samples of {tau:g} s; "
+                "give a longer one"
+            )
+        return tau, time_step, settle
 
     def _complete(
         self,

@@ -13,6 +13,9 @@ LONGEST, SHORTEST = 600.0, 0.01
 FARTHEST = 10.0
 """An arm's movement stays within this of its torso's frame [m]."""
 
+_FASTEST_TURN = 1e3
+"""No hand turns faster [rad/s]."""
+
 _STEPS = 200
 _MOST_NUMBERS = 4_000_000
 """Limit of samples at 100 Hz by basis functions: what a rollout takes of memory."""
@@ -54,6 +57,10 @@ def check_movement(primitive: MovementPrimitive, path: Path) -> MovementPrimitiv
             arrays = [path_T.positions, path_T.velocities, path_T.accelerations]
             if path_T.rotations is not None:
                 arrays.append(path_T.rotations)
+            if path_T.angular_velocities is not None:
+                arrays.append(path_T.angular_velocities)
+                if np.any(np.abs(path_T.angular_velocities) > _FASTEST_TURN):
+                    raise ValueError(f"the hand turns faster than {_FASTEST_TURN:g} rad/s")
             if primitive.posture is not None:
                 joints = primitive.posture.at(np.linspace(0.0, 1.0, 11))
                 arrays.append(joints)

@@ -27,6 +27,15 @@ from pepper_drake.errors import InputError
 _CLOSEST = 0.05
 """Depth from which on depths are rendered [m]."""
 
+_LARGEST_IMAGE = 20_000
+"""Most pixels that a side of an image may have: more than any camera has."""
+
+_LARGEST_DISTORTION = 1e4
+"""Largest coefficient of distortion; those of the rational model may be tens."""
+
+_LARGEST_FOCAL = 1e6
+"""Largest focal length [pixels]: that of a telescope."""
+
 
 @dataclass(frozen=True)
 class CameraIntrinsics:
@@ -62,9 +71,19 @@ class CameraIntrinsics:
         object.__setattr__(self, "distortion", _checked_distortion(self.distortion))
         if self.width <= 0 or self.height <= 0:
             raise InputError(f"camera: image size {self.width}x{self.height} must be positive.")
-        if not (self.focal_x > 0 and self.focal_y > 0):
+        if max(self.width, self.height) > _LARGEST_IMAGE:
             raise InputError(
-                f"camera: focal lengths ({self.focal_x}, {self.focal_y}) must be positive."
+                f"camera: image size {self.width:g}x{self.height:g}; no side may have more than "
+                f"{_LARGEST_IMAGE} pixels."
+            )
+        if not (0 < self.focal_x <= _LARGEST_FOCAL and 0 < self.focal_y <= _LARGEST_FOCAL):
+            raise InputError(
+                f"camera: focal lengths ({self.focal_x:g}, {self.focal_y:g}) must be positive and "
+                f"at most {_LARGEST_FOCAL:g} pixels."
+            )
+        if not max(abs(self.center_x), abs(self.center_y)) <= _LARGEST_FOCAL:
+            raise InputError(
+                f"camera: centre ({self.center_x:g}, {self.center_y:g}) must be pixels."
             )
         if not 0 < self.near < self.far:
             raise InputError(
@@ -231,6 +250,8 @@ def _checked_distortion(distortion: npt.ArrayLike) -> tuple[float, ...]:
             f"camera: {len(numbers)} distortion coefficients; give none, or 4, 5 or 8 numbers "
             "(k1, k2, p1, p2, k3, k4, k5, k6)."
         )
+    if np.any(np.abs(numbers) > _LARGEST_DISTORTION):
+        raise InputError(f"camera: a distortion coefficient is above {_LARGEST_DISTORTION:g}.")
     if np.any(numbers[8:]):
         raise InputError(
             "camera: the distortion of a thin prism or a tilted sensor (coefficients 9 to 14) is "

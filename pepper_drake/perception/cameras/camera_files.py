@@ -1,7 +1,8 @@
 """Reads a camera's intrinsics from the files that calibration tools write.
 
 Read are ROS `camera_info` (the YAML of `camera_calibration` and a printed `CameraInfo` message),
-OpenCV's FileStorage (YAML, JSON or XML, as its calibration samples write it) and NAOqi's names of
+OpenCV's FileStorage (YAML, JSON or XML, as its calibration samples write it), files that give focal
+lengths and principal point one by one (Kalibr, EuRoC, RealSense, ORB-SLAM), and NAOqi's names of
 camera and resolution with their fields of view.
 """
 
@@ -34,15 +35,34 @@ _DISTORTION_NAMES = (
     "distCoeffs",
     "dist_coeffs",
     "distortionCoefficients",
+    "distortion_coeffs",
+    "dist_coeff",
+    "coeffs",
     "D",
     "d",
     "dist",
 )
-_WIDTH_NAMES = ("image_width", "image_Width", "imageWidth", "width")
-_HEIGHT_NAMES = ("image_height", "image_Height", "imageHeight", "height")
-_SIZE_NAMES = ("image_size", "imageSize", "img_size", "size")
-_PINHOLE_MODELS = ("plumb_bob", "rational_polynomial", "brown_conrady", "radtan", "")
-_FISHEYE_MODELS = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "omnidir", "fov")
+_WIDTH_NAMES = ("image_width", "image_Width", "imageWidth", "width", "Camera.width")
+_HEIGHT_NAMES = ("image_height", "image_Height", "imageHeight", "height", "Camera.height")
+_PARAMETER_NAMES = (
+    ("fx", "Camera.fx", "Camera1.fx"),
+    ("fy", "Camera.fy", "Camera1.fy"),
+    ("cx", "ppx", "Camera.cx", "Camera1.cx"),
+    ("cy", "ppy", "Camera.cy", "Camera1.cy"),
+)
+_SIZE_NAMES = ("image_size", "imageSize", "img_size", "size", "resolution")
+_PINHOLE_MODELS = (
+    "plumb_bob", "rational_polynomial", "brown_conrady", "brown conrady", "radtan",
+    "radial-tangential", "none", "pinhole", "opencv", "",
+)  # fmt: skip
+_FISHEYE_MODELS = (
+    "equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "kannalabrandt8", "kb4",
+    "omnidir", "omni", "mei", "ds", "eucm", "fov",
+)  # fmt: skip
+_MODEL_NAMES = ("distortion_model", "camera_model", "camera_type", "Camera.type", "model")
+
+_OFF_CENTRE = 0.15
+"""The principal point is nearer to the image's middle than this share of its size."""
 
 _LARGEST = 2**20
 """Largest calibration file [bytes]."""
@@ -86,6 +106,9 @@ def _read(path: Path) -> dict[str, Any]:
     # A file storage of OpenCV is YAML or JSON but for its first line and the name of its matrices.
     # OpenCV itself is not asked: its parser crashes on damaged files.
     text = re.sub(r"^%YAML[: ]1\.[0-9]+", "", text.lstrip(), count=1)
+    text = re.sub(r"\n---\s*\Z", "\n", text)  # As ROS prints a message.
+    if text.startswith("# oST"):
+        raise InputError(f"{path}: is ROS's old INI file; give the YAML that is written beside it.")
     text = re.sub(r"!!(?:opencv-matrix|opencv-nd-matrix|map)", "", text)
     root = compose(text, str(path))
     content = None if root is None else construct(root, str(path))
@@ -94,6 +117,11 @@ def _read(path: Path) -> dict[str, Any]:
             f"{path}: holds no camera; expected are camera_matrix, image_width, image_height and "
             "distortion_coefficients."
         )
+    cameras = [name for name, value in content.items() if re.fullmatch(r"cam\d+", str(name))]
+    if len(cameras) > 1:
+        raise InputError(f"{path}: has {len(cameras)} cameras (Kalibr's); give a file of one.")
+    if cameras and isinstance(content[cameras[0]], dict):
+        content = content[cameras[0]]
     return {str(name): _plain(value) for name, value in content.items()}
 
 
@@ -155,7 +183,7 @@ def _intrinsics(entries: Mapping[str, Any], where: str) -> CameraIntrinsics:
     if "camera" in entries and "resolution" in entries:
         return _naoqi(entries, where)
     _refuse_other_lenses(entries, where)
-    found = _first(entries, _MATRIX_NAMES)
+    found = _first(entries, _MATRIX_NAMES) or _parameters(entries)
     if found is None:
         raise InputError(
             f"{where}: has no camera matrix; name it camera_matrix (OpenCV, ROS) or K."
@@ -164,9 +192,29 @@ def _intrinsics(entries: Mapping[str, Any], where: str) -> CameraIntrinsics:
     matrix = _numbers(value)
     if matrix is None or matrix.size != 9:
         raise InputError(f"{where}: {name} must be 9 numbers, the rows of a 3x3 camera matrix.")
-    return make_intrinsics(
-        matrix.reshape(3, 3), _distortion(entries, where), _image_size(entries, where), where=where
-    )
+    size = _image_size(entries, where)
+    camera = make_intrinsics(matrix.reshape(3, 3), _distortion(entries, where), size, where=where)
+    for axis, center, length in zip("xy", (camera.center_x, camera.center_y), size, strict=True):
+        if abs(center + 0.5 - length / 2) > _OFF_CENTRE * length:
+            raise InputError(
+                f"{where}: the principal point is at {axis} = {center:g} of {length} pixels, far "
+                "from the middle; is the matrix of images of another size?"
+            )
+    return camera
+
+
+def _parameters(entries: Mapping[str, Any]) -> tuple[str, Any] | None:
+    """A camera matrix of focal lengths and principal point that are given one by one."""
+    listed = _numbers(entries.get("intrinsics", ()))
+    if listed is not None and listed.size == 4:
+        name, values = "intrinsics", list(listed)
+    else:
+        found = [_first(entries, names) for names in _PARAMETER_NAMES]
+        name, values = "fx, fy, cx, cy", [entry[1] for entry in found if entry is not None]
+    if len(values) != 4:
+        return None
+    fx, fy, cx, cy = values
+    return name, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
 
 
 def make_intrinsics(
@@ -208,19 +256,23 @@ def make_intrinsics(
 
 def _refuse_other_lenses(entries: Mapping[str, Any], where: str) -> None:
     """Raises for what is no pinhole image of the whole sensor."""
-    named = _first(entries, ("distortion_model", "camera_model"))
-    model = "" if named is None else str(named[1]).strip().lower()
-    is_fisheye = model in _FISHEYE_MODELS or bool(entries.get("fisheye_model", 0))
-    if is_fisheye:
-        raise InputError(
-            f"{where}: is of a fisheye lens ({model or 'fisheye_model'}); undistort its images and "
-            "give the calibration of the undistorted ones."
-        )
-    if model not in (*_PINHOLE_MODELS, "pinhole"):
-        raise InputError(
-            f"{where}: distortion model {model!r} is unknown; plumb_bob and rational_polynomial "
-            "are read."
-        )
+    for name in _MODEL_NAMES:
+        model = str(entries.get(name) or "").strip().lower().removeprefix("distortion.")
+        is_fisheye = bool(entries.get("fisheye_model", 0)) or "xi" in entries
+        if is_fisheye or model in _FISHEYE_MODELS:
+            raise InputError(
+                f"{where}: is of a fisheye lens ({model or 'fisheye_model or xi'}); undistort its "
+                "images and give the calibration of the undistorted ones."
+            )
+        if model in ("inverse_brown_conrady", "inverse brown conrady", "modified_brown_conrady"):
+            coefficients = _numbers(entries.get("coeffs", ()))
+            if coefficients is None or not np.any(coefficients):
+                continue
+        if model not in _PINHOLE_MODELS:
+            raise InputError(
+                f"{where}: distortion model {model!r} is unknown; plumb_bob and "
+                "rational_polynomial are read."
+            )
     for name in ("binning_x", "binning_y"):
         if _number(entries, name, where) > 1:
             raise InputError(
@@ -247,6 +299,12 @@ def _number(entries: Mapping[str, Any], name: str, where: str) -> float:
 def _distortion(entries: Mapping[str, Any], where: str) -> npt.NDArray[np.float64]:
     found = _first(entries, _DISTORTION_NAMES)
     if found is None:
+        words = [
+            _first(entries, (name, f"Camera.{name}", f"Camera1.{name}"))
+            for name in ("k1", "k2", "p1", "p2", "k3")
+        ]
+        if any(words):
+            return np.array([0.0 if w is None else _number({"k": w[1]}, "k", where) for w in words])
         if _first(entries, ("distortion_model",)) is None:
             raise InputError(
                 f"{where}: has no distortion_coefficients; write an empty list if the lens has no "
@@ -275,7 +333,7 @@ def _image_size(entries: Mapping[str, Any], where: str) -> tuple[int, int]:
         whole = [int(value) for value in values]
         if len(whole) != 2 or any(float(v) != w for v, w in zip(values, whole, strict=True)):
             raise ValueError
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"{where}: image size {values} must be two whole numbers of pixels."
         ) from error

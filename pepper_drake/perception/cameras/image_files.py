@@ -30,6 +30,14 @@ def read_image(path: str | Path) -> npt.NDArray[Any]:
         image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if content.size else None
     except cv2.error:
         image = None
+    if image is not None and content[:2].tobytes() == b"\xff\xd8":
+        turned = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE)
+        plain = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+        if turned.shape != plain.shape or np.any(turned != plain):
+            raise InputError(
+                f"{path}: is to be shown turned or mirrored, by its EXIF orientation; save it as it"
+                " is shown, and give the intrinsics of such images."
+            )
     if image is None:
         raise InputError(f"{path}: OpenCV cannot read this image; give a PNG, JPEG or TIFF file.")
     return np.asarray(image)

@@ -12,6 +12,8 @@ Image = npt.NDArray[np.uint8]
 
 COLOR_ORDERS = ("rgb", "bgr")
 """Orders of the first three channels; a fourth is transparency."""
+_FEWEST_LEVELS = 1024
+"""Pixels of 16 bits that all are darker than this use the lowest bits alone."""
 _CHANNELS = (1, 3, 4)
 
 
@@ -36,6 +38,11 @@ def to_8_bit(image: npt.NDArray[Any]) -> Image:
     if image.dtype == np.uint8:
         return image
     if image.dtype == np.uint16:
+        if 0 < image.max(initial=0) < _FEWEST_LEVELS:
+            raise InputError(
+                f"image: its brightest pixel of 16 bits is {image.max()}; shift the bits that are "
+                "used to the top, or give 8 bits."
+            )
         return np.asarray((image.astype(np.uint32) + 128) // 257, np.uint8)
     if image.dtype == bool:
         return np.asarray(image * np.uint8(255))

@@ -99,7 +99,7 @@ NO_DEPTH_NOISE = DepthNoise(
 """A depth camera that errs in nothing."""
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=4)
 def _normal_field(
     seed: int, height: int, width: int, channels: int, blur: float
 ) -> npt.NDArray[np.float32]:
@@ -115,7 +115,7 @@ def _normal_field(
     return field
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=4)
 def _uniform_field(seed: int, height: int, width: int) -> npt.NDArray[np.float32]:
     rng = np.random.default_rng([seed, height, width])
     field = rng.random((height + _SHIFTS, width + _SHIFTS), dtype=np.float32)
@@ -126,7 +126,8 @@ def _uniform_field(seed: int, height: int, width: int) -> npt.NDArray[np.float32
 @functools.lru_cache(maxsize=4)
 def _color_field(seed: int, height: int, width: int, sigma: float) -> npt.NDArray[np.int8]:
     """Colour noise in grey levels; the alpha channel has none."""
-    noise = _normal_field(seed, height, width, 4, 0.0) * sigma
+    # Not from the cache: nobody else wants this one, which is large.
+    noise = _normal_field.__wrapped__(seed, height, width, 4, 0.0) * sigma
     field = np.clip(np.rint(noise), -127, 127).astype(np.int8)
     field[..., 3] = 0
     field.setflags(write=False)

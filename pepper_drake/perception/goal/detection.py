@@ -19,6 +19,7 @@ from pepper_drake.perception.goal.marker import (
     MARKER_DICTIONARY,
     Detection,
     check_marker,
+    check_side,
     choose_pose,
     detect_markers,
     marker_poses,
@@ -52,8 +53,7 @@ class MarkedObject:
 
     def __post_init__(self) -> None:
         check_marker(self.dictionary, self.marker_id)
-        if not self.marker_size > 0:
-            raise InputError(f"marker size {self.marker_size} must be positive.")
+        check_side(self.marker_size)
 
     @classmethod
     def from_scene(cls, goal: GoalObject) -> "MarkedObject":
@@ -154,6 +154,8 @@ def detect_goal(
 
 def check_image_size(image: npt.NDArray[Any], intrinsics: CameraIntrinsics) -> None:
     """Raises InputError for an image of another size than the camera's."""
+    if image.ndim not in (2, 3):
+        raise InputError(f"image: shape {image.shape} is not (height, width[, channels]).")
     height, width = image.shape[:2]
     if (width, height) != (intrinsics.width, intrinsics.height):
         raise InputError(

@@ -28,6 +28,9 @@ _CORNER_SIGMA = 0.2
 _SECOND_CORNER_SIGMA = 0.4
 """Standard deviations of a corner's coordinate, by the detector that found it [pixels], ..."""
 
+_LARGEST_SIDE = 2.0
+"""Side of a marker that no robot's goal exceeds [m]."""
+
 _SMALL_SIDE = 20.0
 """... and, for both, of markers whose shortest side is shorter than this [pixels]: the second one,
 which grows as the side shrinks."""
@@ -208,10 +211,18 @@ def _with_sigma(detection: Detection, corner_sigma: float) -> Detection:
     return replace(detection, corner_sigma=corner_sigma)
 
 
+def check_side(size: float) -> None:
+    """Raises InputError for what cannot be the side of a marker [m]."""
+    if not 0.0 < size <= _LARGEST_SIDE:
+        raise InputError(
+            f"marker size {size} must be the side of its black square in metres, at most "
+            f"{_LARGEST_SIDE:g}."
+        )
+
+
 def marker_corners(size: float) -> npt.NDArray[np.float64]:
     """Returns the corners (4, 3) of a marker of side `size` [m] in the marker frame."""
-    if not size > 0:
-        raise InputError(f"marker size {size} must be positive.")
+    check_side(size)
     h = size / 2
     return np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
 

@@ -21,6 +21,10 @@ Mask = npt.NDArray[np.bool_]
 
 _SMOOTH_SPREAD = 0.15
 """Inverse depths of 5x5 pixels on one surface differ by at most this share."""
+_MANY, _NEAREST_MM = 0.05, 150
+"""Where more than this share of an image is measured, and all of it nearer than this, the whole
+numbers are no millimetres: no depth camera measures there."""
+
 _FARTHEST_ROOM = 100.0
 """No depth camera sees farther, by half of its pixels [m]."""
 
@@ -112,8 +116,10 @@ def depth_in_metres(
             "with CameraIntrinsics.resized."
         )
     whole = depth.dtype.kind in "iu"
+    if scale is not None and not 0.0 < scale < np.inf:
+        raise InputError(f"depth image: its scale {scale} must be a positive length [m].")
+    _check_unit(depth, whole, scale)
     if scale is None:
-        _check_unit(depth, whole)
         scale = 0.001 if whole else 1.0
     metres = depth.astype(np.float32)
     metres *= np.float32(scale)
@@ -125,22 +131,24 @@ def depth_in_metres(
     return metres
 
 
-def _check_unit(depth: npt.NDArray[np.generic], whole: bool) -> None:
-    """Raises if an image cannot be in millimetres (whole numbers) or metres (floating ones)."""
-    if whole:
-        if depth.dtype.itemsize == 1:
-            raise InputError(
-                f"depth image: {depth.dtype} is too coarse for millimetres; give its scale, the "
-                "length of its unit in metres."
-            )
-        return
+def _check_unit(depth: npt.NDArray[np.generic], whole: bool, scale: float | None) -> None:
+    """Raises if an image cannot be in its unit: by its scale, else mm (whole numbers) or m."""
     values = depth[::7, ::7].astype(np.float64)
     with np.errstate(invalid="ignore"):
         values = values[np.isfinite(values) & (values > 0)]
-    if values.size and float(np.median(values)) > _FARTHEST_ROOM:
+    if whole:
+        values = values[(values != 65535) & (values != 2047)]
+        near = values.size > _MANY * depth.size / 49 and values.max() < _NEAREST_MM
+        if scale is None and (depth.dtype.itemsize == 1 or near):
+            raise InputError(
+                f"depth image: {depth.dtype} is too coarse for millimetres; give its "
+                "scale, the length of its unit in metres."
+            )
+    unit = scale or (0.001 if whole else 1.0)
+    if values.size and unit * float(np.median(values)) > _FARTHEST_ROOM:
         raise InputError(
-            f"depth image: {depth.dtype} counts as metres, but half of it is farther than "
-            f"{_FARTHEST_ROOM:g} m; give its scale, such as 0.001 for millimetres."
+            f"depth image: {depth.dtype} counts as units of {unit:g} m, but half of it is farther "
+            f"than {_FARTHEST_ROOM:g} m; give its scale, such as 0.001 for millimetres."
         )
 
 

@@ -14,7 +14,9 @@ _LARGEST = 512 * 2**20
 """Largest cloud file [bytes]."""
 _NAMES = ("positions", "points", "xyz", "xyzs", "arr_0")
 """Names of arrays that hold points."""
-_FARTHEST_ROOM = 100.0
+_FARTHEST = 1e6
+"""No point is farther away [m], whatever the unit."""
+_FARTHEST_ROOM = 15.0
 """Half of a cloud's points are nearer than this to its middle, if it is in metres [m]."""
 
 
@@ -42,6 +44,11 @@ def load_cloud(path: str | Path, *, scale: float = 1.0) -> npt.NDArray[np.float6
     points = points[np.isfinite(points).all(axis=1)] * scale
     if len(points) == 0:
         raise InputError(f"{path}: holds no finite point.")
+    if np.abs(points).max() > _FARTHEST:
+        raise InputError(
+            f"{path}: a point is {np.abs(points).max():.3g} m away; no more than {_FARTHEST:g} m "
+            "is read. Write what was not seen as nan."
+        )
     spread = float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
     if spread > _FARTHEST_ROOM:
         raise InputError(
@@ -96,6 +103,11 @@ def _array(path: Path, array: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
         raise InputError(
             f"{path}: an array of {array.dtype} with shape {array.shape} holds no points; (P, 3) "
             "numbers are read."
+        )
+    if array.shape[0] == 3 != array.shape[-1]:
+        raise InputError(
+            f"{path}: an array of shape {array.shape} has x, y, z along its first axis; give its "
+            "transpose, (P, 3)."
         )
     return np.asarray(array.reshape(-1, array.shape[-1])[:, :3], dtype=float)
 

@@ -25,3 +25,5 @@ class ReachCommand(IntEnum):
     """One reach, from the search for the goal on."""
     STOP = 2
     """The end of the present reach; the arm brakes and holds still."""
+    MOVE = 3
+    """One movement of the arm, planned from where the base stands."""

@@ -59,9 +59,12 @@ class ReachPlanner:
         self._body = BodyClearance(model, links)
         self._base_planner = BasePlacementPlanner(self._evaluator, self.base_placement)
 
-    def with_primitive(self, primitive: MovementPrimitive) -> "ReachPlanner":
-        """Returns the planner of another movement for the same task."""
-        return ReachPlanner(primitive, self._task)
+    def with_primitive(
+        self, primitive: MovementPrimitive, X_OG: RigidTransform | None = None
+    ) -> "ReachPlanner":
+        """Returns the planner of another movement for the same task, or for another goal."""
+        task = self._task if X_OG is None else replace(self._task, X_OG=X_OG)
+        return ReachPlanner(primitive, task)
 
     @property
     def demonstrated(self) -> Movement:

@@ -76,6 +76,7 @@ class ReachState:
         arrived: When the base last arrived where it was sent [s].
         started: When the arm first started [s].
         blind: Time for which the arm waited because depth images did not come [s].
+        may_drive: Whether the base may be sent to another place.
         look_at: Place in W that was not seen, or not lately, and that the arm is going to pass [m];
             NaN for none.
         steadiness: Of what is measured, since the arm started.
@@ -101,6 +102,7 @@ class ReachState:
     arrived: float = np.nan
     started: float = np.nan
     blind: float = 0.0
+    may_drive: bool = True
     look_at: tuple[float, float, float] = (np.nan, np.nan, np.nan)
     steadiness: Steadiness = field(default_factory=Steadiness)
     pending: tuple[Pending, ...] = ()

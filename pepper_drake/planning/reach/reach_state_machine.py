@@ -78,7 +78,11 @@ def obey(state: ReachState, command: ReachCommand, time: float) -> ReachState:
     if command == ReachCommand.STOP:
         is_over = state.mode in _RESTS
         return state if is_over else state.fail(time, "stopped", "the reach was stopped")
-    return state if state.mode != ReachMode.IDLE else ReachState(since=time)
+    if state.mode != ReachMode.IDLE:
+        return state
+    if command == ReachCommand.MOVE:
+        return ReachState(ReachMode.SETTLING, since=time, arrived=time, may_drive=False)
+    return ReachState(since=time)
 
 
 class _Supervision:
@@ -146,7 +150,7 @@ class _Supervision:
                 return replace(state, plan=None, look_at=(x, y, z))
             if not self._has_settled(state):
                 return replace(state, plan=None)  # More is seen after standing for longer.
-            if self._timing.drives and state.places < self._timing.places:
+            if self._drives(state) and state.places < self._timing.places:
                 return self._place_base(state)
             return state.fail(time, plan.status.value, plan.message)
         if plan.status != PlanStatus.CLEAR:
@@ -206,6 +210,9 @@ class _Supervision:
         if self._observation.base_arrived and has_started and not state.braking:
             return replace(state.to(ReachMode.SETTLING, time), arrived=time)
         return state
+
+    def _drives(self, state: ReachState) -> bool:
+        return self._timing.drives and state.may_drive
 
     def _has_settled(self, state: ReachState) -> bool:
         return self._time - state.since >= self._timing.settling - _ROUNDING

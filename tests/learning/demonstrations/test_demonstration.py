@@ -49,11 +49,22 @@ def test_quaternion_signs_become_continuous():
         ([0, 1, 2, 3], np.zeros((4, 2)), r"\(N, 3\)"),
         ([0, 1, 1, 3], np.zeros((4, 3)), "increase"),
         ([0, 1, 2, 3], np.full((4, 3), np.nan), "not finite"),
+        ([0, 1, 2, 3], np.zeros((4, 3)) + 1j, "complex"),
+        ([0, 1, 2, 3], np.ma.masked_equal(np.zeros((4, 3)), 0), "masked"),
+        ([0, 1, 2, 3], [[1, 2], [3]], "not an array"),
     ],
 )
 def test_refuses_bad_arrays(t, p, message):
     with pytest.raises(InputError, match=message):
         Demonstration.from_positions(t, p)
+
+
+@pytest.mark.parametrize("names", [("a", "a"), (1, 2)])
+def test_refuses_joints_of_one_name_and_of_none(names):
+    with pytest.raises(InputError, match="different words"):
+        Demonstration.from_positions(
+            times(4), np.zeros((4, 3)), joints=np.zeros((4, 2)), joint_names=names
+        )
 
 
 def test_mirroring_twice_gives_the_motion_back(demonstration):

@@ -1,7 +1,10 @@
 """What the numbers of a file mean: read rightly, or refused with the mend."""
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
@@ -32,7 +35,70 @@ def rows(*columns):
     return table(*columns, separator=" ")
 
 
+def recoded(text, code):
+    return text.encode(code)
+
+
+def stamps(pattern):
+    start = datetime(2024, 5, 3, 14, 2, 11)
+    return [(start + timedelta(seconds=float(t))).strftime(pattern) for t in T]
+
+
+def lined(first, *columns, header=""):
+    body = table(*columns).splitlines()
+    lines = [f"{word},{row}" for word, row in zip(first, body, strict=True)]
+    return "\n".join([*([header] * bool(header)), *lines]) + "\n"
+
+
+CSV = table(T, P, header=XYZ)
+ANGLES = np.unwrap(so3.to_angles(Q), axis=0)
+MATRICES = Rotation.from_quat(xyzw(MOTION)).as_matrix()
+
 READ = {
+    "UTF-16": (recoded(CSV, "utf-16"), {}),
+    "another code": (recoded("# für Zürich\n" + CSV, "latin-1"), {}),
+    "carriage returns alone": (CSV.replace("\n", "\r"), {}),
+    "bars": (CSV.replace(",", "|"), {}),
+    "decimal commas and spaces": (rows(T, P).replace(".", ","), {}),
+    "a line for Excel": ("sep=;\n" + CSV.replace(",", ";"), {}),
+    "titles above the names": ("My recording\nby Ann, in May\n" + CSV, {}),
+    "a title above numbers": ("My recording of Wednesday in May\n" + rows(T, P), {}),
+    "comments with slashes": ("// t in seconds\n" + rows(T, P), {}),
+    "a row of units": (table(T, 1e3 * P, header=f"{XYZ}\ns,mm,mm,mm"), {}),
+    "names twice": (CSV.replace("\n", f"\n{XYZ}\n", 1), {}),
+    "Fortran's exponents": (rows(T, P).replace("e", "D"), {}),
+    "dates": (lined(stamps("%Y-%m-%dT%H:%M:%S.%fZ"), P, header=XYZ), {}),
+    "times of day": (lined(stamps("%H:%M:%S.%f"), P), {}),
+    "seconds and nanoseconds": (
+        table(1.7e9 + T // 1, np.round(T % 1 * 1e9), P, header="stamp.sec,stamp.nanosec,x,y,z"),
+        {},
+    ),
+    "units in a comment": ("# positions in mm\n" + rows(T, 1e3 * P), {}),
+    "a frame in a comment": ("# frame: base_footprint\n" + rows(T, P + [0, 0, 0.82]), {}),
+    "inches in the names": (table(T, P / 0.0254, header="time,x [in],y [in],z [in]"), {}),
+    "matrices of KITTI": (
+        rows(np.concatenate((MATRICES, P[:, :, None]), axis=2).reshape(len(T), 12)),
+        {"rate": 50.0},
+    ),
+    "what was commanded beside what was measured": (
+        table(
+            T,
+            J + 0.1,
+            J,
+            header="time,"
+            + ",".join(f"{kind}_{n}" for kind in ("desired", "actual") for n in NAMES),
+        ),
+        {},
+    ),
+    "several trials, one told": (
+        lined(
+            ["a"] * len(T) + ["b"] * len(T),
+            np.r_[T, T + 4],
+            np.r_[P, P + 0.1],
+            header=f"trial,{XYZ}",
+        ),
+        {"track": "1"},
+    ),
     "millimetres, told": (rows(T, 1e3 * P), {"unit": "mm"}),
     "centimetres, told": (rows(T, 1e2 * P), {"unit": "cm"}),
     "milliseconds, told": (rows(1e3 * T, P), {"time": "ms"}),
@@ -85,6 +151,50 @@ def test_read_rightly(name, tmp_path):
 
 
 REFUSED = {
+    "feet": (table(T, P / 0.3048, header=XYZ), r"no position is within.*--unit ft"),
+    "above the floor": (rows(T, P + [0, 0, 0.82]), r"no position is within.*base_footprint"),
+    "a unit that is not read": (
+        table(T, P, header="time,x [px],y [px],z [px]"),
+        "unit of 'x .px.'",
+    ),
+    "turns of joints": (
+        table(T, J / 6.283, header="time," + ",".join(f"{n} [turns]" for n in NAMES)),
+        "unit of .*turns.* is not read",
+    ),
+    "small degrees": (
+        table(T, J, header="time," + ",".join(f"{n} [deg]" for n in NAMES)),
+        "none is beyond 3.1; say --angle rad",
+    ),
+    "a clock that begins late": (rows(np.r_[0.0, 1.7e9 + T[1:]], P), "line 2: 1.7e.09 s without"),
+    "half a minute without samples": (rows(np.where(T > 1, T + 30, T), P), "s without a sample"),
+    "a body at rest": (table(T, 1e-4 * P + P[0], header=XYZ), "moves by .* mm in all"),
+    "commas twice": (
+        "\n".join([XYZ, *(row.replace(".", ",") for row in CSV.splitlines()[1:])]) + "\n",
+        "columns where 4 are named.*decimal point",
+    ),
+    "x twice": (table(T, P, P + 0.1, header=f"{XYZ},x,y,z"), "both are the position's x"),
+    "a joint twice": (table(T, J, J[:, 0], header=f"{JOINTS},RShoulderPitch"), "both are RShould"),
+    "several trials": (
+        lined(
+            ["a"] * len(T) + ["b"] * len(T),
+            np.r_[T, T + 4],
+            np.r_[P, P + 0.1],
+            header=f"trial,{XYZ}",
+        ),
+        "2 motions in it .*_a, .*_b",
+    ),
+    "turns of the torso about the hand": (
+        table(T, P, so3.conjugate(Q), header=f"{XYZ},qw,qx,qy,qz"),
+        "cannot be turned so.*inverse rotation",
+    ),
+    "yaw, pitch, roll as roll, pitch, yaw": (
+        table(T, P, ANGLES[:, ::-1], header=f"{XYZ},roll,pitch,yaw"),
+        "cannot be turned so.*yaw, pitch, roll",
+    ),
+    "a topic without names": (
+        lined([f"{int(t)},{round(t % 1 * 1e9)},torso" for t in T], P),
+        "column 3 holds words.*name the columns",
+    ),
     "millimetres": (rows(T, 1e3 * P), r"line \d+: .*--unit mm"),
     "centimetres": (rows(T, 1e2 * P), r"line \d+: .*--unit cm"),
     "milliseconds": (rows(1e3 * T, P), r"line \d+: .*--time ms"),
@@ -143,7 +253,7 @@ REFUSED = {
     ),
     "three columns of a quaternion": (
         table(T, P, Q[:, 1:], header=f"{XYZ},qx,qy,qz"),
-        "line 1: a quaternion with 3 columns",
+        "line 2: a quaternion with 3 columns",
     ),
     "two bodies": (
         table(T, P, P + 0.1, header="time,hand_x,hand_y,hand_z,head_x,head_y,head_z"),
@@ -259,3 +369,18 @@ def test_options_that_are_no_choice_are_refused(tmp_path):
     ):
         with pytest.raises(InputError, match=words):
             Demonstration.load(path, **said)
+
+
+@pytest.mark.parametrize("kept", [np.r_[0:40, 80:101], np.r_[0:101:20]])
+def test_what_few_samples_gave_is_saved_and_loaded_as_it_was(tmp_path, kept):
+    demo = Demonstration.load(write(tmp_path / "few.csv", table(T[kept], P[kept], header=XYZ)))
+    demo.save(tmp_path / "saved")
+    again = Demonstration.load(tmp_path / "saved")
+    for name in ("times", "positions", "velocities", "accelerations"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(demo, name))
+
+
+def test_quaternions_that_are_nearly_of_norm_one_are_performed(tmp_path):
+    text = table(T, P, 1.004 * Q, header=f"{XYZ},qw,qx,qy,qz")
+    path = MovementPrimitive.fit(Demonstration.load(write(tmp_path / "q.csv", text))).rollout()
+    np.testing.assert_allclose(path.rotations[0], Q[0], atol=1e-6)

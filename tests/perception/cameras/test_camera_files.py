@@ -113,7 +113,44 @@ def test_naoqi_names_are_read(tmp_path):
     assert wide.focal_y == pytest.approx(2 * CAMERA_TOP.intrinsics.focal_y)
 
 
+KALIBR = """cam0:
+  camera_model: pinhole
+  distortion_coeffs: [0.12, -0.25, 0.001, -0.002]
+  distortion_model: radtan
+  intrinsics: [610.5, 612.75, 320.25, 238.5]
+  resolution: [640, 480]
+"""
+ONE_BY_ONE = {
+    "Kalibr": KALIBR,
+    "EuRoC": "%YAML:1.0\n"
+    + KALIBR.replace("cam0:\n", "").replace("  ", "").replace("radtan", "radial-tangential"),
+    "RealSense": '{"width": 640, "height": 480, "fx": 610.5, "fy": 612.75, "ppx": 320.25, '
+    '"ppy": 238.5, "model": "distortion.brown_conrady", "coeffs": [0.12, -0.25, 0.001, -0.002, 0]}',
+    "ORB-SLAM": "%YAML:1.0\nCamera.type: PinHole\nCamera.fx: 610.5\nCamera.fy: 612.75\n"
+    "Camera.cx: 320.25\nCamera.cy: 238.5\nCamera.k1: 0.12\nCamera.k2: -0.25\nCamera.p1: 0.001\n"
+    "Camera.p2: -0.002\nCamera.width: 640\nCamera.height: 480\n",
+    "a printed message": ROS.replace("-0.002, 0.08", "-0.002, 0") + "---\n",
+}
+
+
+@pytest.mark.parametrize("name", ONE_BY_ONE)
+def test_focal_lengths_one_by_one_are_read(tmp_path, name):
+    is_right(load_intrinsics(write(tmp_path / "camera.yaml", ONE_BY_ONE[name])), FIVE[:4])
+
+
 BAD = {
+    "two cameras": (KALIBR + KALIBR.replace("cam0", "cam1"), "2 cameras"),
+    "an omnidirectional lens": (KALIBR.replace("pinhole", "omni"), "fisheye"),
+    "OpenCV's xi": (ROS + "xi: 1.2\n", "fisheye"),
+    "a matrix of smaller images": (
+        ROS.replace("640", "1280").replace("480", "960"),
+        "principal point",
+    ),
+    "a relative matrix": (
+        ROS.replace("[610.5, 0.0, 320.25, 0.0, 612.75, 238.5", "[0.95, 0, 0.5, 0, 1.28, 0.5"),
+        "principal point",
+    ),
+    "ROS's INI": ("# oST version 5.0 parameters\n[image]\nwidth\n640\n", "INI"),
     "fisheye": (ROS.replace("plumb_bob", "equidistant"), "fisheye"),
     "unknown model": (ROS.replace("plumb_bob", "spherical"), "spherical"),
     "no matrix": (ROS.replace("camera_matrix", "other"), "camera_matrix"),

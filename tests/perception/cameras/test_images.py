@@ -37,6 +37,7 @@ def test_truth_values_are_black_and_white():
     [
         (RGB[..., :2], "channels"),
         (RGB[0, 0], "shape"),
+        (GRAY.astype(np.uint16), "brightest pixel of 16 bits"),
         (GRAY.astype(np.float32), "0 to 1"),
         (np.full((4, 4), np.nan), "0 to 1"),
         (GRAY.astype(np.int32), "int32"),
@@ -81,3 +82,19 @@ def test_archives_of_several_arrays_are_refused(tmp_path):
     np.savez(tmp_path / "two.npz", a=np.zeros((3, 4)), b=np.zeros((3, 4)))
     with pytest.raises(InputError, match="name the depth image"):
         read_depth(tmp_path / "two.npz")
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6])
+def test_a_photo_that_is_to_be_turned_is_refused(tmp_path, orientation):
+    content = cv2.imencode(".jpg", RGB)[1].tobytes()
+    tag = (
+        b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0" + bytes([orientation]) + b"\0" * 7
+    )
+    length = (len(tag) + 2).to_bytes(2, "big")
+    path = tmp_path / "photo.jpg"
+    path.write_bytes(content[:2] + b"\xff\xe1" + length + tag + content[2:])
+    if orientation == 1:
+        assert read_image(path).shape == RGB.shape
+    else:
+        with pytest.raises(InputError, match=r"photo\.jpg: .*EXIF"):
+            read_image(path)

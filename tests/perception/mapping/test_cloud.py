@@ -82,6 +82,8 @@ def test_values_by_which_drivers_say_nothing_are_nothing():
         (np.ones((240, 320), bool), "bool"),
         (np.full((240, 320), 1500.0, np.float32), "0.001"),
         (np.full((240, 320), 200, np.uint8), "scale"),
+        (np.full((240, 320), 2, np.int32), "too coarse"),
+        (np.full((240, 320), 150_000, np.uint32), "units of 0.001 m"),
     ],
 )
 def test_images_that_cannot_be_read_are_refused_with_the_mend(image, words):

@@ -72,12 +72,16 @@ def test_other_arrays_are_refused(tmp_path):
     np.save(tmp_path / "flat.npy", np.zeros(9))
     np.save(tmp_path / "words.npy", np.array([["a", "b", "c"]]))
     np.savez(tmp_path / "two.npz", a=POINTS, b=POINTS)
+    np.save(tmp_path / "columns.npy", POINTS.T)
+    np.save(tmp_path / "cm.npy", 100 * POINTS)
     np.save(tmp_path / "nan.npy", np.full((4, 3), np.nan))
     np.save(tmp_path / "object.npy", np.array([{}, 1], dtype=object), allow_pickle=True)
     expected = {
         "flat.npy": "shape",
         "words.npy": "holds no points",
         "two.npz": "name the points",
+        "columns.npy": "transpose",
+        "cm.npy": "give the scale",
         "nan.npy": "no finite point",
         "object.npy": "NPY",
     }

@@ -138,6 +138,10 @@ def _samples(kind: str, message: Any, log_time: float) -> Iterator[tuple[str, di
         for transform in _get(message, "transforms"):
             yield from _samples("TransformStamped", transform, log_time)
         return
+    if name == "Pose":
+        place, turn = _get(message, "position"), _get(message, "orientation")
+        yield "", {"time": log_time, "frame": "", "pose": _xyz(place) + _xyzw(turn)}
+        return
     time = _stamp(message, log_time)
     frame = _frame_of(message)
     if name in ("PoseStamped", "PoseWithCovarianceStamped", "Odometry"):
@@ -146,9 +150,6 @@ def _samples(kind: str, message: Any, log_time: float) -> Iterator[tuple[str, di
             pose = _get(pose, "pose")
         place, turn = _get(pose, "position"), _get(pose, "orientation")
         yield "", {"time": time, "frame": frame, "pose": _xyz(place) + _xyzw(turn)}
-    elif name == "Pose":
-        place, turn = _get(message, "position"), _get(message, "orientation")
-        yield "", {"time": log_time, "frame": "", "pose": _xyz(place) + _xyzw(turn)}
     elif name == "TransformStamped":
         transform = _get(message, "transform")
         place, turn = _get(transform, "translation"), _get(transform, "rotation")

@@ -1,8 +1,9 @@
 """Timelines of Choregraphe: behavior.xar and .xml, and the Python text that it exports."""
 
 import ast
+import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ RATE = 50.0
 
 _LONGEST = 3600.0
 _MOST_KEYS = 100_000
+_LONGEST_TEXT = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -79,20 +81,14 @@ def read_exported_python(path: Path, text: str) -> list[Track]:
         InputError: The text is no Python, or its lists do not belong together.
     """
     lists: dict[str, list[Any]] = {"names": [], "times": [], "keys": []}
-    try:
-        nodes = list(ast.walk(ast.parse(text)))
-        for node in nodes:
-            if (
-                isinstance(node, ast.Call)
-                and isinstance(node.func, ast.Attribute)
-                and node.func.attr == "append"
-                and isinstance(node.func.value, ast.Name)
-                and node.func.value.id in lists
-                and len(node.args) == 1
-            ):
-                lists[node.func.value.id].append((node.lineno, ast.literal_eval(node.args[0])))
-    except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError) as error:
-        raise InputError(f"{path}: not an exported timeline ({_short(error)})") from None
+    for number, name, argument in _appended(path, text):
+        try:
+            lists[name].append((number, ast.literal_eval(argument)))
+        except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError):
+            raise InputError(
+                f"{path}, line {number}: what is appended to {name} is not a list of numbers or a"
+                " name; write numbers out"
+            ) from None
     ordered = {
         key: [v for _, v in sorted(values, key=lambda e: e[0])] for key, values in lists.items()
     }
@@ -121,6 +117,22 @@ def read_exported_python(path: Path, text: str) -> list[Track]:
     if not curves:
         raise InputError(f"{path}: no joint of Pepper among the names")
     return [_track(path, path.stem, "Choregraphe's exported Python", curves, "rad")]
+
+
+def _appended(path: Path, text: str) -> Iterator[tuple[int, str, str]]:
+    """Yields line, list and argument of each append; the rest may be of Python 2."""
+    lines = text.split("\n")
+    for k, line in enumerate(lines):
+        match = re.match(r"\s*(names|times|keys)\.append\((.*)", line)
+        if match is None:
+            continue
+        argument, end = match[2], k
+        while argument.count("(") >= argument.count(")"):
+            end += 1
+            if end == len(lines) or len(argument) > _LONGEST_TEXT:
+                raise InputError(f"{path}, line {k + 1}: the bracket of {match[1]} is not closed")
+            argument += lines[end]
+        yield k + 1, match[1], argument.strip().rstrip(";").strip()[:-1].strip()
 
 
 def _check_order(path: Path, lists: dict[str, list[Any]]) -> None:
@@ -260,7 +272,3 @@ def _number(
 
 def _local(element: ElementTree.Element) -> str:
     return str(element.tag).rpartition("}")[2]
-
-
-def _short(error: BaseException) -> str:
-    return " ".join(str(error).split())[:100]

@@ -1,15 +1,16 @@
 """Tells formats apart by what is in a file, and hands it to its reader."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text
 from pepper_drake.learning.demonstrations.importers.bags import is_bag, read_bag
 from pepper_drake.learning.demonstrations.importers.choregraphe import (
     is_exported_python,
     read_exported_python,
     read_timeline,
 )
+from pepper_drake.learning.demonstrations.importers.foreign import refuse_foreign
 from pepper_drake.learning.demonstrations.importers.lerobot import is_dataset, read_dataset
 from pepper_drake.learning.demonstrations.importers.motion_capture import (
     is_motive,
@@ -20,10 +21,16 @@ from pepper_drake.learning.demonstrations.importers.motion_capture import (
 )
 from pepper_drake.learning.demonstrations.importers.named_columns import (
     find_header,
+    first_data,
     read_named_columns,
 )
 from pepper_drake.learning.demonstrations.importers.number_columns import read_number_columns
-from pepper_drake.learning.demonstrations.importers.table import check_file, parse_words
+from pepper_drake.learning.demonstrations.importers.said import with_comments
+from pepper_drake.learning.demonstrations.importers.table import (
+    check_file,
+    parse_words,
+    read_table_text,
+)
 from pepper_drake.learning.demonstrations.importers.track import Track
 
 
@@ -43,15 +50,14 @@ def read_tracks(path: Path) -> list[Track]:
             f"{path}: no recording that is known: a folder has translation.txt or joints.csv, a"
             " bag's metadata.yaml, or LeRobot's meta/info.json"
         )
+    refuse_foreign(path)
     if path.suffix == ".mat":
         return read_lasa(path)
     return _read_text(path)
 
 
 def _read_text(path: Path) -> list[Track]:
-    text = read_text(path)
-    if "\0" in text:
-        raise InputError(f"{path}: not a text file; give one with rows of numbers")
+    text = read_table_text(path)
     start = text.lstrip()[:200]
     if start.startswith("<"):
         return read_timeline(path, text)
@@ -65,6 +71,12 @@ def _read_text(path: Path) -> list[Track]:
     if is_vicon(table):
         return read_vicon(table)
     header = find_header(table)
+    first = header[1] if header is not None else first_data(table) or 0
+    titles = [(line, " ".join(row)) for row, line in zip(table.rows, table.lines, strict=True)]
     if header is not None:
-        return read_named_columns(table, *header)
-    return read_number_columns(table)
+        tracks = read_named_columns(table, *header)
+    else:
+        tracks = read_number_columns(
+            replace(table, rows=table.rows[first:], lines=table.lines[first:])
+        )
+    return with_comments(tracks, (*table.comments, *titles[:first]))

@@ -1,10 +1,11 @@
 """Names of columns: what each is called by the tools that write them, and its unit."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pepper_drake.learning.demonstrations.arm_chain import joint_limits
-from pepper_drake.learning.demonstrations.importers.options import LENGTHS
+from pepper_drake.learning.demonstrations.importers.options import LENGTHS, TIMES
 
 _UNITS = {
     "m": ("unit", "m"),
@@ -14,9 +15,19 @@ _UNITS = {
     "metres": ("unit", "m"),
     "cm": ("unit", "cm"),
     "mm": ("unit", "mm"),
+    "millimeter": ("unit", "mm"),
+    "millimetre": ("unit", "mm"),
     "millimeters": ("unit", "mm"),
     "millimetres": ("unit", "mm"),
+    "centimeter": ("unit", "cm"),
+    "centimetre": ("unit", "cm"),
+    "centimeters": ("unit", "cm"),
+    "centimetres": ("unit", "cm"),
     "um": ("unit", "um"),
+    "in": ("unit", "in"),
+    "ft": ("unit", "ft"),
+    "feet": ("unit", "ft"),
+    "foot": ("unit", "ft"),
     "inch": ("unit", "in"),
     "inches": ("unit", "in"),
     "s": ("time", "s"),
@@ -27,12 +38,22 @@ _UNITS = {
     "ms": ("time", "ms"),
     "msec": ("time", "ms"),
     "milliseconds": ("time", "ms"),
+    "millisecond": ("time", "ms"),
+    "microsecond": ("time", "us"),
+    "nanosecond": ("time", "ns"),
     "us": ("time", "us"),
     "usec": ("time", "us"),
     "microseconds": ("time", "us"),
     "ns": ("time", "ns"),
     "nsec": ("time", "ns"),
     "nanoseconds": ("time", "ns"),
+    "µs": ("time", "us"),
+    "μs": ("time", "us"),
+    "min": ("time", "min"),
+    "minutes": ("time", "min"),
+    "h": ("time", "h"),
+    "hours": ("time", "h"),
+    "days": ("time", "day"),
     "rad": ("angle", "rad"),
     "radian": ("angle", "rad"),
     "radians": ("angle", "rad"),
@@ -41,6 +62,22 @@ _UNITS = {
     "degrees": ("angle", "deg"),
     "°": ("angle", "deg"),
 }
+
+UNKNOWN = "?"
+"""Begins the unit of a column whose header names one that is not read."""
+
+_FOREIGN_UNITS = {
+    "px", "pixel", "pixels", "dm", "km", "yd", "yards", "turns", "rev", "revolutions", "grad",
+    "gon", "%", "percent", "ticks", "counts", "volt", "volts",
+}  # fmt: skip
+
+_COMMANDS = {
+    "des", "desired", "cmd", "command", "commanded", "target", "setpoint", "ref", "reference",
+    "actuator",
+}  # fmt: skip
+"""Words of what was asked for, in place of what was measured."""
+
+_MEASURED = {"actual", "act", "measured", "meas", "state", "sensor"}
 
 _TIME = {"time", "timestamp", "t", "stamp", "timestamps", "clock", "elapsed", "secs", "seconds"}
 _POSITION = {
@@ -92,8 +129,11 @@ def meaning(header: str) -> Meaning | None:
     text, unit = _split_unit(header.strip().strip("\"'#%").strip())
     joint = joint_of(text)
     if joint is not None:
-        return Meaning("joint", unit=unit if unit in ("deg", "rad") else None, joint=joint)
-    words = [word for word in re.split(r"[^a-z0-9°]+", text.lower()) if word]
+        known = (
+            unit if unit is not None and (unit in ("deg", "rad") or unit[0] == UNKNOWN) else None
+        )
+        return Meaning("joint", unit=known, joint=joint)
+    words = [word for word in re.split(r"[^a-z0-9°µμ]+", text.lower()) if word]
     if not words:
         return None
     if unit is None and _ends_with_unit(words):
@@ -114,7 +154,8 @@ def _meaning(words: list[str], unit: str | None) -> Meaning | None:
         if len(words) > 2 and "stamp" not in words:
             return None
         group = "" if len(words) == 1 else "_".join(words)
-        return Meaning("time", group=group, unit=unit if unit in _times() else None)
+        known = unit is not None and (unit in TIMES or unit[0] == UNKNOWN)
+        return Meaning("time", group=group, unit=unit if known else None)
     if last in ("nsecs", "nanosec", "seq", "frame_id", "id", "frame"):
         return None
     if last in _ANGLES:
@@ -139,6 +180,10 @@ def _with_axis(axis: int, before: list[str], unit: str | None) -> Meaning | None
     names = set(before)
     if names & _OTHER:
         return None
+    if names & {"euler", "rpy", "angle", "angles"} or (
+        names & {"rot", "rotation", "orient", "ori"} and unit in ("deg", "rad")
+    ):
+        return Meaning("rotation_vector", axis, unit=unit)  # Angles in an order that nobody says.
     if names & {"r", "rotvec", "axisangle"} and not names & _ROTATION:
         kind, used = "rotation_vector", {"r", "rotvec", "axisangle"}
     elif names & _ROTATION or axis == 3:
@@ -150,7 +195,7 @@ def _with_axis(axis: int, before: list[str], unit: str | None) -> Meaning | None
     else:
         kind, used = "position", _POSITION
     rest = [w for w in before if w not in used | {"field", "pose", "twist", "transform", "msg"}]
-    if kind == "position" and unit is not None and unit not in LENGTHS:
+    if kind == "position" and unit is not None and unit not in LENGTHS and unit[0] != UNKNOWN:
         return None
     return Meaning(kind, axis, "_".join(rest), unit)
 
@@ -170,16 +215,15 @@ def _axis(word: str) -> tuple[int | None, str]:
 def joint_of(text: str) -> str | None:
     """Returns which of Pepper's joints a name means: RElbowYaw, r_elbow_yaw_joint, .../Value."""
     words = [word for word in re.split(r"[^A-Za-z0-9]+", text) if word]
-    if any(word.lower() in _DERIVATIVE_WORDS for word in words):
+    if any(word.lower() in _DERIVATIVE_WORDS | _COMMANDS for word in words):
         return None
+    words = [word for word in words if word.lower() not in _MEASURED]
     joined = "".join(word.lower() for word in words)
     known = {name.lower(): name for name in (*joint_limits(), "RHand", "LHand")}
     for word in words:
         if word.lower() in known and (len(word) > 5 or word in ("RHand", "LHand")):
             tail = words[words.index(word) + 1 :]
             if not tail or tail[0].lower() in ("position", "pos", "joint", "q", "angle"):
-                if tail and "Actuator" in tail:
-                    return None  # The command, beside what the sensor measured.
                 return known[word.lower()]
             return None
     for suffix in ("joint", "position", "pos", ""):
@@ -187,10 +231,6 @@ def joint_of(text: str) -> str | None:
         if name in known and len(name) > 5:
             return known[name]
     return None
-
-
-def _times() -> tuple[str, ...]:
-    return ("s", "ms", "us", "ns")
 
 
 def _split_unit(text: str) -> tuple[str, str | None]:
@@ -202,4 +242,23 @@ def _split_unit(text: str) -> tuple[str, str | None]:
     base = re.split(r"[/*^ ]", word)[0]
     unit = _UNITS.get(word) or _UNITS.get(base)
     rest = (text[: match.start()] + text[match.end() :]).strip()
-    return rest, None if unit is None else unit[1]
+    if unit is None:
+        return rest, f"{UNKNOWN}{word}" if base in _FOREIGN_UNITS else None
+    return rest, unit[1]
+
+
+def unit_of(word: str) -> str | None:
+    """Returns the unit that a word names, None if none: `mm` of millimetres, `deg` of degrees."""
+    found = _UNITS.get(word) or _UNITS.get(word.removesuffix("s"))
+    return None if found is None else found[1]
+
+
+def is_command(group: str) -> bool:
+    """Tells whether a body's name says that its values were asked for, not measured."""
+    return bool(_COMMANDS & set(group.split("_")))
+
+
+def unit_words(row: Sequence[str]) -> bool:
+    """Tells whether all words of a row are units, as in a second line of a header."""
+    bare = [word.strip("[]() ").lower() for word in row if word.strip("[]()- ")]
+    return bool(bare) and all(re.split(r"[/*^ ]", w)[0] in _UNITS for w in bare)

@@ -1,5 +1,6 @@
 """Exports of motion capture: OptiTrack Motive's CSV and Vicon Nexus' or Tracker's CSV."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ _MOTIVE_UNITS = {
     "inches": "in",
 }
 _VICON_TITLES = ("trajectories", "objects", "segments", "global trajectories")
+_VICON_OTHERS = ("devices", "joints", "model outputs", "events")
 
 
 def is_motive(table: Table) -> bool:
@@ -27,11 +29,27 @@ def is_motive(table: Table) -> bool:
 
 
 def is_vicon(table: Table) -> bool:
-    """Tells whether a table is Vicon's: a title, the rate, names, `Frame, Sub Frame`."""
+    """Tells whether a table is Vicon's: a section's title, the rate, names, `Frame, Sub Frame`."""
     return (
         len(table.rows) > 3
-        and table.rows[0][0].lower() in _VICON_TITLES
+        and table.rows[0][0].lower() in (*_VICON_TITLES, *_VICON_OTHERS)
         and any(row[0].lower() == "frame" for row in table.rows[1:5])
+    )
+
+
+def _trajectories(table: Table) -> Table:
+    """Returns the part of Vicon's export with the places of objects or markers."""
+    titles = [
+        k
+        for k, row in enumerate(table.rows)
+        if row[0].lower() in (*_VICON_TITLES, *_VICON_OTHERS) and not any(row[1:])
+    ]
+    for start, end in zip(titles, [*titles[1:], len(table.rows)], strict=True):
+        if table.rows[start][0].lower() in _VICON_TITLES:
+            return replace(table, rows=table.rows[start:end], lines=table.lines[start:end])
+    raise InputError(
+        f"{table.path}: Vicon's {table.rows[0][0]} without Trajectories; export those of the"
+        " markers or objects"
     )
 
 
@@ -104,14 +122,19 @@ def read_vicon(table: Table) -> list[Track]:
     Raises:
         InputError: The header is broken, or there is nothing in it.
     """
-    path = table.path
+    path, table = table.path, _trajectories(table)
+    if len(table.rows) < 4:
+        raise InputError(f"{path}: Vicon's {table.rows[0][0]} is empty; export it again")
     rate = number(table.rows[1][0], f"{path}, line {table.lines[1]}") if table.rows[1][0] else 0.0
     if not 0.0 < rate < 1e6:
         raise InputError(
             f"{path}, line {table.lines[1]}: {rate:g} is no rate; Vicon writes the frames a second"
             " there"
         )
-    head = next(i for i, row in enumerate(table.rows[:6]) if row[0].lower() == "frame")
+    heads = [i for i, row in enumerate(table.rows[:6]) if row[0].lower() == "frame"]
+    if not heads:
+        raise InputError(f"{path}, line {table.lines[0]}: no row Frame, Sub Frame below it")
+    head = heads[0]
     axes = [word.lower() for word in table.rows[head]]
     names = list(table.rows[head - 1]) if head > 2 else []
     names += [""] * (len(axes) - len(names))
@@ -128,9 +151,10 @@ def read_vicon(table: Table) -> list[Track]:
             continue
         turn = [found.get(f"r{axis}") for axis in "wxyz"]
         turned = None not in turn
-        used = [c for c in (0, *place, *(turn if turned else [])) if c is not None]
+        used = [c for c in (0, 1, *place, *(turn if turned else [])) if c is not None]
         data, lines, empty = numbers(table, head + 2, used)
-        unit = units[used[1]].lower() if used[1] < len(units) else ""
+        unit = units[used[2]].lower() if used[2] < len(units) else ""
+        frames = data[:, 0] * (data[:, 1].max(initial=0.0) + 1.0) + data[:, 1]
         notes: tuple[str, ...] = ()
         if empty:
             notes = (f"{name} was not seen in {len(empty)} rows, first in line {empty[0]}",)
@@ -141,9 +165,9 @@ def read_vicon(table: Table) -> list[Track]:
                 path,
                 path.stem if len(groups) == 1 else f"{path.stem}_{_tidy(name)}",
                 "Vicon",
-                (data[:, 0] - (data[0, 0] if len(data) else 0.0)) / rate,
-                data[:, 1:4],
-                rotations=data[:, 4:8] if turned else None,
+                (frames - (frames[0] if len(frames) else 0.0)) / rate,
+                data[:, 2:5],
+                rotations=data[:, 5:9] if turned else None,
                 quaternion="wxyz" if turned else None,
                 time_unit="s",
                 unit=unit if unit in LENGTHS else None,

@@ -1,6 +1,7 @@
 """Tables whose columns have names: CSV, TUM and evo, EuRoC, `rostopic echo -p`, joint logs."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.demonstrations.importers.headers import Meaning, meaning
+from pepper_drake.learning.demonstrations.importers.headers import (
+    UNKNOWN,
+    Meaning,
+    is_command,
+    meaning,
+    unit_words,
+)
+from pepper_drake.learning.demonstrations.importers.options import LENGTHS, TIMES
 from pepper_drake.learning.demonstrations.importers.table import (
     Table,
     is_number,
@@ -27,23 +35,46 @@ _SIZES = {
     "angle": 3,
     "rotation_vector": 3,
 }
-_FRAME_COLUMNS = ("frame_id", "child_frame_id")
+_LABELS = {
+    "trial", "episode", "episode_index", "demo", "demonstration", "take", "rep", "repetition",
+    "body", "object", "rigid_body", "rigidbody", "marker", "subject", "child_frame_id",
+}  # fmt: skip
+"""Columns that say which of several motions a row belongs to."""
+
+_MOST_PARTS = 1000
+
+_SECOND_PARTS = {
+    "nsec": 1e-9, "nsecs": 1e-9, "nanosec": 1e-9, "nanosecs": 1e-9, "nanoseconds": 1e-9,
+    "usec": 1e-6, "usecs": 1e-6, "microsec": 1e-6,
+}  # fmt: skip
 
 
 def find_header(table: Table) -> tuple[list[str], int] | None:
-    """Returns the names of the columns and how many rows are no data, None where none are named.
+    """Returns the names of the columns and the first row of data, None where none are named.
 
-    The names are the first row, or the last comment before the data that has as many names as
-    there are columns, all of them known, or time and position among them.
+    The names are the nearest row above the data with a known name in it, or the last comment before
+    the data that has as many names as there are columns, all of them known, or time and position
+    among them. A row of units below the names is joined to them.
     """
-    if not table.rows:
-        return None
-    first = table.rows[0]
-    if not all(is_number(word) for word in first if word) and len(first) > 1:
-        return list(first), 1
-    start = table.lines[0]
-    for line, comment in reversed(table.comments):
-        if line > start:
+    start = first_data(table)
+    if start is None:
+        return (list(table.rows[0]), 1) if table.rows and len(table.rows[0]) > 1 else None
+    above = start
+    units: tuple[str, ...] = ()
+    if start > 1 and unit_words(table.rows[start - 1]):
+        units, above = table.rows[start - 1], start - 1
+    width = len(table.rows[start])
+    for row in reversed(table.rows[:above]):
+        num_known = sum(meaning(word) is not None for word in row)
+        fits = len(row) in (width - 1, width)
+        # Words between blanks may be a sentence.
+        if num_known and len(row) > 1 and (fits or (num_known > 1 and table.separator != " ")):
+            return _with_units(row, units), start
+    if start and len(table.rows[start - 1]) == width:
+        return list(table.rows[start - 1]), start  # Names, but none that is known.
+    line = table.lines[start]
+    for number, comment in reversed(table.comments):
+        if number > line:
             continue
         for words in (
             [word.strip() for word in comment.split(",")],
@@ -52,11 +83,28 @@ def find_header(table: Table) -> tuple[list[str], int] | None:
         ):
             known = [m for word in words if (m := meaning(word)) is not None]
             # A comment in words has few of them; a header names the time and the position.
-            if len(words) == len(first) and (
+            if len(words) == width and (
                 len(known) == len(words) or {"time", "position"} <= {m.kind for m in known}
             ):
-                return words, 0
+                return words, start
     return None
+
+
+def first_data(table: Table) -> int | None:
+    """Returns the first row of which at least half of the words are numbers."""
+    for i, row in enumerate(table.rows):
+        words = [word for word in row if word]
+        if 2 * sum(is_number(word) for word in words) >= len(words):
+            return i
+    return None
+
+
+def _with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
+    bare = [unit.strip("[]() ") for unit in units] + [""] * len(names)
+    return [
+        f"{name} [{unit}]" if unit and "[" not in name else name
+        for name, unit in zip(names, bare, strict=False)
+    ]
 
 
 def read_named_columns(table: Table, names: list[str], first: int) -> list[Track]:
@@ -71,56 +119,121 @@ def read_named_columns(table: Table, names: list[str], first: int) -> list[Track
         InputError: There is no motion in it, or a row is broken.
     """
     path = table.path
-    if len(table.rows) <= first:
+    rows = [
+        (row, line)
+        for row, line in zip(table.rows[first:], table.lines[first:], strict=True)
+        if not first or row != table.rows[first - 1]  # A header that is repeated.
+    ]
+    if not rows:
         raise InputError(f"{path}: a header without rows of numbers below it")
-    names = _names_in_rows(names, table.rows[first])
+    more = sum(map(bool, rows[0][0])) - len(names)
+    if more > 0:
+        raise InputError(
+            f"{path}, line {rows[0][1]}: {len(names) + more} columns where {len(names)} are named;"
+            " name each, and write numbers with a decimal point (or semicolons between columns)"
+        )
+    parts = _parts(names, rows)
+    if len(parts) == 1:
+        return _read_one(replace(table, rows=tuple(r for r, _ in rows),
+                                 lines=tuple(line for _, line in rows)), names)  # fmt: skip
+    tracks = []
+    for label, part in parts.items():
+        own = replace(table, rows=tuple(r for r, _ in part), lines=tuple(line for _, line in part))
+        tracks += [replace(track, name=f"{track.name}_{label}") for track in _read_one(own, names)]
+    return tracks
+
+
+def _parts(
+    names: Sequence[str], rows: list[tuple[tuple[str, ...], int]]
+) -> dict[str, list[tuple[tuple[str, ...], int]]]:
+    """Returns the rows of each motion, where a column says which of several a row belongs to."""
+    for i, name in enumerate(names):
+        if re.split(r"[./ ]", name.strip().lower())[-1] in _LABELS:
+            parts: dict[str, list[tuple[tuple[str, ...], int]]] = {}
+            for row, line in rows:
+                parts.setdefault(row[i] if i < len(row) else "", []).append((row, line))
+            if 1 < len(parts) <= _MOST_PARTS:
+                return parts
+    return {"": rows}
+
+
+def _read_one(table: Table, names: list[str]) -> list[Track]:
+    path, top = table.path, f"{table.path}, line {table.lines[0]}"
+    table, names = _with_seconds(table, _names_in_rows(names, table.rows[0]))
     found = [meaning(name) for name in names]
-    decimal_comma = table.separator in (";", "\t", " ") and any(
-        "," in word for word in table.rows[first]
-    )
+    for name, m in zip(names, found, strict=True):
+        if m is not None and m.unit is not None and m.unit.startswith(UNKNOWN):
+            raise InputError(
+                f"{top}: the unit of {shorten(name)} is not read; give lengths in"
+                f" {', '.join(LENGTHS)}, angles in rad or deg, times in {', '.join(TIMES)}"
+            )
+    decimal_comma = table.separator != "," and any("," in word for word in table.rows[0])
     time, absolute = _time_column(found)
     unit = None if time is None else _time_unit(names, found, time)
-    frame = _frame(names, table.rows[first])
+    if time in table.clocks:
+        unit = "s"
+    frame = _frame(names, table.rows[0])
     try:
-        groups = _groups(found)
+        groups = _groups(names, found)
+        joints = _joint_columns(names, found)
     except InputError as error:
-        raise InputError(f"{path}, line {table.lines[0]}: {error}") from None
-    joints = {i: m for i, m in enumerate(found) if m is not None and m.kind == "joint"}
-    notes = _notes(names, found)
+        raise InputError(f"{top}: {error}") from None
     tracks = []
     for group, columns in groups.items():
-        track = _body(table, first, decimal_comma, time, columns, path, found)
+        track = _body(table, decimal_comma, time, columns, path, found)
         name = path.stem if not group or len(groups) == 1 else f"{path.stem}_{group}"
-        tracks.append(
-            replace(
-                track,
-                name=name,
-                time_unit=unit,
-                frame=frame,
-                absolute=absolute,
-                notes=(*notes, *track.notes),
-            )
-        )
+        tracks.append(replace(track, name=name, frame=frame))
     if joints:
-        joined = _joints(table, first, decimal_comma, time, joints)
-        joined = replace(joined, time_unit=unit, absolute=absolute, notes=notes)
+        joined = _joints(table, decimal_comma, time, joints)
         if len(tracks) == 1 and tracks[0].num_samples == joined.num_samples:
-            joined = replace(
-                tracks[0],
-                joints=joined.joints,
-                joint_names=joined.joint_names,
-                joint_unit=joined.joint_unit,
-            )
-            tracks = [joined]
+            tracks = [
+                replace(
+                    tracks[0],
+                    joints=joined.joints,
+                    joint_names=joined.joint_names,
+                    joint_unit=joined.joint_unit,
+                )
+            ]
         elif not tracks:
             tracks = [joined]
     if not tracks:
         shown = ", ".join(shorten(name) for name in names[:8])
         raise InputError(
-            f"{path}, line {table.lines[0]}: no motion among the columns {shown}; a position is"
-            " named x, y, z, a joint as NAOqi names it"
+            f"{top}: no motion among the columns {shown}; a position is named x, y, z, a joint as"
+            " NAOqi names it, and a line that is neither names nor numbers begins with #"
         )
-    return tracks
+    used = {
+        time,
+        *joints,
+        *(i for columns in groups.values() for at in columns.values() for i in at),
+    }
+    notes = _notes(names, found, used)
+    return [
+        replace(track, time_unit=unit, absolute=absolute, notes=(*notes, *track.notes))
+        for track in tracks
+    ]
+
+
+def _with_seconds(table: Table, names: list[str]) -> tuple[Table, list[str]]:
+    """Returns the table with one more column where seconds and their parts are in two."""
+    lower = [re.split(r"[._/ ]", name.strip("\"' ").lower()) for name in names]
+    for i, words in enumerate(lower):
+        if words[-1] not in ("sec", "secs"):
+            continue
+        for j, others in enumerate(lower):
+            if others[:-1] == words[:-1] and others[-1] in _SECOND_PARTS:
+                scale = _SECOND_PARTS[others[-1]]
+                rows = tuple((*row, _seconds(row, i, j, scale)) for row in table.rows)
+                kept = ["" if k in (i, j) else name for k, name in enumerate(names)]
+                return replace(table, rows=rows), [*kept, "header.time [s]"]
+    return table, names
+
+
+def _seconds(row: Sequence[str], i: int, j: int, scale: float) -> str:
+    try:
+        return f"{float(row[i]) + scale * float(row[j]):.9f}"
+    except (ValueError, IndexError):
+        return row[i] if i < len(row) else ""
 
 
 def _names_in_rows(names: list[str], row: tuple[str, ...]) -> list[str]:
@@ -165,17 +278,24 @@ def _frame(names: list[str], row: tuple[str, ...]) -> str | None:
     return None
 
 
-def _groups(found: list[Meaning | None]) -> dict[str, dict[str, list[int]]]:
+def _groups(names: Sequence[str], found: list[Meaning | None]) -> dict[str, dict[str, list[int]]]:
     """Returns, for each body that has a whole position: kind of value, columns by axis."""
     groups: dict[str, dict[str, dict[int, int]]] = {}
     for i, m in enumerate(found):
         if m is not None and m.kind in _SIZES:
             axes = groups.setdefault(m.group, {}).setdefault(m.kind, {})
+            if m.axis in axes and m.kind == "position":
+                raise InputError(
+                    f"columns {shorten(names[axes[m.axis]])} and {shorten(names[i])} both are the"
+                    f" position's {'xyz'[m.axis]}; name a quaternion's columns qx, qy, qz, qw, and"
+                    " put another body's name before its columns (cup_x)"
+                )
             axes.setdefault(m.axis, i)
     # A velocity or an angle whose name has no body belongs to the only body there is.
     bodies = [name for name, kinds in groups.items() if "position" in kinds]
+    bodies = [name for name in bodies if not is_command(name)] or bodies
     if len(bodies) == 1:
-        for name in [name for name in groups if name != bodies[0]]:
+        for name in [name for name in groups if name != bodies[0] and not is_command(name)]:
             for kind, axes in groups.pop(name).items():
                 groups[bodies[0]].setdefault(kind, axes)
     result = {}
@@ -191,7 +311,8 @@ def _groups(found: list[Meaning | None]) -> dict[str, dict[str, list[int]]]:
                 columns[kind] = [kinds[kind][axis] for axis in dimensions]
         if 0 < len(kinds.get("quaternion", {})) < 4:
             raise InputError(
-                f"a quaternion with {len(kinds['quaternion'])} columns; name all four, or none"
+                f"a quaternion with {len(kinds['quaternion'])} columns; name all four (qw, qx, qy,"
+                " qz), or none; angles are named roll, pitch, yaw"
             )
         if len(kinds.get("quaternion", {})) == 4:
             columns["quaternion"] = [kinds["quaternion"][axis] for axis in (3, 0, 1, 2)]
@@ -201,9 +322,20 @@ def _groups(found: list[Meaning | None]) -> dict[str, dict[str, list[int]]]:
     return result
 
 
+def _joint_columns(names: Sequence[str], found: list[Meaning | None]) -> dict[int, Meaning]:
+    joints = {i: m for i, m in enumerate(found) if m is not None and m.kind == "joint"}
+    first: dict[str, int] = {}
+    for i, m in joints.items():
+        if first.setdefault(m.joint, i) != i:
+            raise InputError(
+                f"columns {shorten(names[first[m.joint]])} and {shorten(names[i])} both are"
+                f" {m.joint}; leave out one"
+            )
+    return joints
+
+
 def _body(
     table: Table,
-    first: int,
     decimal_comma: bool,
     time: int | None,
     columns: Mapping[str, list[int]],
@@ -215,7 +347,7 @@ def _body(
     for kind, places in columns.items():
         parts[kind] = slice(len(used), len(used) + len(places))
         used += places
-    values, lines, empty = numbers(table, first, used, decimal_comma)
+    values, lines, empty = numbers(table, 0, used, decimal_comma)
     first_of = {kind: found[places[0]] for kind, places in columns.items()}
     notes = []
     if empty:
@@ -257,13 +389,12 @@ def _body(
 
 def _joints(
     table: Table,
-    first: int,
     decimal_comma: bool,
     time: int | None,
     joints: Mapping[int, Meaning],
 ) -> Track:
     used = [*([] if time is None else [time]), *joints]
-    values, lines, _ = numbers(table, first, used, decimal_comma)
+    values, lines, _ = numbers(table, 0, used, decimal_comma)
     units = {m.unit for m in joints.values() if m.unit is not None}
     return Track(
         table.path,
@@ -277,7 +408,7 @@ def _joints(
     )
 
 
-def _notes(names: list[str], found: list[Meaning | None]) -> tuple[str, ...]:
+def _notes(names: list[str], found: list[Meaning | None], used: set[int | None]) -> tuple[str, ...]:
     notes = []
     other = [
         name for name, m in zip(names, found, strict=True) if m is None and "joint" in name.lower()
@@ -292,4 +423,13 @@ def _notes(names: list[str], found: list[Meaning | None]) -> tuple[str, ...]:
         notes.append(
             "columns rx, ry, rz may be a rotation vector or angles; the orientation was left out"
         )
+    unread = [
+        name
+        for i, (name, m) in enumerate(zip(names, found, strict=True))
+        if i not in used and name not in ("", "joint_label", *other)
+        and (m is None or m.kind not in ("time", "rotation_vector"))
+    ]  # fmt: skip
+    if unread:
+        shown = ", ".join(shorten(name) for name in unread[:4])
+        notes.append(f"{len(unread)} columns were not read: {shown}")
     return tuple(notes)

@@ -5,9 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.demonstrations.importers.table import Table, numbers
+from pepper_drake.learning.demonstrations.importers.table import (
+    Table,
+    is_number,
+    numbers,
+    shorten,
+)
 from pepper_drake.learning.demonstrations.importers.track import Track
 
 Array = npt.NDArray[np.float64]
@@ -16,6 +22,9 @@ MEANINGS = (
     "time and x y z, then velocities, then accelerations (4, 7 or 10 columns); time, x y z and a"
     " quaternion (8); time, D coordinates, their D velocities and D accelerations (1 + 3 D)"
 )
+
+_MATRICES = (12, 13, 16, 17)
+"""Columns of a 3 x 4 or 4 x 4 matrix, without and with a time."""
 
 _AGREES = 0.1
 """Share of a column's range by which the integral of its derivative may miss it."""
@@ -70,7 +79,13 @@ def read_number_columns(table: Table) -> list[Track]:
         InputError: A row is broken, or the columns say nothing of what they are.
     """
     path, width = table.path, len(table.rows[0])
-    if width not in (3, 8) and (width < 4 or (width - 1) % 3):
+    for column, word in enumerate(table.rows[0], start=1):
+        if word and not is_number(word):
+            raise InputError(
+                f"{path}, line {table.lines[0]}: column {column} holds words ({shorten(word)});"
+                " name the columns in a first line"
+            )
+    if width not in (3, 8, *_MATRICES) and (width < 4 or (width - 1) % 3):
         raise InputError(
             f"{path}, line {table.lines[0]}: {width} columns where 4 or 7 or 10 are expected:"
             f" {MEANINGS}; or name the columns in a first line"
@@ -81,11 +96,22 @@ def read_number_columns(table: Table) -> list[Track]:
                 f"{path}, line {line}: {len(row)} columns where {width} are expected; complete or"
                 " remove the row"
             )
-    decimal_comma = table.separator in (";", "\t") and any("," in w for w in table.rows[0])
+    decimal_comma = table.separator != "," and any("," in w for w in table.rows[0])
     values, lines, _ = numbers(table, 0, range(width), decimal_comma)
     if len(values) < 4:
         raise InputError(f"{path}: {len(values)} rows of numbers; a motion needs at least 4")
-    base = Track(path, path.stem, "table of numbers", None, lines=lines)
+    base = Track(
+        path,
+        path.stem,
+        "table of numbers",
+        None,
+        lines=lines,
+        time_unit="s" if 0 in table.clocks else None,
+    )
+    if width in _MATRICES:
+        track = _matrices(base, values)
+        if track is not None:
+            return [track]
     rising = bool(np.all(np.diff(values[:, 0]) > 0.0))
     d = dimensions(values)
     if d is not None and d != 3:
@@ -112,6 +138,20 @@ def _trajectory(base: Track, values: Array, d: int) -> Track:
     kind = f"trajectory of {d} dimensions: time, values, rates, curvatures" if d != 3 else base.kind
     return replace(base, kind=kind, times=values[:, 0], positions=parts[0], velocities=parts[1],
                  accelerations=parts[2])  # fmt: skip
+
+
+def _matrices(base: Track, values: Array) -> Track | None:
+    """Returns poses of rows of a 3 x 4 or 4 x 4 matrix (KITTI), None where they are none."""
+    timed = values.shape[1] % 2
+    matrices = values[:, timed:].reshape(len(values), -1, 4)
+    turns = matrices[:, :3, :3]
+    square = np.abs(turns @ turns.swapaxes(1, 2) - np.eye(3)).max()
+    if square > 1e-2 or np.linalg.det(turns).min() < 0.9:
+        return None
+    xyzw = Rotation.from_matrix(turns).as_quat()
+    return replace(base, kind="rows of matrices, as KITTI has them",
+                   times=values[:, 0] if timed else None, positions=matrices[:, :3, 3],
+                   rotations=xyzw, quaternion="xyzw")  # fmt: skip
 
 
 def _pose(base: Track, values: Array) -> Track:

@@ -7,13 +7,13 @@ import numpy as np
 
 from pepper_drake.errors import InputError
 
-LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "um": 1e-6, "in": 0.0254}
+LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 """Units of length and what each is in metres."""
 
 ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
 """Units of angle and what each is in radians."""
 
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "day": 86400.0}
 """Units of time and what each is in seconds."""
 
 QUATERNIONS = ("wxyz", "xyzw")
@@ -36,9 +36,9 @@ class ImportOptions:
     """Options given by the user; None where the file is to say it.
 
     Attributes:
-        unit: Of lengths: m, cm, mm, um or in.
+        unit: Of lengths: m, cm, mm, um, in or ft.
         angle: Of angles: rad or deg.
-        time: Of the time column: s, ms, us or ns.
+        time: Of the time column: s, ms, us, ns, min, h or day.
         quaternion: Order of its four columns: wxyz or xyzw.
         frame: Frame of the positions: torso, or base_footprint (Pepper upright).
         arm: Which arm moves: left or right.

@@ -2,16 +2,18 @@
 
 import csv
 import math
+import re
 import stat
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text
+from pepper_drake.files import read_bytes
 
 Array = npt.NDArray[np.float64]
 
@@ -30,10 +32,11 @@ class Table:
 
     Attributes:
         path: For messages.
-        comments: Lines that begin with # or %, without that sign, with their numbers.
+        comments: Lines that begin with #, // or %, without that sign, with their numbers.
         rows: Of words, stripped.
         lines: The line of each row.
-        separator: Between columns: a comma, a semicolon, a tab, or a space for white space.
+        separator: Between columns: a comma, a semicolon, a tab, a bar, or a space for white space.
+        clocks: Columns that hold dates or times of day; they were made seconds.
     """
 
     path: Path
@@ -41,6 +44,7 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
     separator: str
+    clocks: frozenset[int] = frozenset()
 
 
 def check_file(path: Path) -> None:
@@ -64,45 +68,107 @@ def check_file(path: Path) -> None:
         )
 
 
+def read_table_text(path: Path) -> str:
+    """Returns the text of a file: UTF-8, UTF-16 with its mark, or a single-byte code.
+
+    Raises:
+        InputError: The file cannot be read, or is not text.
+    """
+    content = read_bytes(path)
+    try:
+        wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+        text = content.decode("utf-16" if wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    if any(c < " " and c not in "\t\n\v\f\r\x1a" for c in set(text)):
+        raise InputError(
+            f"{path}: not a text file; export the motion as a table (CSV) with a first line that"
+            " names the columns"
+        )
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
 def parse_words(path: Path, text: str | None = None) -> Table:
-    """Reads a table of words; the first row that is no comment tells the separator.
+    """Reads a table of words; what separates them is what leaves the most numbers.
 
     Raises:
         InputError: The file cannot be read, or has too many rows.
     """
     if text is None:
         check_file(path)
-        text = read_text(path)
+        text = read_table_text(path)
     comments: list[tuple[int, str]] = []
-    rows: list[tuple[str, ...]] = []
-    lines: list[int] = []
-    separator = ""
+    content: list[tuple[int, str]] = []
     for number, line in enumerate(text.split("\n"), start=1):
-        content = line.strip().strip("\x00")
-        if not content:
-            continue
-        if content[0] == "#" or (content[0] == "%" and rows == [] and "," not in content):
-            comments.append((number, content.lstrip("#% ")))
-            continue
-        if not separator:
-            separator = find_separator(content)
-            if separator == " " and "," not in content and not is_number(content.split()[0]):
-                # A title: what separates the columns is seen further down.
-                separator = find_separator(" ".join(text.split("\n")[number : number + 5]))
-        rows.append(split(content, separator))
-        lines.append(number)
-        if len(rows) > MOST_ROWS:
-            raise InputError(f"{path}: more than {MOST_ROWS} rows; cut the movement out")
-    return Table(path, tuple(comments), tuple(rows), tuple(lines), separator or " ")
+        bare = line.strip().strip("\x1a")
+        # A name may begin with %, as rostopic's %time does; its line has commas.
+        if bare.startswith(("#", "//")) or (bare[:1] == "%" and not content and "," not in bare):
+            comments.append((number, bare.lstrip("#%/ ")))
+        elif bare.strip(';,\t| "') and not _EXCEL.fullmatch(bare):
+            content.append((number, bare))
+    if len(content) > MOST_ROWS:
+        raise InputError(f"{path}: more than {MOST_ROWS} rows; cut the movement out")
+    separator = find_separator([line for _, line in content])
+    rows, clocks = _without_clocks([split(line, separator) for _, line in content])
+    lines = tuple(number for number, _ in content)
+    return Table(path, tuple(comments), rows, lines, separator, clocks)
 
 
-def find_separator(line: str) -> str:
-    """Returns what separates the columns of a line."""
-    bare = line.split("#")[0]
-    for separator in (";", "\t", ","):
-        if separator in bare:
-            return separator
-    return " "
+def find_separator(lines: Sequence[str]) -> str:
+    """Returns what separates the columns: what leaves most numbers in twenty middle lines."""
+    first = max(0, len(lines) // 2 - 10)
+    middle = [line.partition("#")[0] for line in lines[first : first + 20]]
+
+    def count(separator: str) -> int:
+        # A comma that separates is no decimal comma.
+        rows = [split(line, separator) for line in middle]
+        words = [word for row in rows if len(row) > 1 for word in row]
+        return sum(is_number(word) and not (separator == "," and "," in word) for word in words)
+
+    counts = {separator: count(separator) for separator in (";", "\t", "|", ",", " ")}
+    best = max(counts, key=lambda separator: counts[separator])
+    if counts[best]:
+        return best
+    return next((s for s in (";", "\t", "|", ",") if any(s in line for line in middle)), " ")
+
+
+_EXCEL = re.compile(r'"?sep=.?"?', re.IGNORECASE)
+"""A first line by which Excel is told the separator."""
+
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
+_CLOCK = re.compile(r"(?:(?:(\d{1,2}):)?(\d{1,2}):)(\d{1,2}(?:[.,]\d+)?)")
+
+
+def _clock_seconds(word: str) -> float | None:
+    """Returns the seconds of a date with a time, or of a time of day; None for other words."""
+    if _DATE.fullmatch(word):
+        try:
+            date = datetime.fromisoformat(word.replace(",", "."))
+        except ValueError:
+            return None
+        return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+    match = _CLOCK.fullmatch(word)
+    if match is None or (match[1] is None and not re.search("[.,]", match[3])):
+        return None  # 12:30 may be hours and minutes.
+    hours, minutes = int(match[1] or 0), int(match[2])
+    return 3600.0 * hours + 60.0 * minutes + float(match[3].replace(",", "."))
+
+
+def _without_clocks(
+    rows: list[tuple[str, ...]],
+) -> tuple[tuple[tuple[str, ...], ...], frozenset[int]]:
+    """Returns rows with dates and times of day as seconds, and their columns."""
+    middle = rows[len(rows) // 2] if rows else ()
+    clocks = frozenset(i for i, word in enumerate(middle) if _clock_seconds(word) is not None)
+    if clocks:
+        for k, row in enumerate(rows):
+            words = list(row)
+            for i in clocks:
+                seconds = _clock_seconds(words[i]) if i < len(words) else None
+                if seconds is not None:
+                    words[i] = f"{seconds:.9f}"
+            rows[k] = tuple(words)
+    return tuple(rows), clocks
 
 
 def split(line: str, separator: str) -> tuple[str, ...]:
@@ -119,10 +185,20 @@ def split(line: str, separator: str) -> tuple[str, ...]:
 def is_number(word: str) -> bool:
     """Tells whether a word is a number, a decimal comma included."""
     try:
-        float(word.replace(",", ".", 1))
+        _float(word.replace(",", ".", 1))
     except ValueError:
         return False
     return True
+
+
+def _float(word: str) -> float:
+    """Reads a number, with Fortran's exponent (1.5D-01) as well."""
+    try:
+        return float(word)
+    except ValueError:
+        if re.fullmatch(r"[+-]?\d*\.?\d*[dD][+-]?\d+", word):
+            return float(re.sub("[dD]", "e", word))
+        raise
 
 
 def number(word: str, where: str, decimal_comma: bool = False) -> float:
@@ -137,7 +213,7 @@ def number(word: str, where: str, decimal_comma: bool = False) -> float:
         InputError: It is none, or not finite, or absurdly large.
     """
     try:
-        value = float(word.replace(",", ".", 1) if decimal_comma else word)
+        value = _float(word.replace(",", ".", 1) if decimal_comma else word)
     except ValueError:
         raise InputError(
             f"{where}: {shorten(word)} is not a number; write one with a decimal point, or remove"

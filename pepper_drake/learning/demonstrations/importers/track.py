@@ -27,8 +27,8 @@ class Track:
             `angle_unit`.
         joints: (N, J) in `joint_unit`.
         joint_names: J names, as in the file.
-        time_unit: s, ms, us, ns.
-        unit: m, cm, mm, um, in.
+        time_unit: s, ms, us, ns, min, h, day.
+        unit: m, cm, mm, um, in, ft.
         angle_unit: rad, deg.
         joint_unit: rad, deg.
         quaternion: wxyz or xyzw.

@@ -1,0 +1,73 @@
+"""Formats that are not read, by name, and how to get what they hold."""
+
+from pathlib import Path
+
+from pepper_drake.errors import InputError
+
+_TABLE = (
+    "export the motion as a table (CSV) with a first line time,x,y,z or time,RShoulderPitch,..."
+)
+_NUMPY = 'np.savetxt("motion.csv", table, delimiter=",", header="time,x,y,z", comments="")'
+
+_STARTS: tuple[tuple[bytes, str, str], ...] = (
+    (b"\x93NUMPY", "a NumPy array, which does not say what its columns are", f"write {_NUMPY}"),
+    (b"\x89HDF", "an HDF5 file", _TABLE),
+    (b"MATLAB 7.3", "a MATLAB 7.3 file", "save it again with -v7, or as a table"),
+    (b"\x1f\x8b", "a gzip archive", "unpack it (gunzip) and give the file in it"),
+    (b"7z\xbc\xaf", "a 7z archive", "unpack it and give the file in it"),
+    (b"BZh", "a bzip2 archive", "unpack it (bunzip2) and give the file in it"),
+    (b"\xfd7zXZ", "an xz archive", "unpack it (unxz) and give the file in it"),
+    (b"\xd0\xcf\x11\xe0", "an Excel workbook (.xls)", "save the sheet as CSV"),
+    (b"SQLite format 3", "an SQLite database", "give the bag's folder, or its .db3 file"),
+    (b"\x80\x02", "a Python pickle, which would run what is in it", _TABLE),
+    (b"\x80\x03", "a Python pickle, which would run what is in it", _TABLE),
+    (b"\x80\x04", "a Python pickle, which would run what is in it", _TABLE),
+    (b"\x80\x05", "a Python pickle, which would run what is in it", _TABLE),
+    (b"Kaydara FBX", "an FBX scene", _TABLE),
+    (b"%PDF", "a PDF document", _TABLE),
+    (b"\x89PNG", "a picture", "apps/perceive.py --image looks at pictures"),
+    (b"\xff\xd8\xff", "a picture", "apps/perceive.py --image looks at pictures"),
+    (b"HIERARCHY", "a BVH skeleton, whose joints are not Pepper's", _TABLE),
+    (b"PathFileType", "an OpenSim TRC file", _TABLE),
+    (b"NO_OF_FRAMES", "a Qualisys TSV file", f"{_TABLE}; its units are mm (--unit mm)"),
+    (b"version https://git-lfs", "a pointer of Git LFS in place of the file", "git lfs pull"),
+    (b"#ROSBAG V1", "a ROS bag of version 1.x", "convert it (rosbag fix), then give it"),
+    (b"<!DOCTYPE", "a web page in place of the file", "download the file itself"),
+    (b"<html", "a web page in place of the file", "download the file itself"),
+)
+
+_SUFFIXES: dict[str, tuple[str, str]] = {
+    ".pkl": ("a Python pickle, which would run what is in it", _TABLE),
+    ".pickle": ("a Python pickle, which would run what is in it", _TABLE),
+    ".c3d": ("a C3D file of motion capture", _TABLE),
+    ".json": ("JSON, which has no common form of a motion", _TABLE),
+    ".jsonl": ("JSON, which has no common form of a motion", _TABLE),
+    ".yaml": ("YAML, as rostopic echo writes it", "record a bag, or use rostopic echo -p"),
+    ".yml": ("YAML, as rostopic echo writes it", "record a bag, or use rostopic echo -p"),
+    ".bvh": ("a BVH skeleton, whose joints are not Pepper's", _TABLE),
+    ".feather": ("an Arrow table", _TABLE),
+}
+
+
+def refuse_foreign(path: Path) -> None:
+    """Refuses a file of a known format that is not read.
+
+    Raises:
+        InputError: With the format's name, and how to get a table of it.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(64)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    found = next(((kind, mend) for magic, kind, mend in _STARTS if start.startswith(magic)), None)
+    if start.startswith(b"PK\x03\x04"):
+        kind, mend = "an archive", "unpack it and give the file in it"
+        if path.suffix == ".npz":
+            kind, mend = "NumPy arrays, which do not say what they are", f"write {_NUMPY}"
+        elif path.suffix in (".xlsx", ".xlsm", ".ods"):
+            kind, mend = "a workbook", "save the sheet as CSV"
+        found = kind, mend
+    found = found or _SUFFIXES.get(path.suffix.lower())
+    if found is not None:
+        raise InputError(f"{path}: {found[0]}, is not read; {found[1]}")

@@ -1,0 +1,203 @@
+"""Sends hostile messages to the page of an app, from many connections at once.
+
+  hostile.py teach                     100,000 messages to the teaching page
+  hostile.py reach --count 20000       to the page of reach.py --live
+
+Random bytes, messages of the pages with numbers and names that make no sense, damaged ones, long
+ones, and requests that are no HTTP or never end. Websites and tokens of others must be refused. The
+app must go on serving the page meanwhile, and end in order. Exit code 1 if it does not.
+"""
+
+import argparse
+import asyncio
+import os
+import random
+import re
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import msgpack
+from tornado.httpclient import AsyncHTTPClient, HTTPRequest
+from tornado.websocket import WebSocketClosedError, websocket_connect
+
+ROOT = Path(__file__).parents[1]
+
+RUNS = {
+    "teach": ("--no-cameras",),
+    "reach": ("--live",),
+    "play": ("pepper_drake/models/demonstrations/reach",),
+    "reproduce": ("--live",),
+}
+_CONNECTIONS = 24
+_STARTING = 180.0
+"""How long an app may take to show its page [s]."""
+
+
+def make_message(dice: random.Random, names: list[str]) -> bytes:
+    """Returns a message that no page of ours sends, or one that leads too far."""
+    number = dice.choice((struct.unpack("d", dice.randbytes(8))[0], 1e300, -1e9, 1e3, 0.1))
+    chance = dice.random()
+    if chance < 0.1:
+        return dice.randbytes(dice.choice((0, 1, 20, 60, 3000)))
+    name = dice.choice([*names, "", "/hand", "x" * 300, "Record (R)", "../../etc/passwd"])
+    vector = [number, dice.choice((number, 0.1)), -0.2]
+    messages: list[dict[str, Any]] = [
+        {"type": "GuiUpdateMessage", "uuid": name, "updates": {"value": number}},
+        {"type": "GuiUpdateMessage", "uuid": name, "updates": {"value": True}},
+        {"type": "GuiUpdateMessage", "uuid": name, "updates": {"disabled": False}},
+        {
+            "type": "TransformControlsUpdateMessage",
+            "name": name,
+            "wxyz": [number, 0.0, 0.0, 1.0],
+            "position": vector,
+            "owner": "",
+        },
+        {"type": "FileTransferStart", "uuid": name, "size_bytes": 2**40},
+        {"type": "slider", "name": name, "value": number},
+        {"type": "button", "name": name, "value": number},
+        {
+            "type": "gamepad",
+            "name": "",
+            "value": 0,
+            "gamepad": {"index": 0, "axes": [number] * 4, "button_values": [number] * 17},
+        },
+        {"type": "camera_pose", "camera_pose": [number] * 16, "is_perspective": True},
+    ]
+    data = bytearray(msgpack.packb(dice.choice(messages)))
+    if chance < 0.25:
+        for _ in range(dice.randrange(1, 4)):
+            data[dice.randrange(len(data))] = dice.randrange(256)
+    return bytes(data)
+
+
+class Attack:
+    """What is sent, and how it was taken."""
+
+    def __init__(self, url: str, count: int, seed: int, process: subprocess.Popen[str]) -> None:
+        self._url, self._count, self._process = url, count, process
+        self._dice, self._names = random.Random(seed), ["Stop (Space)"]
+        self.sent = self.closed = 0
+
+    async def connect(self, **headers: str) -> Any:
+        """Opens the page's websocket, as a browser does."""
+        import viser
+
+        request = HTTPRequest(self._url.replace("http:", "ws:"), headers=headers)
+        return await websocket_connect(request, subprotocols=[f"viser-v{viser.__version__}"])
+
+    async def send(self) -> None:
+        """Sends messages until all are sent, over one connection after the other."""
+        while self.sent < self._count and self._process.poll() is None:
+            try:
+                socket = await self.connect()
+            except Exception:  # Whatever tells that there is no room at the moment.
+                await asyncio.sleep(0.1)
+                continue
+            gone = asyncio.ensure_future(self._listen(socket))
+            while self.sent < self._count and not gone.done():
+                try:
+                    await socket.write_message(make_message(self._dice, self._names), binary=True)
+                except WebSocketClosedError:
+                    break
+                self.sent += 1
+                await asyncio.sleep(0.001)
+            self.closed += gone.done()
+            socket.close()
+            await gone
+
+    async def _listen(self, socket: Any) -> None:
+        """Reads what the page is told, to learn the names of its controls."""
+        while (data := await socket.read_message()) is not None:
+            if len(self._names) < 200 and isinstance(data, bytes):
+                self._names += re.findall(
+                    r"[0-9a-f]{8}-[0-9a-f-]{27}", data.decode(errors="ignore")
+                )
+
+    async def dawdle(self) -> None:
+        """Opens connections that say nothing sensible, or never come to an end."""
+        host, port = re.findall(r"//([^:/]+):(\d+)", self._url)[0]
+        while self.sent < self._count and self._process.poll() is None:
+            try:
+                _, writer = await asyncio.open_connection(host, int(port))
+                start = self._dice.choice(
+                    (b"GET / HTTP/1.1\r\nX: ", b"POST / HTTP/1.1\r\n", b"\x16")
+                )
+                writer.write(start + self._dice.randbytes(self._dice.choice((1, 100, 40_000))))
+                await asyncio.sleep(self._dice.uniform(0.0, 3.0))
+                writer.close()
+            except OSError:
+                await asyncio.sleep(0.1)
+
+    async def run(self) -> list[str]:
+        """Attacks; returns what was wrong."""
+        wrong = []
+        fetch = AsyncHTTPClient().fetch
+        for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
+            answer = await fetch(self._url, headers=headers, raise_error=False)
+            if answer.code != 403:
+                wrong.append(f"{headers} is answered with {answer.code}")
+        workers = [self.send() for _ in range(_CONNECTIONS)]
+        await asyncio.gather(*workers, *(self.dawdle() for _ in range(8)))
+        if self._process.poll() is not None:
+            return [*wrong, f"the app ended with {self._process.returncode}"]
+        answer = await fetch(self._url, raise_error=False, request_timeout=60.0)
+        if answer.code != 200:
+            wrong.append(f"the page is answered with {answer.code} afterwards")
+        return wrong
+
+
+def start(app: str, folder: str) -> tuple[subprocess.Popen[str], str]:
+    """Starts an app; returns it and its page's address."""
+    process = subprocess.Popen(
+        [sys.executable, "-u", f"apps/{app}.py", *RUNS[app], "--output", f"{folder}/results"],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    for line in process.stdout:
+        if found := re.search(r"http://\S+", line):
+            return process, found.group(0)
+    process.wait(_STARTING)
+    raise SystemExit(f"{app} ended with {process.returncode} before it showed a page")
+
+
+def main() -> int:
+    """Runs the program."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("app", choices=tuple(RUNS))
+    parser.add_argument("--count", type=int, default=100_000, help="messages")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        process, url = start(options.app, folder)
+        began = time.monotonic()
+        attack = Attack(url, options.count, options.seed, process)
+        try:
+            wrong = asyncio.run(attack.run())
+        finally:
+            process.send_signal(signal.SIGTERM)
+            _, errors = process.communicate(timeout=120.0)
+    if process.returncode not in (0, 1, 130) or "Traceback" in errors:
+        wrong.append(f"the app ended with {process.returncode}: {errors[-500:]}")
+    print(
+        f"{options.app}: {attack.sent} messages in {time.monotonic() - began:.0f} s, "
+        f"{attack.closed} connections closed, exit code {process.returncode}; "
+        f"{'; '.join(wrong) or 'the page was served throughout'}"
+    )
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

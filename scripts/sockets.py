@@ -1,0 +1,157 @@
+"""Starts every app and tells where it listens, as anybody on the network could find out.
+
+  sockets.py                 all apps, without a page and with one
+  sockets.py reach teach     these
+
+By default an app may listen at loopback only, and where no page or server was asked for, nowhere.
+Exit code 1 if one does otherwise.
+"""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from ipaddress import IPv4Address, IPv6Address, ip_address
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+_DEMONSTRATION = "pepper_drake/models/demonstrations/reach"
+
+RUNS: tuple[tuple[bool, tuple[str, ...]], ...] = (
+    (False, ("benchmark", "--methods", "a", "--scenes", "1")),
+    (False, ("calibrate", "--postures", "8")),
+    (False, ("chain", _DEMONSTRATION, _DEMONSTRATION)),
+    (False, ("compare",)),
+    (False, ("describe",)),
+    (False, ("diagram",)),
+    (False, ("faults", "--scenes", "1")),
+    (False, ("import", f"{_DEMONSTRATION}/translation.txt")),
+    (False, ("learn", _DEMONSTRATION)),
+    (False, ("optimize", _DEMONSTRATION, "--goal-offset", "0", "0.05", "0.05", "--jobs", "2")),
+    (False, ("perceive", "--frames", "1", "--samples", "1", "--poses", "1")),
+    (False, ("reach",)),
+    (False, ("record",)),
+    (False, ("reproduce",)),
+    (True, ("perceive", "--live")),
+    (True, ("play", _DEMONSTRATION)),
+    (True, ("reach", "--live")),
+    (True, ("record", "--live")),
+    (True, ("reproduce", "--live")),
+    (True, ("serve_naoqi", "--port", "9873")),
+    (True, ("teach",)),
+)
+"""Command lines, and whether they ask for a page or a server."""
+
+_AFTER_PAGE = 5.0
+"""How long an app is watched after its page has come [s]."""
+
+_LISTENING = "0A"
+"""State of a listening socket in /proc/net/tcp."""
+
+
+def family(process: int) -> set[int]:
+    """Returns a process and all that came of it."""
+    parents: dict[int, list[int]] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                words = (entry / "stat").read_text().rpartition(")")[2].split()
+            except OSError:
+                continue
+            parents.setdefault(int(words[1]), []).append(int(entry.name))
+    found, waiting = set(), [process]
+    while waiting:
+        one = waiting.pop()
+        found.add(one)
+        waiting += parents.get(one, [])
+    return found
+
+
+def listening(processes: set[int]) -> set[str]:
+    """Returns the addresses at which processes listen, without their ports."""
+    inodes = set()
+    for process in processes:
+        for entry in Path(f"/proc/{process}/fd").glob("*"):
+            try:
+                inodes.add(os.readlink(entry))
+            except OSError:
+                continue
+    found = set()
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            words = line.split()
+            if words[3] == _LISTENING and f"socket:[{words[9]}]" in inodes:
+                found.add(str(_address(words[1].partition(":")[0])))
+    return found
+
+
+def _address(text: str) -> IPv4Address | IPv6Address:
+    """The address of a text of /proc, whose groups of four bytes are in the machine's order."""
+    content = bytes.fromhex(text)
+    groups = [content[k : k + 4][::-1] for k in range(0, len(content), 4)]
+    return ip_address(b"".join(groups))
+
+
+def watch(
+    arguments: tuple[str, ...], seconds: float, folder: Path, *, has_page: bool
+) -> tuple[set[str], str]:
+    """Runs an app for some time, or until some seconds after its page is there.
+
+    Returns:
+        Where it listened meanwhile, and how it ended.
+    """
+    process = subprocess.Popen(
+        [sys.executable, f"apps/{arguments[0]}.py", *arguments[1:], "--output", str(folder)],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    found: set[str] = set()
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and process.poll() is None:
+        found |= listening(family(process.pid))
+        if has_page and found:
+            has_page, end = False, min(end, time.monotonic() + _AFTER_PAGE)
+        time.sleep(0.05)
+    if process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=60.0)
+    lines = errors.strip().splitlines()
+    return found, f"exit code {process.returncode}" + (f", {lines[-1][:80]}" if lines else "")
+
+
+def main() -> int:
+    """Runs the program."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("apps", nargs="*", help="default: all")
+    parser.add_argument("--seconds", type=float, default=60.0, help="each is watched so long")
+    options = parser.parse_args()
+    findings = 0
+    for has_page, arguments in RUNS:
+        if options.apps and arguments[0] not in options.apps:
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            found, end = watch(
+                arguments, options.seconds, Path(folder) / "results", has_page=has_page
+            )
+        outside = {one for one in found if not ip_address(one).is_loopback}
+        is_wrong = bool(outside) or bool(found) != has_page
+        findings += is_wrong
+        print(
+            f"{'FINDING ' if is_wrong else ''}{' '.join(arguments)[:60]:60} "
+            f"{', '.join(sorted(found)) or 'nowhere'} ({end})",
+            flush=True,
+        )
+    return 1 if findings else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
