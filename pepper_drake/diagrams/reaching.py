@@ -40,18 +40,13 @@ class Reaching(Diagram):
 
         name: Reaching
         input_ports:
-        - command (optional; not with tasks)
-        - primitive (optional; not with tasks)
-        - arm_mode (optional)
-        - joint_target (optional)
+        - command, primitive (optional; not with tasks)
+        - arm_mode, joint_target (optional)
         - reset (optional)
         - applied_forces (optional; not of an arm that gives way)
         - (name of what moves).desired_state (guided)
         output_ports:
-        - torso_pose
-        - hand_pose
-        - arm_position
-        - limp
+        - torso_pose, hand_pose, arm_position, limp
         - ground_truth.query, .body_poses, .body_velocities (simulated)
 
     Inputs: `command` (1), a `ReachCommand`, and `primitive`, abstract MovementPrimitive: see

@@ -49,8 +49,7 @@ class Reproduction(Diagram):
         - hand_position
         - torso_pose
         - query (simulated)
-        - phase
-        - active
+        - phase, active
 
     The goal is known, not seen. Inputs: `movement`, abstract `Movement`; `goal_pose` X_TG of the
     object that its X_OG refers to; `cloud` of obstacles in T (PointCloud) [m]; `push` (6), torque

@@ -48,7 +48,9 @@ def test_a_picture_comes_out_on_a_machine_without_graphviz(name, run, tmp_path):
     assert (tmp_path / f"{name}.dot").read_text().startswith("digraph")
     root = ET.parse(tmp_path / f"{name}.svg").getroot()
     assert root.tag.endswith("svg")
-    assert float(root.get("width").removesuffix("pt")) > 300
+    width, height = (float(root.get(side).removesuffix("pt")) for side in ("width", "height"))
+    assert min(width, height) > 200
+    assert width * height > 300**2
 
 
 def test_the_same_diagram_gives_the_same_picture(run, tmp_path):
