@@ -86,6 +86,13 @@ def drag_hand(app, say, offset):
         for _ in range(4):
             app.step()
 
+    def moved():
+        X_WH = simulation.torso_pose() @ simulation.hand_pose()
+        return float(np.linalg.norm(X_WH.translation() - X_WG.translation()))
+
+    # Messages of the page take their time.
+    step_until(app, lambda: moved() > 0.9 * float(np.linalg.norm(offset)))
+
 
 def test_the_hand_follows_the_mouse_and_is_recorded_learned_and_undone(app, say, tmp_path):
     session, simulation = app.session, app.session.simulation
