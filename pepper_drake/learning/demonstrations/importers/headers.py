@@ -104,6 +104,9 @@ _AXES = {"x": 0, "y": 1, "z": 2, "w": 3}
 
 _DERIVATIVE_WORDS = {"velocity", "vel", "effort", "torque", "current", "temperature", "speed"}
 
+_LONGEST_NAME = 200
+"""A longer text is no name of a column; to look for a unit in it takes the square of its length."""
+
 
 @dataclass(frozen=True)
 class Meaning:
@@ -126,6 +129,8 @@ class Meaning:
 
 def meaning(header: str) -> Meaning | None:
     """Returns what a column is by its name, None where the name says nothing."""
+    if len(header) > _LONGEST_NAME:
+        return None
     text, unit = _split_unit(header.strip().strip("\"'#%").strip())
     joint = joint_of(text)
     if joint is not None:
