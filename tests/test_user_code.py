@@ -4,14 +4,17 @@ import pytest
 from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive, get_approximator, get_coupling
+from pepper_drake.planning import get_planner
+from pepper_drake.scenario import Scenario, build_reaching, save_scenario
 from pepper_drake.user_code import names_code, register_code
 
 OWN = """\
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pepper_drake.learning import BarrierCoupling, CouplingOutput, get_approximator
+from pepper_drake.planning import PlanStatus, ReachPlanner
 
 
 class Upward(BarrierCoupling):
@@ -23,6 +26,12 @@ class Upward(BarrierCoupling):
 
     def zero_beyond(self, state, acceleration):
         return np.full(state.shape[:-2], np.inf)
+
+
+class Refusing(ReachPlanner):
+    def plan_base_placement(self, observation):
+        plan = super().plan_base_placement(observation)
+        return replace(plan, status=PlanStatus.OUT_OF_REACH, message="not today")
 
 
 mine = get_approximator("lwr")
@@ -65,14 +74,26 @@ def test_a_primitive_names_the_approximator_of_ones_own_without_its_folder(own, 
     np.testing.assert_array_equal(again.weights, primitive.weights)
 
 
-@pytest.mark.parametrize("get", [get_approximator, get_coupling])
+def test_a_planner_of_ones_own_plans_the_reach_and_is_named_in_the_scenario(own, tmp_path):
+    scenario = Scenario(planner_class=register_code(f"{own}:Refusing"))
+    save_scenario(scenario, tmp_path / "scenario.yaml")
+    text = (tmp_path / "scenario.yaml").read_text()
+    assert "own.py:Refusing" in text
+    assert str(tmp_path) not in text
+    reaching = build_reaching(scenario)
+    assert type(reaching.planner).__name__ == "Refusing"
+    other = reaching.planner.with_primitive(reaching.primitive)
+    assert type(other) is type(reaching.planner)
+
+
+@pytest.mark.parametrize("get", [get_approximator, get_coupling, get_planner])
 def test_code_that_a_file_names_is_not_run_unasked(get):
     with pytest.raises(InputError, match=r"--code FILE\.py:NAME"):
         get("unheard.py:of")
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("number", "neither an Approximator"), ("absent", "has no absent")]
+    ("name", "words"), [("number", "none of: an Approximator"), ("absent", "has no absent")]
 )
 def test_what_is_no_part_is_refused(own, name, words):
     with pytest.raises(InputError, match=words):

@@ -21,7 +21,6 @@ from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_plan import Planner
-from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.reach_task import ReachTask
 from pepper_drake.planning.reach.timed_planner import TimedPlanner
 from pepper_drake.systems.faults.fault_memory import Role
@@ -111,7 +110,7 @@ class Reaching(Diagram):
         self.perception = add("perception", HeadPerception(scene, station, config.perception))
         self.perception.connect(self._builder, station)
         task = ReachTask.in_scene(scene, model, coupling, config.ik, config.planner)
-        self.planner = ReachPlanner(self.primitive, task)
+        self.planner = config.planner_class(self.primitive, task)
         planner, timing = faulty(self.planner, config.timing, self._faults)
         self.timed_planner = TimedPlanner(planner)
         supervisor = ReachSupervisor(

@@ -9,6 +9,7 @@ from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
+from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.task_sequence import SequenceTask
 
 
@@ -19,6 +20,8 @@ class ReachingConfig:
     station: StationConfig = field(default_factory=StationConfig)
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
+    planner_class: type[ReachPlanner] = ReachPlanner
+    """What plans the reach, of `planner` and the task."""
     timing: ReachTiming = field(default_factory=ReachTiming)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     safety: SafetyParams = field(default_factory=SafetyParams)

@@ -64,7 +64,7 @@ class ReachPlanner:
     ) -> "ReachPlanner":
         """Returns the planner of another movement for the same task, or for another goal."""
         task = self._task if X_OG is None else replace(self._task, X_OG=X_OG)
-        return ReachPlanner(primitive, task)
+        return type(self)(primitive, task)
 
     @property
     def demonstrated(self) -> Movement:

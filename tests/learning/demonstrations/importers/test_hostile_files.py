@@ -69,7 +69,7 @@ def test_rubbish_is_refused_whatever_it_is_called(suffix, content, tmp_path):
 def test_a_name_of_brackets_is_refused_unread(tmp_path):
     path = tmp_path / "names.csv"  # To look for a unit in it would take minutes.
     path.write_text(f"time,x{'[' * 100_000},y\n0.0,0.1,0.2\n0.1,0.2,0.3\n")
-    with pytest.raises(InputError, match="names.csv"):
+    with pytest.raises(InputError, match=r"names\.csv"):
         Demonstration.load(path)
 
 
