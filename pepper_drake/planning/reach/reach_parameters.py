@@ -7,7 +7,7 @@ from pepper_drake.planning.collision.clearance_table import ClearanceTable
 from pepper_drake.planning.reach.steadiness import SteadinessParams
 from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
-from pepper_drake.planning.trajectories.trajectory_adapter import AdaptationParams
+from pepper_drake.planning.trajectories.adaptation_params import AdaptationParams
 
 
 @dataclass

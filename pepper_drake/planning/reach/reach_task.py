@@ -12,7 +12,7 @@ from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.mapping.solids import Solid
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
-from pepper_drake.planning.trajectories.trajectory_adapter import GoalAxis
+from pepper_drake.planning.trajectories.adaptation_params import GoalAxis
 
 
 @dataclass(frozen=True, eq=False)
