@@ -145,6 +145,11 @@ def make_parser() -> ArgumentParser:
         "of your own (default: the scene's)",
     )
     parser.add_argument(
+        "--planner",
+        metavar="FILE.py:NAME",
+        help="a planner of your own, a subclass of pepper_drake.planning.ReachPlanner",
+    )
+    parser.add_argument(
         "--no-avoidance", action="store_true", help="leave the obstacle coupling out"
     )
     parser.add_argument(
@@ -210,6 +215,8 @@ def chosen_scenario(options: Namespace) -> Scenario:
         is_code = names_code(options.coupling)
         name = register_code(options.coupling) if is_code else options.coupling
         scenario.scene.coupling = name
+    if options.planner is not None:
+        scenario.planner_class = register_code(options.planner)
     if options.seed is not None:
         scenario.seed = options.seed
     if options.demo is not None:

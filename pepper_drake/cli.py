@@ -72,7 +72,7 @@ def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="FILE.py:NAME",
-        help="an approximator or a coupling of your own that a file names; the file is run",
+        help="an approximator, a coupling or a planner of your own that a file names; it is run",
     )
     return parser
 

@@ -27,6 +27,7 @@ from pepper_drake.models.scene import Scene, load_scene
 from pepper_drake.models.typed_yaml import load_yaml, save_yaml, with_settings
 from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.planner_registry import DEFAULT_PLANNER, get_planner
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.systems.faults.fault import parse_faults
 from pepper_drake.systems.faults.fault_set import FaultSet
@@ -88,6 +89,8 @@ class Scenario:
     """The simulated robot and its cameras."""
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
+    planner_class: str = DEFAULT_PLANNER
+    """Name of the planner: the default one, or one of your own as FILE.py:NAME."""
     controller: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     """The arm's inverse kinematics."""
     supervisor: ReachTiming = field(default_factory=ReachTiming)
@@ -131,6 +134,7 @@ class Scenario:
             ),
             ik=self.controller,
             planner=self.planner,
+            planner_class=get_planner(self.planner_class),
             timing=self.supervisor,
             perception=self.perception,
             contact=self.contact,

@@ -1,4 +1,6 @@
-"""Parts of one's own, named on the command line as FILE.py:NAME: couplings and approximators.
+"""Parts of one's own, named on the command line as FILE.py:NAME.
+
+They are couplings, approximators and planners; `optimization.cost` has costs.
 
 What is saved names the part by its file's name and its own, never by a folder, and code runs only
 when a command names its file: loading a primitive or a scenario never runs any.
@@ -52,23 +54,29 @@ def _load(path: Path, name: str) -> Any:
 
 
 def register_code(text: str) -> str:
-    """Makes a coupling or an approximator of FILE.py:NAME known, and returns its name in files.
+    """Makes a part of FILE.py:NAME known, and returns its name in files.
 
     A coupling is a class without arguments, or an object, that follows `learning.Coupling`; an
-    approximator is a `learning.Approximator`.
+    approximator is a `learning.Approximator`; a planner is a subclass of `planning.ReachPlanner`.
 
     Raises:
-        InputError: It cannot be loaded, or is neither.
+        InputError: It cannot be loaded, or is none of these.
     """
+    # Not before: it compiles the arm's kinematics, and most commands need no planner.
+    from pepper_drake.planning import ReachPlanner, register_planner
+
     part = load_object(text)
     file, _, name = text.rpartition(":")
     known_as = f"{Path(file).name}:{name}"
     if isinstance(part, Approximator):
         register(replace(part, name=known_as))
+    elif isinstance(part, type) and issubclass(part, ReachPlanner):
+        register_planner(known_as, part)
     elif all(callable(getattr(part, method, None)) for method in _COUPLING):
         register_coupling(known_as, part if isinstance(part, type) else lambda: part)
     else:
         raise InputError(
-            f"{text} is neither an Approximator nor a coupling with {', '.join(_COUPLING)}"
+            f"{text} is none of: an Approximator, a subclass of ReachPlanner, a coupling with "
+            f"{', '.join(_COUPLING)}"
         )
     return known_as

@@ -4,6 +4,7 @@ import pytest
 from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive, get_approximator, get_coupling
+from pepper_drake.scenario import load_scenario, save_scenario
 from pepper_drake.user_code import names_code, register_code
 
 OWN = """\
@@ -72,7 +73,7 @@ def test_code_that_a_file_names_is_not_run_unasked(get):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("number", "neither an Approximator"), ("absent", "has no absent")]
+    ("name", "words"), [("number", "none of: an Approximator"), ("absent", "has no absent")]
 )
 def test_what_is_no_part_is_refused(own, name, words):
     with pytest.raises(InputError, match=words):
@@ -99,3 +100,18 @@ def test_objects_of_many_numbers_have_a_short_text(tmp_path):
     for one in (demo, primitive, primitive.rollout()):
         assert len(repr(one)) < 500, repr(one)
         assert repr(one).startswith(type(one).__name__)
+
+
+def test_a_planner_of_ones_own_is_named_in_the_scenario_and_plans(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "from pepper_drake.planning import ReachPlanner\n\nclass Patient(ReachPlanner):\n    pass\n"
+    )
+    unknown = load_scenario(None, ['planner_class="mine.py:Patient"'])
+    with pytest.raises(InputError, match=r"--code FILE\.py:NAME"):
+        unknown.reaching_config()
+    scenario = load_scenario()
+    scenario.planner_class = register_code(f"{path}:Patient")
+    save_scenario(scenario, tmp_path / "scenario.yaml")
+    again = load_scenario(tmp_path / "scenario.yaml")
+    assert again.reaching_config().planner_class.__name__ == "Patient"

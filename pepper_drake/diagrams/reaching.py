@@ -57,6 +57,7 @@ class ReachingConfig:
     station: StationConfig = field(default_factory=StationConfig)
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
+    planner_class: type[ReachPlanner] = ReachPlanner
     timing: ReachTiming = field(default_factory=ReachTiming)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     contact: ContactParams = field(default_factory=ContactParams)
@@ -165,7 +166,7 @@ class Reaching(Diagram):
         pre_grasp = self.scene.goal.pre_grasp
         axis = pre_grasp.axis
         make_planner = partial(
-            ReachPlanner,
+            self.config.planner_class,
             model=station.control_model,
             arm=self.scene.arm,
             X_OG=self.scene.pre_grasp(),

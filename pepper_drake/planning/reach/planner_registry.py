@@ -1,0 +1,31 @@
+"""Planners by name: the default one, and those of one's own."""
+
+from pepper_drake.errors import InputError
+from pepper_drake.planning.reach.reach_planner import ReachPlanner
+
+DEFAULT_PLANNER = "ReachPlanner"
+_planners: dict[str, type[ReachPlanner]] = {DEFAULT_PLANNER: ReachPlanner}
+
+
+def register_planner(name: str, planner: type[ReachPlanner]) -> None:
+    """Makes a planner known by its name.
+
+    Args:
+        name: The word that chooses it.
+        planner: A class with the constructor arguments of `ReachPlanner`.
+    """
+    _planners[name] = planner
+
+
+def get_planner(name: str) -> type[ReachPlanner]:
+    """Returns the planner class of that name.
+
+    Raises:
+        InputError: There is none; the message lists those that there are.
+    """
+    if name not in _planners:
+        mend = f"use one of {', '.join(_planners)}"
+        if ".py:" in name:
+            mend = "it is code of somebody's own: name its file with --code FILE.py:NAME"
+        raise InputError(f"planner_class: '{name}' is unknown; {mend}")
+    return _planners[name]
