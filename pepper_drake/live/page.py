@@ -24,8 +24,8 @@ CLEARANCE_SHOWN = 0.5
 """Clearances are shown up to this [m]: beyond it, or where nothing is seen, they are cut."""
 _NO_PICTURE = "What the camera in Pepper's head sees. Rendering it takes time, so ask for it."
 _SIGNALS = (
-    ("phase", "Phase: 1 at the start, towards 0 at the end", (0.0, 1.0)),
-    ("clearance", "Clearance of the arm [cm], cut at 50", (0.0, 50.0)),
+    ("phase", "Phase: 1 at the start, towards 0 at the end", (0.0, 1.05)),
+    ("clearance", "Clearance of the arm [cm], cut at 50", (0.0, 52.0)),
     ("coupling", "Coupling: push of the obstacles [m/s²]", None),
 )
 """Names and titles of what is plotted, and its range."""
