@@ -1,16 +1,20 @@
 """From a hand's path to joint commands that can be checked before the arm moves."""
 
-from pepper_drake.planning.reach.movement import Movement
-from pepper_drake.planning.reach.observation import Observation
-from pepper_drake.planning.reach.planner_registry import get_planner, register_planner
-from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
-from pepper_drake.planning.reach.reach_plan import (
-    Planner,
-    PlanStatus,
-    ReachPlan,
-    RemainingClearance,
-)
-from pepper_drake.planning.reach.reach_planner import ReachPlanner
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pepper_drake.planning.reach.movement import Movement
+    from pepper_drake.planning.reach.observation import Observation
+    from pepper_drake.planning.reach.planner_registry import get_planner, register_planner
+    from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
+    from pepper_drake.planning.reach.reach_plan import (
+        Planner,
+        PlanStatus,
+        ReachPlan,
+        RemainingClearance,
+    )
+    from pepper_drake.planning.reach.reach_planner import ReachPlanner
 
 __all__ = [
     "Movement",
@@ -24,3 +28,21 @@ __all__ = [
     "get_planner",
     "register_planner",
 ]
+
+_MODULES = {
+    "movement": ("Movement",),
+    "observation": ("Observation",),
+    "planner_registry": ("get_planner", "register_planner"),
+    "reach_parameters": ("ReachPlannerParams",),
+    "reach_plan": ("PlanStatus", "Planner", "ReachPlan", "RemainingClearance"),
+    "reach_planner": ("ReachPlanner",),
+}
+"""Modules of `planning.reach` with what they export."""
+
+
+def __getattr__(name: str) -> object:
+    """Imports what is asked for: playback reads modes of the reach, and needs no planner."""
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(importlib.import_module(f"{__name__}.reach.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
