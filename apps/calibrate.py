@@ -107,7 +107,7 @@ def make_parser() -> ArgumentParser:
 
 
 def chosen_params(options: Namespace) -> CalibrationParams:
-    """What the options ask for.
+    """Returns the calibration's parameters from the options.
 
     Raises:
         InputError: One of them makes no sense.

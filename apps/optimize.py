@@ -214,7 +214,7 @@ def chosen_task(
 
 
 def method_settings(options: Namespace, method: str) -> dict[str, Any]:
-    """What a method is told beside samples and seed."""
+    """Returns a method's settings beside samples and seed."""
     settings = {"rate": options.exploration}  # None: that of the problem.
     return settings | {"decay": options.decay} if method in DECAYING else settings
 

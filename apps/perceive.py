@@ -1,4 +1,4 @@
-"""What Pepper sees: its goal and the obstacles, by every camera, held against the truth.
+"""Perception of goal and obstacles by every camera, compared with the truth.
 
 Pepper stands where the scene puts it and looks at the goal object. The obstacles are seen by the
 depth camera and by a stereo pair, the marker on the goal object from all around by both colour

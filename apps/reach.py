@@ -102,7 +102,7 @@ SIMULATED_ONLY: dict[str, object] = {
 """Options that a robot does not take, and their defaults."""
 
 PUSH_DURATION = 0.5
-"""How long the hand is pushed [s]."""
+"""Duration of the push at the hand [s]."""
 
 
 def coupling_name(text: str) -> str:

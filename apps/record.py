@@ -242,7 +242,7 @@ def perform(
 
 
 def summary(demonstration: Demonstration) -> str:
-    """What was recorded, in a few words."""
+    """Summary of a recording, in a few words."""
     return (
         f"{len(demonstration.times)} samples, {demonstration.duration:.2f} s, "
         f"{demonstration.path_length:.2f} m"

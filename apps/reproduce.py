@@ -269,7 +269,7 @@ def make_report(
     *,
     interrupted: bool,
 ) -> dict[str, object]:
-    """What came of it, in numbers."""
+    """Returns the outcome in numbers."""
     reason, message = "", ""
     if interrupted:
         reason, message = "interrupted", "the run was ended before it was over"

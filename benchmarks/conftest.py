@@ -1,4 +1,4 @@
-"""What the benchmarks share: the motion, the cloud, and the ratios printed at the end of a run."""
+"""Shared parts of the benchmarks: motion, cloud, and the ratios printed at the end of a run."""
 
 from collections.abc import Callable
 
@@ -21,7 +21,7 @@ FIGURES = [
     ("among 4000 points, of 16 times that among 250", "among 4000", "among 250", 16.0),
     ("100 rollouts among 1000 points, of one", "batch among 1000", "among 1000", 50.0),
 ]
-"""What, numerator, denominator (none: seconds), and the figure not to exceed."""
+"""Name, numerator, denominator (none: seconds), and the figure not to exceed."""
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""How long a call takes at our server and at libqi's own, with libqi's client.
+"""Duration of a call to our server and to libqi's own, with libqi's client.
 
     python benchmarks/naoqi_calls.py
 

@@ -1,4 +1,4 @@
-"""How good searches are, and what they take: the report's run, and the whole arm around tables.
+"""Quality and cost of searches: the report's run, and the whole arm around tables.
 
   optimization_runs.py               20 seeds of each
   optimization_runs.py --seeds 3     a quick look

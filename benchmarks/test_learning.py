@@ -1,4 +1,4 @@
-"""How long learning and rollouts take, beside other libraries: `make bench`."""
+"""Durations of learning and rollouts, beside other libraries: `make bench`."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a robot waits for before its arm moves: a reach played through, and one adapted."""
+"""Planning time before the arm moves: a reach simulated, and one adapted."""
 
 import numpy as np
 import pytest

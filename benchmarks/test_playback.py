@@ -49,7 +49,7 @@ def test_a_run_is_opened(benchmark, run, address, window):
 
 
 def test_the_imports_alone(benchmark):
-    """What nobody can do without who shows Drake's shapes in meshcat."""
+    """Imports that every program needs that shows Drake's shapes in meshcat."""
     program = "import meshcat, numpy, pydrake.multibody.parsing"
     command = [sys.executable, "-c", program]
     benchmark.pedantic(subprocess.run, args=(command,), kwargs={"check": True}, rounds=5)

@@ -1,4 +1,4 @@
-"""What an image costs: depth to the obstacle map, marker in a whole image and when tracked."""
+"""Cost of an image: depth to the obstacle map, marker in a whole image and when tracked."""
 
 import cv2
 import numpy as np

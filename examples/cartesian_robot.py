@@ -33,7 +33,7 @@ TIME_STEP = 0.01  # [s]
 
 @dataclass(frozen=True)
 class Outcome:
-    """How the movement went: error at its end, and the smallest gap between tool and ball [m]."""
+    """Outcome of the movement: error at its end, and least distance of tool and ball [m]."""
 
     goal_error: float
     gap: float

@@ -74,7 +74,7 @@ class TaskSettings:
     wait: float = 0.0
     """Time to stay where the hand is, instead of a movement [s]."""
     offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    """Where the hand goes: from its pre-grasp pose, x, y, z in the goal object's frame [m]."""
+    """Goal of the hand from its pre-grasp pose, x, y, z in the goal object's frame [m]."""
     returns: bool = False
     """True to go back to where the hand was before the reach."""
 
@@ -106,7 +106,7 @@ class Scenario:
     demonstration: str = ""
     """Folder or file of the demonstration to perform; the one that ships if empty."""
     learning: LearningParams = field(default_factory=LearningParams)
-    """How the movement is learned from it."""
+    """Parameters of learning the movement from it."""
     avoid_obstacles: bool = True
     """True to let the scene's coupling bend the movement around obstacles."""
     robot: str = "ideal"
@@ -118,7 +118,7 @@ class Scenario:
     gentle: bool = False
     """True to keep every point of the arm below 250 mm/s."""
     tasks: list[TaskSettings] = field(default_factory=list)
-    """What the arm does after the reach, one after the other."""
+    """Tasks of the arm after the reach, in sequence."""
     push: list[float] = field(default_factory=list)
     """Force at the hand on its way, x, y, z in W [N]; none if empty."""
     push_at: float = 1.5

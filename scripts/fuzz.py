@@ -37,7 +37,7 @@ LONGEST, MEMORY = 10.0, 2**30
 """Limits for one file [s of the processor, bytes]."""
 
 _PATIENCE = 300.0
-"""How long a busy computer is waited for [s]."""
+"""Longest wait for a busy computer [s]."""
 
 _PART = 20_000
 """Length of the part of a file in which a number is looked for [bytes]."""

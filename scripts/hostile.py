@@ -36,7 +36,7 @@ RUNS = {
 }
 _CONNECTIONS = 24
 _STARTING = 180.0
-"""How long an app may take to show its page [s]."""
+"""Longest time that an app may take to show its page [s]."""
 
 
 def make_message(dice: random.Random, names: list[str]) -> bytes:
@@ -77,7 +77,7 @@ def make_message(dice: random.Random, names: list[str]) -> bytes:
 
 
 class Attack:
-    """What is sent, and how it was taken."""
+    """Messages sent, and their reception."""
 
     def __init__(self, url: str, count: int, seed: int, process: subprocess.Popen[str]) -> None:
         self._url, self._count, self._process = url, count, process

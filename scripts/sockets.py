@@ -46,7 +46,7 @@ RUNS: tuple[tuple[bool, tuple[str, ...]], ...] = (
 """Command lines, and whether they ask for a page or a server."""
 
 _AFTER_PAGE = 5.0
-"""How long an app is watched after its page has come [s]."""
+"""Time for which an app is watched after its page has come [s]."""
 
 _LISTENING = "0A"
 """State of a listening socket in /proc/net/tcp."""

@@ -100,5 +100,5 @@ def _true_clearance(arm, joints, points_T, cap=0.1):
 
 @pytest.fixture(scope="session")
 def true_clearance():
-    """What Drake's scene graph says of the distance between an arm and points."""
+    """Distance between an arm and points by Drake's scene graph."""
     return _true_clearance

@@ -83,7 +83,7 @@ def printed_by(action, *arguments):
 
 
 def run_tutorial(folder, monkeypatch):
-    """What each executed block printed, and each app's help."""
+    """Returns the output of each executed block, and of each app's help."""
     # It would take standard output away from us.
     monkeypatch.setattr(cli, "quiet_libraries", lambda: None)
     monkeypatch.setattr(sys, "argv", sys.argv)

@@ -62,7 +62,7 @@ _LOOKING = 0.5
 _EDGE_SIGMA = 0.1
 """Standard deviation of corners from all edges of the pattern [pixel]; the fit measures it anew."""
 _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 5.774
-"""Of a minimum-jerk motion of unit length and time."""
+"""Peaks of a minimum-jerk motion of unit length and time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +262,7 @@ def find_marker(
 
 @dataclass
 class CalibrationParams:
-    """What is done to calibrate a robot."""
+    """Parameters of a robot's calibration."""
 
     arm: str = "right"
     """The arm that holds the marker."""

@@ -1,4 +1,4 @@
-"""What a person does to an arm: pushes, and a hand that guides; and how the arm gives way."""
+"""A person's pushes and guidance of an arm, and the arm's compliance."""
 
 from dataclasses import dataclass, field
 

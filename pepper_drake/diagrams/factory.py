@@ -52,14 +52,14 @@ def make_coupling(name: str) -> Coupling | None:
 
 @dataclass
 class LearningParams:
-    """How a demonstration becomes a primitive; see `MovementPrimitive.fit`."""
+    """Parameters of fitting a primitive; see `MovementPrimitive.fit`."""
 
     approximator: str = DEFAULT_APPROXIMATOR
-    """How the forcing term is learned: "lwr" is the report's."""
+    """Approximator of the forcing term: "lwr" is the report's."""
     num_basis: int = 0
     """Number of basis functions; 0 to let the demonstration decide. The report has 40."""
     scaling: str = DEFAULT_SCALING
-    """How the forcing term adapts to start and goal: "goal" is the report's factor g - y0."""
+    """Scaling of the forcing term with start and goal: "goal" is the report's factor g - y0."""
     orientation: str = "log_map"
     """Coordinates of the orientation: "angles" are the report's."""
 

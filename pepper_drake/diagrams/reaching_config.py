@@ -21,7 +21,7 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     planner_class: type[ReachPlanner] = ReachPlanner
-    """What plans the reach, of `planner` and the task."""
+    """Class of the planner, made of the primitive and the task."""
     timing: ReachTiming = field(default_factory=ReachTiming)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     safety: SafetyParams = field(default_factory=SafetyParams)
@@ -32,6 +32,6 @@ class ReachingConfig:
     log_period: float = 0.01
     """Period of all logs [s]."""
     tasks: tuple[SequenceTask, ...] = ()
-    """What the arm does after the reach, one after the other."""
+    """Tasks of the arm after the reach, in sequence."""
     is_guided: bool = False
     """True if a person moves objects and arm: nothing moves by itself, and nothing is logged."""

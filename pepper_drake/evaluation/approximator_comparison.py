@@ -174,7 +174,7 @@ _TRAITS = {
     "gmr": "places its Gaussians where the data are; several demonstrations with their spread",
     "lwpr": "chooses its number of receptive fields by itself, and learns sample by sample",
 }
-"""What each method is, in a few words."""
+"""Description of each method, in a few words."""
 
 
 def strengths(rows: Sequence[ComparisonRow]) -> list[str]:

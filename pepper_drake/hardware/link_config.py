@@ -1,4 +1,4 @@
-"""How a robot is led by its link."""
+"""Configuration of the link to a robot."""
 
 from dataclasses import dataclass
 

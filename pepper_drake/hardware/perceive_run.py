@@ -1,4 +1,4 @@
-"""What a robot sees: it stands, searches the goal with its head, and looks at the scene."""
+"""Perception with a robot: it stands, searches the goal with its head, and looks at the scene."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ LOOK = 3.0
 
 @dataclass(frozen=True, eq=False)
 class RobotView:
-    """What a robot saw.
+    """Goal and obstacles as a robot saw them.
 
     Attributes:
         goal_positions: Of the goal object in the robot's world (N, 3), one for each look [m].

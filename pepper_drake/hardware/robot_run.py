@@ -27,7 +27,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class HardwareRun:
-    """How a robot is led.
+    """Options of a run with a robot.
 
     Attributes:
         access: Way to the robot.

@@ -1,4 +1,4 @@
-"""How a robot is led, from the options of `pepper_drake.hardware.options`."""
+"""Configuration of a run with a robot, from the options of `pepper_drake.hardware.options`."""
 
 from argparse import Namespace
 from collections.abc import Callable

@@ -113,7 +113,7 @@ class LiveSession:
 
     @property
     def demonstration(self) -> Demonstration | None:
-        """What was recorded last, if anything."""
+        """The last recording, if there is one."""
         return self.taught.demonstration
 
     @property
@@ -123,7 +123,7 @@ class LiveSession:
 
     @property
     def primitive(self) -> MovementPrimitive | None:
-        """What was learned last, if anything."""
+        """The last primitive that was learned, if there is one."""
         return self.taught.primitive
 
     @property

@@ -42,7 +42,7 @@ _SIGNAL_PERIOD, _PLOT_PERIOD, _PICTURE_PERIOD = 4, 16, 32
 _HISTORY = 160
 """Samples that the plots show: 20 s of what Pepper does by itself."""
 _TOWARDS, _ASIDE, _UP = 0.08, 0.22, 0.12
-"""Where an obstacle is added, from the goal: towards Pepper, aside, up [m]."""
+"""Place of an added obstacle, from the goal: towards Pepper, aside, up [m]."""
 
 
 class LiveApp:

@@ -1,4 +1,4 @@
-"""How the taught movement was performed: as shown, bent by the coupling, or adapted."""
+"""Performance of the taught movement: as shown, bent by the coupling, or adapted."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ _SILENT = 1e-3
 
 @dataclass
 class PerformanceReport:
-    """How the taught movement was performed. Distances in m, times in s."""
+    """Performance of the taught movement. Distances in m, times in s."""
 
     kind: str = ""
     """"as_shown", "bent" (by the coupling alone), "adapted" (to what was seen, before the start or

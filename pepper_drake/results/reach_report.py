@@ -67,7 +67,7 @@ class ReachReport:
     axis_tolerance: float | None = None
     """Largest such angle with which the hand counts as at its goal."""
     performance: PerformanceReport = field(default_factory=PerformanceReport)
-    """Whether the movement was performed as shown, bent or adapted."""
+    """Performance of the movement: as shown, bent or adapted."""
     goal_estimate_error: float | None = None
     """Distance between the estimated and the true pre-grasp position at the end."""
     minimum_clearance: float | None = None
@@ -176,7 +176,7 @@ class ReachReport:
         return "\n".join(lines)
 
     def _orientation_lines(self) -> list[str]:
-        """How the hand is turned at the end, and why not as asked."""
+        """Lines on the hand's final orientation, and the reason for its error."""
         whole, axis, tolerance = (
             self.final_orientation_error,
             self.final_axis_error,

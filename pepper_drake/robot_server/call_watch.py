@@ -12,7 +12,7 @@ TRACE = (
     "(IiIm(ll)<timeval,tv_sec,tv_usec>llII)<EventTrace,id,kind,slotId,arguments,timestamp,"
     "userUsTime,systemUsTime,callerContext,calleeContext>"
 )
-"""What the signal `traceObject` carries."""
+"""Signature of the signal `traceObject`."""
 
 _CALL, _RESULT, _ERROR = 1, 2, 3
 _LONGEST_TEXT = 200
@@ -36,7 +36,7 @@ class _Range:
 
 @dataclass
 class CallWatch:
-    """What is kept of an object's calls.
+    """Statistics and traces of an object's calls.
 
     Attributes:
         counts: Whether statistics are kept.

@@ -17,7 +17,7 @@ _TOKEN = re.compile(
     r"|(?P<sign>&&|\|\||==|!=|<=|>=|[()\[\],!<>+\-*/%|&^~@#]))"
 )
 _LONGEST = 3600.0
-"""How far back an expression may look [s]."""
+"""Longest time that an expression may look back [s]."""
 _DEEPEST = 30
 _LARGEST_TEXT = 4000
 

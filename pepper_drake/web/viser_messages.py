@@ -127,7 +127,7 @@ _LEADING: Mapping[str, Mapping[str, _Field]] = {
         "owner": _text,
     },
 }
-"""What our pages use of what viser's client can say. Not among it: a tunnel to another website,
+"""Messages of viser's client that our pages use. Not among them: a tunnel to another website,
 files, and changes of a control other than its value."""
 
 

@@ -99,7 +99,7 @@ class _Page(GuardedHandler, WebSocketHandler):
 
 
 class _Input(GuardedHandler, WebSocketHandler):
-    """What keyboard and game pad of a page that leads say."""
+    """Keyboard and game pad of a page that leads."""
 
     holder: "_Input | None" = None
     """Whose game pad counts."""

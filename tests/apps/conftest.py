@@ -13,7 +13,7 @@ APPS = Path(__file__).parents[2] / "apps"
 
 
 class AppRun(NamedTuple):
-    """What is left of an app; the names are those of `subprocess.CompletedProcess`."""
+    """Result of an app; the names are those of `subprocess.CompletedProcess`."""
 
     returncode: int
     stdout: str

@@ -1,4 +1,4 @@
-"""What the command line says of a robot."""
+"""Options of the command line for a robot."""
 
 import subprocess
 import sys

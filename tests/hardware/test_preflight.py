@@ -1,4 +1,4 @@
-"""What is checked before a robot is moved, each check against a robot that fails it."""
+"""Checks before a robot is moved, each against a robot that fails it."""
 
 import asyncio
 

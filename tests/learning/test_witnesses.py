@@ -1,4 +1,4 @@
-"""What movement_primitives computes by code of its own, where it is installed (`.[test]`)."""
+"""Comparison with movement_primitives' own code, where it is installed (`.[test]`)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is done on the page happens to the robot: by messages, and in a real browser."""
+"""Actions on the page happen to the robot: by messages, and in a real browser."""
 
 import os
 import shutil

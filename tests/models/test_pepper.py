@@ -237,7 +237,7 @@ def sample_surface(shape):
 
 
 def distance_outside(shape, p):
-    """How far points p in a convex shape's own frame lie outside it; negative or zero inside."""
+    """Distance of points p outside a convex shape, in its own frame; negative or zero inside."""
     if isinstance(shape, Sphere):
         return np.linalg.norm(p, axis=1) - shape.radius()
     if isinstance(shape, Box):

@@ -32,7 +32,7 @@ CONTROL = command("set_control", "/pepper_drake/control", name="figures", callba
 
 
 def shows(url, command):
-    """Whether who opens the window now is sent a command."""
+    """True if a window that is opened now is sent a command."""
     with zmq.Context.instance().socket(zmq.REQ) as connection:
         connection.connect(url)
         connection.send(b"get_scene")

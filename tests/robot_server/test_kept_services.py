@@ -1,4 +1,4 @@
-"""What programs keep on the robot, and what it tells of lights, gestures and conditions."""
+"""Services that keep programs' data, and those of lights, gestures and conditions."""
 
 import cv2
 import numpy as np

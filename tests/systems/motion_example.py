@@ -1,4 +1,4 @@
-"""What the tests of the motion's systems share."""
+"""Motion that the tests of its systems share."""
 
 import numpy as np
 from pydrake.common.value import Value

@@ -1,4 +1,4 @@
-"""What every LeafSystem of the package must keep, tried on those of the diagrams as they are wired.
+"""Rules for every LeafSystem of the package, tried on those of the diagrams as they are wired.
 
 In a context of its own, set as in the diagram, each input in turn gets another value. An output
 may change only where the system declares that the input feeds through, and what is cached must be

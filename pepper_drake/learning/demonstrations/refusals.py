@@ -27,7 +27,7 @@ FASTEST_TURN = 40.0
 """A hand that turns faster than this [rad/s] did not turn."""
 
 LONGEST_GAP = 10.0
-"""Of a motion with a longer gap [s] nobody knows what happened in it."""
+"""Longest gap between samples [s]; the motion in a longer one is not known."""
 
 REACH_SLACK = 0.15
 """A hand may be so far beyond the stretched arm [m]: another grip, a person's arm."""

@@ -1,4 +1,4 @@
-"""Where a marker on the hand is in the images of the head's cameras, as a function of the errors.
+"""Pixels of a marker on the hand in the head cameras' images, as a function of the errors.
 
 The chain runs from the camera over the head's two joints to the torso, and over the arm's five to
 the hand. Its errors are parameters: what each encoder says too much, the slack of each gear, where
@@ -70,9 +70,9 @@ class PriorSigmas:
     camera_rotation: float
     focal: float
     marker_position: float = 0.005
-    """Of the marker's place on the hand, in each coordinate [m]."""
+    """Standard deviation of the marker's position on the hand, in each coordinate [m]."""
     marker_rotation: float = 0.05
-    """Of its rotation, in each coordinate [rad]."""
+    """Standard deviation of its rotation, in each coordinate [rad]."""
 
     @classmethod
     def of_wear(cls, sizes: WearSizes | None = None) -> "PriorSigmas":
@@ -142,7 +142,7 @@ class MarkerModel:
         return np.asarray(p_TH + R_TH @ self.marker.pose().translation())
 
     def offsets(self, parameters: Vector) -> Vector:
-        """What each encoder says too much (7,) [rad]."""
+        """Offset of each encoder (7,) [rad]."""
         return parameters[:_JOINTS]
 
     def slacks(self, parameters: Vector) -> Vector:

@@ -22,7 +22,7 @@ Mask = npt.NDArray[np.bool_]
 _SMOOTH_SPREAD = 0.15
 """Inverse depths of 5x5 pixels on one surface differ by at most this share."""
 _MANY, _NEAREST_MM = 0.05, 150
-"""Where more than this share of an image is measured, and all of it nearer than this, the whole
+"""If more than this share of an image is measured, and all of it nearer than this, the whole
 numbers are no millimetres: no depth camera measures there."""
 
 _FARTHEST_ROOM = 100.0

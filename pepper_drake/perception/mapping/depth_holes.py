@@ -68,7 +68,7 @@ class HoleParameters:
 
 
 DEFAULT_HOLES = HoleParameters()
-"""What a function uses that is given no parameters."""
+"""Default of functions that are given no parameters."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,7 +71,7 @@ class NearFieldParameters:
 
 
 DEFAULT_NEAR_FIELD = NearFieldParameters()
-"""What a function uses that is given no parameters."""
+"""Default of functions that are given no parameters."""
 
 
 def background_points(

@@ -137,7 +137,7 @@ def _draw(model: MarkerModel, arm: str, rng: np.random.Generator) -> list[Calibr
 def _in_view(
     model: MarkerModel, postures: list[CalibrationPosture]
 ) -> dict[str, npt.NDArray[np.bool_]]:
-    """Whether each camera has the whole marker well in view by the model, in each posture (N,)."""
+    """Tells in which postures all cameras have the whole marker well in view by the model (N,)."""
     joints = np.array([posture.joints for posture in postures]).reshape(-1, 7)
     approach = np.array([posture.approach for posture in postures]).reshape(-1, 7)
     zero = np.zeros(len(model.names))
@@ -191,7 +191,7 @@ def _most_informative(informations: Vector, count: int) -> list[int]:
 
 
 class _Room:
-    """Where Pepper does not touch itself."""
+    """Postures in which Pepper does not touch itself."""
 
     def __init__(self, model: ControlModel, arm: str, start: Vector) -> None:
         self._model, self._start = model, start

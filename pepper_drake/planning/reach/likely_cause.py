@@ -1,4 +1,4 @@
-"""What explains that a reach failed, where more is known than the symptom."""
+"""Likely cause of a failed reach, if more is known than the symptom."""
 
 import numpy as np
 

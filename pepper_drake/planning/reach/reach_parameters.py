@@ -117,7 +117,7 @@ class ReachPlannerParams:
     way. If not, reach and base placement are judged without coupling, and no link that comes too
     close stops the arm: the setting in which some couplings were published."""
     adaptation: AdaptationParams = field(default_factory=AdaptationParams)
-    """How it is adapted."""
+    """Parameters of that adaptation."""
     slowest: float = 1.6
     """Duration, in those of the demonstration, up to which a plan is taken at once."""
     places_adapted: int = 4

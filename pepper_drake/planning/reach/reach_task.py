@@ -1,4 +1,4 @@
-"""What a reach is planned for: the arm, its goal on the object, and how it moves."""
+"""Task of a reach: the arm, its goal on the object, and the limits of its motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

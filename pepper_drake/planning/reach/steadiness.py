@@ -8,24 +8,25 @@ from pepper_drake.planning.reach.observation import Observation
 
 _SAMPLE = 300
 """Points of a cloud that are compared with the cloud before."""
-_OUTLIER = 3.0
-"""A single jump counts as so many times the limit at most: things may be moved once."""
 
 
 @dataclass
 class SteadinessParams:
     """Mean jumps from one observation to the next above which the reach ends."""
 
+    outlier: float = 3.0
+    """A single jump counts as so many times the limit at most: things may be moved once."""
     memory: float = 1.0
     """Time constant of the means [s]."""
     goal: float = 0.02
-    """Of the goal object [m]: 0.4 m/s, which no reach could follow. Measured: 0.0001 at rest, 0.05
-    with noise of 20 mm."""
+    """Mean jump of the goal object [m]: 0.4 m/s, which no reach could follow. Measured: 0.0001 at
+    rest, 0.05 with noise of 20 mm."""
     base: float = 0.0015
-    """Of the base, which should stand [m]. Measured: 0.0001, and 0.0026 with noise of 0.1 m/s on
-    its commands."""
+    """Mean jump of the base, which should stand [m]. Measured: 0.0001, and 0.0026 with noise of
+    0.1 m/s on its commands."""
     cloud: float = 0.004
-    """Of the median point of the cloud [m]. Measured: 0.0001, and 0.013 with noise of 20 mm."""
+    """Mean jump of the median point of the cloud [m]. Measured: 0.0001, and 0.013 with noise of
+    20 mm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +57,8 @@ class Steadiness:
             base = float(np.linalg.norm((observation.base_pose - last.base_pose)[:2]))
             following = replace(
                 following,
-                goal=_mean(self.goal, goal, params.goal, share),
-                base=_mean(self.base, base, params.base, share),
+                goal=_mean(self.goal, min(goal, params.outlier * params.goal), share),
+                base=_mean(self.base, min(base, params.outlier * params.base), share),
             )
         if last_cloud is not None and observation.cloud_time == last_cloud.cloud_time:
             return following
@@ -67,7 +68,9 @@ class Steadiness:
         share = (observation.time - last_cloud.time) / params.memory
         some = observation.cloud[:: max(len(observation.cloud) // _SAMPLE, 1)]
         jump = float(np.median(last_cloud.cloud_tree.query(some)[0]))
-        return replace(following, cloud=_mean(self.cloud, jump, params.cloud, share))
+        return replace(
+            following, cloud=_mean(self.cloud, min(jump, params.outlier * params.cloud), share)
+        )
 
     def complaint(self, params: SteadinessParams) -> tuple[str, str] | None:
         """Returns reason and sentence for a signal that is not steady; None if all are."""
@@ -81,6 +84,6 @@ class Steadiness:
         return None
 
 
-def _mean(mean: float, jump: float, limit: float, share: float) -> float:
+def _mean(mean: float, jump: float, share: float) -> float:
     """The running mean of jumps after one more."""
-    return mean + min(share, 1.0) * (min(jump, _OUTLIER * limit) - mean)
+    return mean + min(share, 1.0) * (jump - mean)

@@ -15,7 +15,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass
 class SupportSurfaceParams:
-    """What is seen as the surface under the goal object, and how far it is thought on."""
+    """Extent of the support surface under the goal object, and of its extrapolation."""
 
     thickness: float = 0.025
     """Height tolerance of the surface's points to the goal object's bottom [m]."""
@@ -28,7 +28,7 @@ class SupportSurfaceParams:
     depth: float = 0.2
     """The same from its edge [m]."""
     spacing: float = 0.02
-    """Of its points [m]."""
+    """Distance between its points [m]."""
     ragged: float = 0.012
     """Tolerance of points on a straight edge [m]."""
 

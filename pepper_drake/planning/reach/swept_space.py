@@ -38,7 +38,7 @@ class UnseenSpaceParams:
     cell: float = 0.03
     """Edge of the cells of which an unseen region is counted [m]."""
     thickness: float = 0.02
-    """What is unseen is unseen this far to five of six sides, too [m]: along the edges of things
+    """Unseen places are unseen this far to five of six sides, too [m]: along the edges of things
     the projector's light leaves sheets of a pixel or two in which nothing is measured."""
     least_cells: int = 8
     """Cells of a region that is large enough to hold something: 216 cm³, a fist."""

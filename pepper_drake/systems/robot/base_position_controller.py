@@ -46,7 +46,7 @@ class BaseMotion:
 
 
 SENT_TO_PLACES = BaseMotion(has_reference=False, position_tolerance=0.005, yaw_tolerance=0.01)
-"""Of a base that takes places, as ALMotion's `moveTo` does, which is no finer than this."""
+"""Motion of a base that takes places, as ALMotion's `moveTo` does, no finer than this."""
 
 
 def wrap_angle(angle: float) -> float:

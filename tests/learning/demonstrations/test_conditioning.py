@@ -16,7 +16,7 @@ from .importers.recordings import make_motion
 
 
 def chord_distances(times, positions, path):
-    """How far a path is from the line between the samples on either side of it [m]."""
+    """Distances of a path to the line between the samples on either side of it [m]."""
     lines = np.column_stack([np.interp(path.times, times, p) for p in positions.T])
     chords = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     k = np.clip(np.searchsorted(times, path.times, side="right") - 1, 0, len(chords) - 1)

@@ -1,4 +1,4 @@
-"""What the numbers of a file mean: read rightly, or refused with the mend."""
+"""Meaning of the numbers of a file: read rightly, or refused with the mend."""
 
 from datetime import datetime, timedelta
 

@@ -28,7 +28,7 @@ from pepper_drake.perception.goal.marker import marker_corners
 from pepper_drake.planning.calibration.calibration_postures import choose_postures
 
 NOISE = 0.15
-"""Of a corner's coordinate [pixel]."""
+"""Standard deviation of a corner's coordinate [pixel]."""
 
 
 def chain(arm="right"):
@@ -58,7 +58,7 @@ def truth(wear, model, X_HM):
 
 
 def sightings(wear, X_HM, rng, noise=NOISE, slack=True):
-    """What a worn robot would see, by Drake's kinematics of its true joints."""
+    """Sightings by a worn robot, by Drake's kinematics of its true joints."""
     control, model = shared_control_model(), chain()
     context = control.create_context()
     own = body_indices(model.joint_names)

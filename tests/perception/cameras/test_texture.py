@@ -28,7 +28,7 @@ def test_noise_is_random_on_the_lattice():
 
 
 def see(X_WC, paint):
-    """What a camera sees of the wall z = 1: brightness, and where each pixel's point is."""
+    """Image of the wall z = 1: brightness, and where each pixel's point is."""
     rays = pixel_rays(CAMERA).astype(float)
     R = X_WC.rotation().matrix()
     depth = (1.0 - X_WC.translation()[2]) / (rays @ R[2])

@@ -44,7 +44,7 @@ def photos(draw_marker, facing):
 
 
 def default_finds(image):
-    """Whether OpenCV's default detector with its corner refinement finds the marker."""
+    """True if OpenCV's default detector with its corner refinement finds the marker."""
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     book = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)

@@ -36,7 +36,7 @@ def scene(X=X_WC, edge=0.6, top=0.7):
 
 
 def points(depth, X=X_WC):
-    """What a map of the scene holds, without the floor (P, 3) [m]."""
+    """Points of a map of the scene, without the floor (P, 3) [m]."""
     z = depth[::3, ::3]
     p_W = (pixel_rays(CAMERA)[::3, ::3] * z[..., None])[z > 0] @ X.rotation().matrix().T
     p_W = p_W + X.translation()

@@ -28,7 +28,7 @@ def image(millimetres=None, column=160):
 
 
 def shown(*frames):
-    """What is known after images, each with its time and the camera's pose."""
+    """State after images, each with its time and the camera's pose."""
     watch, voxels = DynamicObstacleTracker(), VoxelMap.empty()
     for depth, time, X_WD in frames:
         voxels = update_obstacles(voxels, depth, time, X_WD, CAMERA, [], PARAMETERS)

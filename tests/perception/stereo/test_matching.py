@@ -30,7 +30,7 @@ def project_both(p_Head, left=LEFT, right=RIGHT):
 
 
 def rectified_pixels(p_Head, rectification, left):
-    """Where a point is in the rectified left image, and its disparity, by eq. 3.3 and 3.5."""
+    """Pixels of a point in the rectified left image, and its disparity, by eq. 3.3 and 3.5."""
     p_L = (left.X_HeadC @ RigidTransform(rectification.R_CLeftRect, np.zeros(3))).inverse() @ p_Head
     f, b = rectification.intrinsics.focal_x, rectification.baseline
     return rectification.intrinsics.project(p_L), f * b / p_L[2] + rectification.offset

@@ -50,7 +50,7 @@ def test_acceleration_is_limited(right_limits):
 
 
 class LimitWatch:
-    """How far a sequence of commands ever went beyond each of its limits, from positions alone."""
+    """Largest excess of a sequence of commands over each of its limits, from positions alone."""
 
     def __init__(self, names, limits, position, time_step):
         self.names, self.limits, self.time_step = names, limits, time_step

@@ -168,7 +168,7 @@ class Supervised:
 
     @property
     def time(self) -> float:
-        """Of the next step [s]."""
+        """Time of the next step [s]."""
         return 0.05 * self.ticks
 
     def set(self, **changes) -> "Supervised":

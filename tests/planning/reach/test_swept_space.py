@@ -41,7 +41,7 @@ def find(space, params=STRICT, path=PATH, time=1.0):
 
 
 def looked_through(heads, time=1.0):
-    """What images of an empty room tell, taken with the head at angles."""
+    """Space seen by images of an empty room, taken with the head at angles."""
     camera = CAMERA_DEPTH.intrinsics
     depth = np.full((camera.height, camera.width), 3.0, np.float32)
     space = NOTHING_SEEN

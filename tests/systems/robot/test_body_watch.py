@@ -90,7 +90,7 @@ def test_the_reaching_arm_belongs_to_the_body_only_while_it_rests():
 
 @pytest.fixture(scope="module")
 def near_wall():
-    """How far the base goes towards the wall until it is 5 mm from the body [m]."""
+    """Distance of the base towards the wall at which the body is 5 mm from it [m]."""
     model = shared_control_model()
     poses = np.column_stack((np.arange(0.0, 0.25, 1e-4), np.zeros((2500, 2))))
     field = PointCloudDistance(np.array(BIN_WALL), extension=0.0)

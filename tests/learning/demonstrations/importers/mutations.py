@@ -1,4 +1,4 @@
-"""What happens to files: bytes lost, flipped and doubled, numbers that are none."""
+"""Damage to files: bytes lost, flipped and doubled, numbers that are none."""
 
 NUMBERS = (
     b"nan", b"inf", b"-inf", b"1e400", b"1e300", b"-1e18", b"0", b"", b"x", b"0x10", b"1_000",

@@ -1,4 +1,4 @@
-"""What the formats have beside the plain case."""
+"""Variants of the formats beside the plain case."""
 
 import numpy as np
 import pytest
