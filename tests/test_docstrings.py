@@ -11,11 +11,11 @@ QUESTION = re.compile(r"\s*(What|Whether|Of|How|Where)\b")
 
 
 def docstrings(source):
-    """Yields line and text of each text that stands alone: of modules, classes, functions, names."""
+    """Yields line and text of each text that stands alone."""
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-            if isinstance(node.value.value, str):
-                yield node.lineno, node.value.value
+        match node:
+            case ast.Expr(value=ast.Constant(value=str(text))):
+                yield node.lineno, text
 
 
 @pytest.mark.parametrize(
