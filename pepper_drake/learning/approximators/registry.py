@@ -29,8 +29,8 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError
 from pepper_drake.learning.phase import fade_out as fade_out
+from pepper_drake.registry import registered
 
 Array = npt.NDArray[np.float64]
 
@@ -148,9 +148,4 @@ def get_approximator(name: str) -> Approximator:
     Raises:
         InputError: There is none; the message lists those that there are.
     """
-    if name not in _registry:
-        mend = f"use one of {', '.join(_registry)}"
-        if ".py:" in name:
-            mend = "it is code of somebody's own: name its file with --code FILE.py:NAME"
-        raise InputError(f"approximator: '{name}' is unknown; {mend}")
-    return _registry[name]
+    return registered("approximator", name, _registry)

@@ -29,8 +29,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError
 from pepper_drake.learning.dmp.arithmetic import arithmetic
+from pepper_drake.registry import registered
 
 Array = npt.NDArray[np.float64]
 
@@ -267,9 +267,4 @@ def get_coupling(name: str) -> Coupling:
     Raises:
         InputError: There is none; the message lists those that there are.
     """
-    if name not in _couplings:
-        mend = f"use one of {', '.join(_couplings)}"
-        if ".py:" in name:
-            mend = "it is code of somebody's own: name its file with --code FILE.py:NAME"
-        raise InputError(f"coupling: '{name}' is unknown; {mend}")
-    return _couplings[name]()
+    return registered("coupling", name, _couplings)()

@@ -1,7 +1,7 @@
 """Planners by name: the default one, and those of one's own."""
 
-from pepper_drake.errors import InputError
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
+from pepper_drake.registry import registered
 
 DEFAULT_PLANNER = "ReachPlanner"
 _planners: dict[str, type[ReachPlanner]] = {DEFAULT_PLANNER: ReachPlanner}
@@ -23,9 +23,4 @@ def get_planner(name: str) -> type[ReachPlanner]:
     Raises:
         InputError: There is none; the message lists those that there are.
     """
-    if name not in _planners:
-        mend = f"use one of {', '.join(_planners)}"
-        if ".py:" in name:
-            mend = "it is code of somebody's own: name its file with --code FILE.py:NAME"
-        raise InputError(f"planner_class: '{name}' is unknown; {mend}")
-    return _planners[name]
+    return registered("planner_class", name, _planners)
