@@ -89,13 +89,30 @@ class Extractor(Module):
         return self._subscribers[name]
 
 
-class PeoplePerception(Extractor):
+class PausableExtractor(Extractor):
+    """An extractor that its clients may pause."""
+
+    _paused = False
+
+    def pause(self, paused: bool) -> None:
+        """Pauses it, or goes on."""
+        self._paused = paused
+
+    def is_paused(self) -> bool:
+        """Returns whether it is paused."""
+        return self._paused
+
+    def is_processing(self) -> bool:
+        """Returns whether it works: somebody subscribed, and it is not paused."""
+        return bool(self._subscribers) and not self._paused
+
+
+class PeoplePerception(PausableExtractor):
     """ALPeoplePerception: its settings; it sees nobody."""
 
     def __init__(self, log: Log) -> None:
         keys = ("PeoplePerception/PeopleList", "PeoplePerception/VisiblePeopleList")
         super().__init__("ALPeoplePerception", log, keys, "people")
-        self._paused = False
         keep_settings(
             self,
             {
@@ -114,29 +131,16 @@ class PeoplePerception(Extractor):
             },
         )
 
-    def pause(self, paused: bool) -> None:
-        """Pauses it, or goes on."""
-        self._paused = paused
-
-    def is_paused(self) -> bool:
-        """Returns whether it is paused."""
-        return self._paused
-
-    def is_processing(self) -> bool:
-        """Returns whether it looks for people."""
-        return bool(self._subscribers) and not self._paused
-
     def reset_population(self) -> None:
         """Forgets the people seen: none."""
 
 
-class SpeechRecognition(Extractor):
+class SpeechRecognition(PausableExtractor):
     """ALSpeechRecognition: its settings; it hears nothing."""
 
     def __init__(self, log: Log) -> None:
         super().__init__("ALSpeechRecognition", log, ("WordRecognized",), "words")
         self._vocabulary: list[str] = []
-        self._paused = False
         self._parameters: dict[str, float] = {}
         keep_settings(
             self,
@@ -160,10 +164,6 @@ class SpeechRecognition(Extractor):
     def set_word_list_as_vocabulary(self, words: list[str]) -> None:
         """As `setVocabulary`, its former name."""
         self.set_vocabulary(words, False)
-
-    def pause(self, paused: bool) -> None:
-        """Pauses it, or goes on."""
-        self._paused = paused
 
     def _grammar(self, *_: Any) -> float:
         """Takes a grammar, a context or a rule; nothing is heard that it could fit."""
@@ -202,7 +202,7 @@ class SpeechRecognition(Extractor):
         return self._parameters[name]
 
 
-class Looker(Extractor):
+class Looker(PausableExtractor):
     """An extractor whose settings are kept: landmarks, barcodes, movement, gazes, sounds."""
 
     def __init__(
@@ -223,7 +223,6 @@ class Looker(Extractor):
             settings: Those of its own.
         """
         super().__init__(name, log, (key,), finds)
-        self._paused = False
         keep_settings(
             self,
             {
@@ -234,18 +233,6 @@ class Looker(Extractor):
             True,
         )
         keep_settings(self, {"set_parameter": ("get_parameters", []), **(settings or {})})
-
-    def pause(self, paused: bool) -> None:
-        """Pauses it, or goes on."""
-        self._paused = paused
-
-    def is_paused(self) -> bool:
-        """Returns whether it is paused."""
-        return self._paused
-
-    def is_processing(self) -> bool:
-        """Returns whether it works: somebody subscribed, and it is not paused."""
-        return bool(self._subscribers) and not self._paused
 
     def reset_grid(self) -> None:
         """Forgets where it looked."""
