@@ -111,8 +111,9 @@ class SeenSpace:
             time: Now [s].
             oldest: Time since a place was seen to be free up to which that counts [s].
         """
-        state, age = self.states(p_W, time)
-        return (state == SpaceState.UNKNOWN) | ((state == SpaceState.FREE) & (age > oldest))
+        recent = tuple(view for view in self.views if time - view.time <= oldest)
+        state, _ = replace(self, views=recent).states(p_W, time)
+        return state == SpaceState.UNKNOWN
 
 
 def describe_place(p_T: Points) -> str:

@@ -77,6 +77,13 @@ class PlanningSceneBuilder:
         self._arm_in_body = body_indices(arm_joints(arm))
         self._body_layers: dict[tuple[float, ...], Vector] = {}
 
+    def torso_pose(self, observation: Observation) -> RigidTransform:
+        """Returns X_WT of an observation."""
+        context, model = self._model.create_context(), self._model
+        positions = model.positions(observation.joint_position, observation.base_pose)
+        model.plant.SetPositions(context, positions)
+        return model.pose(context, "torso")
+
     def obstacle_field(self, observation: Observation) -> PointCloudDistance:
         """Returns distances to the cloud and to the part of the table that was not seen, in W.
 
@@ -102,9 +109,7 @@ class PlanningSceneBuilder:
         """
         field_W = self.obstacle_field(observation) if field_W is None else field_W
         joint_position, base_pose = observation.joint_position, observation.base_pose
-        context = self._model.create_context()
-        self._model.plant.SetPositions(context, self._model.positions(joint_position, base_pose))
-        X_WT = self._model.pose(context, "torso")
+        X_WT = self.torso_pose(observation)
         X_TW = X_WT.inverse()
         X_TO = X_TW @ observation.X_WO
         cloud_T = observation.obstacles @ X_TW.rotation().matrix().T + X_TW.translation()

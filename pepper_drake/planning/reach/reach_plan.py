@@ -100,13 +100,10 @@ class RemainingClearance(NamedTuple):
     Attributes:
         times: (N,) from now on [s].
         distances: (N,) of the arm to obstacles, infinite where nothing is near [m].
-        stale: (3,) a place in W that the arm passes soon and that was not seen lately [m]; NaN if
-            there is none.
     """
 
     times: Vector
     distances: Vector
-    stale: tuple[float, float, float] = (np.nan, np.nan, np.nan)
 
     @property
     def least(self) -> float:
@@ -170,6 +167,13 @@ class Planner(Protocol):
 
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
         """Returns distances of the rest of a plan's path to obstacles."""
+        ...
+
+    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
+        """Returns a place in W that the arm passes soon and that was not seen lately [m].
+
+        Its elements are NaN if there is none.
+        """
         ...
 
 

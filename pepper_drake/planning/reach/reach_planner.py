@@ -8,11 +8,11 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.control_model import CommandLimits
+from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
 from pepper_drake.planning.reach.base_placement import BasePlacement, BasePlacementPlanner
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
-from pepper_drake.planning.reach.planning_scene import PlanningScene
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, RemainingClearance
@@ -23,7 +23,12 @@ from pepper_drake.planning.reach.remaining_reach import (
     remaining_clearance,
     replan,
 )
-from pepper_drake.planning.reach.swept_space import unseen_sentence, unseen_space
+from pepper_drake.planning.reach.swept_space import (
+    UnseenSpace,
+    UnseenSpaceParams,
+    unseen_sentence,
+    unseen_space,
+)
 
 __all__ = ["PlanStatus", "ReachPlan", "ReachPlanner", "ReachPlannerParams"]
 
@@ -91,18 +96,18 @@ class ReachPlanner:
         scene = evaluator.scenes(observation)
         best = evaluator.evaluate(scene, self.demonstrated if movement is None else movement)
         if evaluator.is_good(best):
-            return self._with_unseen(best, scene, observation)
+            return self._with_unseen(best, observation)
         for plan in evaluator.adapted(scene, best.joint_path):
             best = max(best, plan, key=evaluator.quality)
         if movement is not None and best.status != PlanStatus.CLEAR:
             demonstrated = evaluator.evaluate(scene, self.demonstrated)
             best = max(best, demonstrated, key=evaluator.quality)
-        return self._with_unseen(best, scene, observation)
+        return self._with_unseen(best, observation)
 
     def replan(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns the best plan for the rest of a movement; see `Planner`."""
         detour = replan(self._evaluator, plan, observation)
-        return self._with_unseen(detour, self._evaluator.scenes(observation), observation)
+        return self._with_unseen(detour, observation)
 
     def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a plan back to where there is more clearance; see `Planner`."""
@@ -110,27 +115,16 @@ class ReachPlanner:
 
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
-        rest = remaining_clearance(self._evaluator, plan, observation)
-        return rest._replace(stale=self._stale(plan, observation))
+        return remaining_clearance(self._evaluator, plan, observation)
 
-    def _stale(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
-        """A place in W that the arm passes soon and that was not seen lately [m]; NaN for none."""
-        params, space = self.params.unseen, observation.space
-        nowhere = (np.nan, np.nan, np.nan)
-        if plan.joint_path is None or space is None:
+    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
+        """Returns a place that the arm passes soon and that was not seen lately; see `Planner`."""
+        params, nowhere = self.params.unseen, (np.nan, np.nan, np.nan)
+        if plan.joint_path is None or observation.space is None:
             return nowhere
-        stride = max(round(params.stride / plan.time_step), 1)
-        rest = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1 : stride]
-        X_WT = observation.X_WO @ self._evaluator.scenes(observation).X_TO.inverse()
-        region, _ = unseen_space(
-            self._evaluator.kinematics,
-            rest,
-            X_WT,
-            space,
-            observation.time,
-            replace(params, oldest=params.recent),
-            self._body_spheres(observation, X_WT),
-        )
+        soon = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1]
+        lately = replace(params, oldest=params.recent)
+        region = self._unseen(soon, plan.time_step, observation, observation.space, lately).region
         if not len(region):
             return nowhere
         x, y, z = region.mean(axis=0)
@@ -141,29 +135,39 @@ class ReachPlanner:
         evaluator = self._evaluator
         return evaluator.evaluate(evaluator.scenes(observation), self.demonstrated)
 
-    def _with_unseen(
-        self, plan: ReachPlan, scene: PlanningScene, observation: Observation
-    ) -> ReachPlan:
+    def _with_unseen(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a plan with what of its sweep was not seen; it is not clear then."""
         params, space = self.params.unseen, observation.space
         if plan.status != PlanStatus.CLEAR or plan.joint_path is None or space is None:
             return plan
-        path = plan.joint_path[:: max(round(params.stride / plan.time_step), 1)]
-        X_WT = observation.X_WO @ scene.X_TO.inverse()
-        region, out_of_view = unseen_space(
+        unseen = self._unseen(plan.joint_path, plan.time_step, observation, space, params)
+        region = unseen.region
+        plan = replace(plan, unseen=region, out_of_view=unseen.out_of_view)
+        if not len(region) or params.accept or not plan.collision_checked:
+            return plan
+        X_WT = self._evaluator.scenes.torso_pose(observation)
+        sentence = unseen_sentence(region, X_WT, params)
+        return replace(plan, status=PlanStatus.NOT_SEEN, message=sentence)
+
+    def _unseen(
+        self,
+        path: Vector,
+        time_step: float,
+        observation: Observation,
+        space: SeenSpace,
+        params: UnseenSpaceParams,
+    ) -> UnseenSpace:
+        """Unseen space that the arm sweeps along a path (N, 5) [rad] of a time step [s]."""
+        X_WT = self._evaluator.scenes.torso_pose(observation)
+        return unseen_space(
             self._evaluator.kinematics,
-            path,
+            path[:: max(round(params.stride / time_step), 1)],
             X_WT,
             space,
             observation.time,
             params,
             self._body_spheres(observation, X_WT),
         )
-        plan = replace(plan, unseen=region, out_of_view=out_of_view)
-        if not len(region) or params.accept or not plan.collision_checked:
-            return plan
-        sentence = unseen_sentence(region, X_WT, params)
-        return replace(plan, status=PlanStatus.NOT_SEEN, message=sentence)
 
     def _body_spheres(
         self, observation: Observation, X_WT: RigidTransform

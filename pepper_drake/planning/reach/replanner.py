@@ -59,7 +59,7 @@ class ReachReplanner:
         is_under_way = state.suspended_plan is None
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
-        state = replace(state, look_at=rest.stale)
+        state = replace(state, look_at=self.planner.stale_place(reach, observation))
         is_free = rest.least >= self._enough(reach)
         if is_free and is_under_way and not state.braking:
             return state

@@ -87,6 +87,12 @@ class TimedPlanner:
             lambda: self.planner.remaining_clearance(plan, observation),
         )
 
+    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
+        """Returns a place that the arm passes soon and that was not seen lately; see `Planner`."""
+        return self._timed(
+            "stale_place", observation, lambda: self.planner.stale_place(plan, observation)
+        )
+
     def seconds(self, first: float, last: float) -> float:
         """Returns the computing time for observations from one time to another [s]."""
         return sum(one.seconds for one in self.log if first <= one.time <= last)

@@ -87,6 +87,10 @@ class FaultyPlanner:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
         return self.planner.remaining_clearance(plan, observation)
 
+    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
+        """Returns a place that the arm passes soon and that was not seen lately; see `Planner`."""
+        return self.planner.stale_place(plan, observation)
+
     def _is_active(self, observation: Observation, on_the_way: bool) -> bool:
         if np.isnan(self.fault.start):
             return on_the_way

@@ -124,8 +124,10 @@ class ScriptedPlanner:
         return RemainingClearance(
             np.array([0.0, self.ahead_from]),
             np.array([self.ahead if self.ahead_from == 0.0 else far, self.ahead]),
-            self.stale,
         )
+
+    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
+        return self.stale
 
     def questions(self) -> list[str]:
         """Names of the questions that were asked."""

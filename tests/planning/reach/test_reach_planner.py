@@ -360,16 +360,16 @@ def test_on_its_way_the_arm_names_a_place_ahead_that_was_not_seen_lately(planner
         space = replace(space, views=(*space.views, frame))
     arm = ArmState(plan.joint_path[middle], np.zeros(5))
     seen = replace(at_the_table, arm=arm, space=space, time=10.2)
-    assert np.isnan(planner.remaining_clearance(plan, seen).stale).all()
+    assert np.isnan(planner.stale_place(plan, seen)).all()
 
-    late = planner.remaining_clearance(plan, replace(seen, time=12.0)).stale
+    late = planner.stale_place(plan, replace(seen, time=12.0))
     ahead = round(planner.params.unseen.ahead / plan.time_step)
     passed = arm_kinematics(MODEL, "right").sphere_centers_at(
         plan.joint_path[middle : middle + ahead]
     )
     passed_W = passed.reshape(-1, 3) @ X_WT.rotation().matrix().T + X_WT.translation()
     assert np.linalg.norm(passed_W - late, axis=1).min() < 0.05
-    assert np.isnan(planner.remaining_clearance(plan, at_the_table).stale).all()
+    assert np.isnan(planner.stale_place(plan, at_the_table)).all()
 
 
 def test_on_its_way_the_arm_is_told_when_there_is_no_way_on(planner, at_the_table):
