@@ -10,7 +10,6 @@ app must go on serving the page meanwhile, and end in order. Exit code 1 if it d
 
 import argparse
 import asyncio
-import os
 import random
 import re
 import signal
@@ -19,14 +18,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
 import msgpack
+from app_process import start_app
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 from tornado.websocket import WebSocketClosedError, websocket_connect
-
-ROOT = Path(__file__).parents[1]
 
 RUNS = {
     "teach": ("--no-cameras",),
@@ -154,15 +151,7 @@ class Attack:
 
 def start(app: str, folder: str) -> tuple[subprocess.Popen[str], str]:
     """Starts an app; returns it and its page's address."""
-    process = subprocess.Popen(
-        [sys.executable, "-u", f"apps/{app}.py", *RUNS[app], "--output", f"{folder}/results"],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = start_app(app, f"{folder}/results", *RUNS[app], stdout=subprocess.PIPE)
     assert process.stdout is not None
     for line in process.stdout:
         if found := re.search(r"http://\S+", line):

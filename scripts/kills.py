@@ -11,7 +11,6 @@ must leave what the first one left. Exit code 1 at a finding.
 
 import argparse
 import json
-import os
 import random
 import signal
 import subprocess
@@ -21,12 +20,12 @@ import time
 from pathlib import Path
 
 import cv2
+from app_process import start_app
 
 from pepper_drake.array_files import read_npz
 from pepper_drake.errors import InputError
 from pepper_drake.yaml_files import read_yaml
 
-ROOT = Path(__file__).parents[1]
 _DEMONSTRATION = "pepper_drake/models/demonstrations/reach"
 
 APPS: dict[str, tuple[str, ...]] = {
@@ -76,22 +75,9 @@ def broken(folder: Path) -> list[str]:
     return found
 
 
-def start(app: str, folder: Path, options: tuple[str, ...]) -> subprocess.Popen[str]:
-    """Starts an app that writes into a folder."""
-    return subprocess.Popen(
-        [sys.executable, f"apps/{app}.py", *options, "--quiet", "--output", str(folder)],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
 def whole_run(app: str, folder: Path, options: tuple[str, ...]) -> tuple[int, set[str]]:
     """Lets an app do its work; returns its exit code and the names of what it left."""
-    process = start(app, folder, options)
+    process = start_app(app, folder, *options, "--quiet")
     try:
         process.communicate(timeout=_ENDLESS.get(app, _LONGEST))
     except subprocess.TimeoutExpired:
@@ -130,7 +116,7 @@ def try_app(app: str, moments: int, dice: random.Random, folder: Path) -> int:
     for moment in range(moments):
         number = signal.SIGKILL if moment % 2 else signal.SIGTERM
         after = dice.uniform(0.05, 1.0) * duration
-        wrong = end_once(start(app, folder, options), after, number)
+        wrong = end_once(start_app(app, folder, *options, "--quiet"), after, number)
         for words in (*broken(folder), *([wrong] if wrong else [])):
             findings += 1
             print(f"{app}, {signal.Signals(number).name} after {after:.1f} s: {words}", flush=True)

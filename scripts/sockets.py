@@ -10,14 +10,14 @@ Exit code 1 if one does otherwise.
 import argparse
 import os
 import signal
-import subprocess
 import sys
 import tempfile
 import time
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+from app_process import start_app
+
 _DEMONSTRATION = "pepper_drake/models/demonstrations/reach"
 
 RUNS: tuple[tuple[bool, tuple[str, ...]], ...] = (
@@ -103,15 +103,7 @@ def watch(
     Returns:
         Where it listened meanwhile, and how it ended.
     """
-    process = subprocess.Popen(
-        [sys.executable, f"apps/{arguments[0]}.py", *arguments[1:], "--output", str(folder)],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = start_app(arguments[0], folder, *arguments[1:])
     found: set[str] = set()
     end = time.monotonic() + seconds
     while time.monotonic() < end and process.poll() is None:
