@@ -342,7 +342,8 @@ class LiveApp:
         if wall > _HINT_PERIOD:
             frames = (pace.frames - before.frames) / wall
             rate = (pace.simulated_seconds - before.simulated_seconds) / wall
-            self._hint = f"{frames:.0f} frames per second, {rate:.2f} of real time"
+            unit = "frame" if round(frames) == 1 else "frames"
+            self._hint = f"{frames:.0f} {unit} per second, {rate:.2f} of real time"
             if rate < _SLOW:
                 self._hint += ". Slow: this computer does not keep up"
                 if self.session.simulation.diagram.station.config.cameras:
