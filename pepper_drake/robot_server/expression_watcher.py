@@ -24,6 +24,14 @@ _LARGEST_TEXT = 4000
 Evaluate = Callable[[float], Any]
 """The value of a part of an expression at a time [s]."""
 
+
+def _product(a: Any, b: Any) -> Any:
+    """The product of numbers; a text or a list times a number could be of any size."""
+    if isinstance(a, str | list) or isinstance(b, str | list):
+        raise TypeError("only numbers are multiplied")
+    return a * b
+
+
 _BINARY: tuple[dict[str, Callable[[Any, Any], Any]], ...] = (
     {"||": lambda a, b: bool(a) or bool(b)},
     {"&&": lambda a, b: bool(a) and bool(b)},
@@ -35,7 +43,7 @@ _BINARY: tuple[dict[str, Callable[[Any, Any], Any]], ...] = (
         "^": lambda a, b: int(a) ^ int(b),
     },
     {"+": operator.add, "-": operator.sub},
-    {"*": operator.mul, "/": operator.truediv, "%": operator.mod},
+    {"*": _product, "/": operator.truediv, "%": operator.mod},
     {
         "subsets": lambda a, b: set(_items(a)) <= set(_items(b)),
         "intersects": lambda a, b: bool(set(_items(a)) & set(_items(b))),
@@ -96,7 +104,7 @@ class Expression:
         """Returns the value now, None where it has none."""
         try:
             return self._evaluate(now)
-        except (TypeError, ValueError, ZeroDivisionError):
+        except (TypeError, ValueError, ArithmeticError):
             return None
 
     def _peek(self) -> str:
