@@ -42,6 +42,8 @@ from pepper_drake.web.drake_page import offline_meshcat
 
 Array = npt.NDArray[np.float64]
 
+_REPLANS = ("check_reach", "replan", "plan_retreat")
+"""The planner's calls whose effect comes after `PlanningLatency.plan`."""
 _STARTED = 1e-6
 """A joint command that differs by this from the one at rest is motion [rad]."""
 
@@ -66,18 +68,17 @@ class DiagramReach:
     def __call__(self, case: Case) -> MethodResult:
         """Runs the reach, unseen."""
         scene = case.build()
-        result = ReachSimulation(self._build(case, scene), RunOptions(progress=False)).run()
-        return measure(result, make_primitive(None, scene.arm), scene.arm)
+        return _run(self._build(case, scene), scene.arm, RunOptions(progress=False))[1]
 
     def replay(self, case: Case, folder: Path) -> MethodResult:
         """Runs the reach again and leaves `reach.py`'s folder, `recording.html` with it."""
         scene = case.build()
         with offline_meshcat() as meshcat:
             options = RunOptions(meshcat=meshcat, record=True, progress=sys.stderr.isatty())
-            result = ReachSimulation(self._build(case, scene), options).run()
+            result, measured = _run(self._build(case, scene), scene.arm, options)
         with whole_results(folder, ()) as inside:
             save_result(result, inside)
-        return measure(result, make_primitive(None, scene.arm), scene.arm)
+        return measured
 
     def _build(self, case: Case, scene: Scene) -> Reaching:
         chosen = self.coupling or scene.coupling
@@ -92,8 +93,20 @@ class DiagramReach:
                 faults=FaultSet(parse_faults(case.faults), case.seed),
             )
         )
+        if case.sensors == "ideal":
+            config.station.noise, config.station.camera_latency = False, 0.0
         config.planner.adapt, config.planner.collision_checked = self.adapt, self.collision_checked
         return Reaching(scene, make_primitive(None, scene.arm), coupling, config)
+
+
+def _run(reaching: Reaching, arm: str, options: RunOptions) -> tuple[ReachResult, MethodResult]:
+    result = ReachSimulation(reaching, options).run()
+    measured = measure(result, make_primitive(None, arm), arm)
+    measured.planning_latency = reaching.config.timing.latency.plan
+    times = [one.seconds for one in reaching.timed_planner.log if one.name in _REPLANS]
+    if times:
+        measured.replan_seconds_99 = float(np.percentile(times, 99))
+    return result, measured
 
 
 def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> MethodResult:
@@ -111,6 +124,7 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
         reason=report.reason,
         message=report.message,
         planning_seconds=report.planning_seconds,
+        touch_speed=report.touch_speed,
         clearance=report.minimum_clearance,
         closest_pair=report.closest_pair,
         position_error=report.final_position_error,

@@ -9,7 +9,12 @@ from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import DiagramReach
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.package_coupling import PackageCoupling
-from pepper_drake.benchmarking.planned_reach import PlannedReach, optimized_motions, rrt_motions
+from pepper_drake.benchmarking.planned_reach import (
+    PlannedReach,
+    optimized_motions,
+    roboplan_motions,
+    rrt_motions,
+)
 from pepper_drake.errors import InputError
 
 
@@ -109,6 +114,15 @@ METHODS: tuple[Method, ...] = (
         "trajectory optimisation",
         "Drake's KinematicTrajectoryOptimization; perfect knowledge, no dynamics",
         PlannedReach(optimized_motions),
+        knows_all=True,
+    ),
+    Method(
+        "h",
+        "RoboPlan, shortcut",
+        "RoboPlan's RRT-Connect and shortcutting over its own collision model; perfect knowledge, "
+        "no dynamics",
+        PlannedReach(roboplan_motions),
+        needs="roboplan",
         knows_all=True,
     ),
 )

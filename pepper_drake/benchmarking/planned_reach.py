@@ -28,6 +28,7 @@ from pepper_drake.benchmarking.known_scene import GroundTruthScene
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.metrics import demonstration_distance, path_length, rms_jerk
 from pepper_drake.benchmarking.planned_reach_page import record_motion
+from pepper_drake.benchmarking.roboplan_rrt import roboplan_rrt
 from pepper_drake.benchmarking.rrt_connect import rrt_connect, seed_ompl
 from pepper_drake.benchmarking.timed_path import timed_path
 from pepper_drake.benchmarking.trajectory_optimization import optimized_motion
@@ -68,6 +69,15 @@ def rrt_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterato
     seed_ompl(seed)
     goals = goal_postures(known, base_pose, np.random.default_rng(seed))
     corners = rrt_connect(known, base_pose, goals) if goals else None
+    motion = timed_path(known.scene.arm, corners) if corners is not None else None
+    if motion is not None:
+        yield motion
+
+
+def roboplan_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
+    """One motion by RoboPlan to the first goal posture to which it finds a way."""
+    goals = goal_postures(known, base_pose, np.random.default_rng(seed))
+    corners = roboplan_rrt(known, base_pose, goals, seed=seed)
     motion = timed_path(known.scene.arm, corners) if corners is not None else None
     if motion is not None:
         yield motion

@@ -71,4 +71,4 @@ def test_a_method_whose_package_is_missing_says_how_to_get_it():
 
 
 def test_letters_are_different_and_the_briefs_methods_are_there():
-    assert [method.letter for method in methods.METHODS] == list("abcdefg")
+    assert [method.letter for method in methods.METHODS] == list("abcdefgh")

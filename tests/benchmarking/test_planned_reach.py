@@ -4,7 +4,13 @@ import pytest
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.goal_search import goal_postures
 from pepper_drake.benchmarking.known_scene import GroundTruthScene
-from pepper_drake.benchmarking.planned_reach import PlannedReach, optimized_motions, rrt_motions
+from pepper_drake.benchmarking.planned_reach import (
+    PlannedReach,
+    optimized_motions,
+    roboplan_motions,
+    rrt_motions,
+)
+from pepper_drake.benchmarking.roboplan_rrt import roboplan_scene
 from pepper_drake.benchmarking.timed_path import timed_path
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.scene import Obstacle, load_scene, save_scene
@@ -131,6 +137,41 @@ def test_trajectory_optimisation_reaches_a_free_goal(optimized):
 def test_rrt_connect_reaches_a_free_goal():
     pytest.importorskip("ompl", reason="OMPL is in the bench extra")
     check_reached(PlannedReach(rrt_motions)(Case(0, "free")))
+
+
+@pytest.fixture(scope="module")
+def table():
+    return GroundTruthScene(load_scene("table"))
+
+
+def roboplan_sees_as_drake(known, base_pose, count=300):
+    """Share of random postures of which RoboPlan's model says the same as Drake's checker."""
+    scene = roboplan_scene(known, base_pose)
+    rng = np.random.default_rng(0)
+    names = scene.getJointGroupInfo(f"{known.scene.arm}_arm").joint_names
+    places = scene.getJointPositionIndices(names)
+    said = []
+    for joints in rng.uniform(known.lower, known.upper, (count, 5)):
+        q = scene.getCurrentJointPositions()
+        q[places] = joints
+        free = known.arm_checker.CheckConfigCollisionFree(known.positions(joints, base_pose))
+        said.append((not scene.hasCollisions(q), free))
+    return np.array(said)
+
+
+def test_roboplan_plans_in_the_same_scene(table):
+    pytest.importorskip("roboplan", reason="RoboPlan is in the bench extra")
+    base_pose = next(table.candidate_base_poses())
+    said = roboplan_sees_as_drake(table, base_pose)
+    assert 0.1 < said[:, 1].mean() < 0.9
+    # Its capsules and meshes are the boxes and cylinders around them: it may refuse more.
+    assert np.mean(said[:, 0] & ~said[:, 1]) < 0.01
+    assert np.mean(said[:, 0] == said[:, 1]) > 0.95
+
+
+def test_roboplan_reaches_a_free_goal():
+    pytest.importorskip("roboplan", reason="RoboPlan is in the bench extra")
+    check_reached(PlannedReach(roboplan_motions)(Case(0, "free")))
 
 
 def test_what_cannot_be_reached_is_refused(tmp_path):
