@@ -32,6 +32,7 @@ from pepper_drake.models.control_model import (
 from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.models.scene import Scene
+from pepper_drake.planning import ReachPlanner
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.folder import whole_results
@@ -57,12 +58,14 @@ class DiagramReach:
         adapt: Whether the planner adapts the movement to what was seen.
         collision_checked: Whether the arm starts only when the reach, played through, is clear, and
             stops before what it sees; see `ReachPlannerParams.collision_checked`.
+        planner: Class of the planner; ours if left out.
         options: The options of `reach.py` that give the same; None if it cannot.
     """
 
     coupling: str | Coupling | None = None
     adapt: bool = False
     collision_checked: bool = True
+    planner: type[ReachPlanner] = ReachPlanner
     options: tuple[str, ...] | None = ()
 
     def __call__(self, case: Case) -> MethodResult:
@@ -91,7 +94,8 @@ class DiagramReach:
                 wear=RobotWear.draw(case.seed) if case.robot == "worn" else None,
                 calibration=calibration_of(case.calibration, case.robot, case.seed),
                 faults=FaultSet(parse_faults(case.faults), case.seed),
-            )
+            ),
+            planner_class=self.planner,
         )
         if case.sensors == "ideal":
             config.station.noise, config.station.camera_latency = False, 0.0

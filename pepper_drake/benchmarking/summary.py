@@ -162,7 +162,7 @@ def markdown_table(summaries: Sequence[MethodSummary]) -> str:
     ]
     rows = [
         [
-            f"{summary.method}: {get_method(summary.method).name}",
+            get_method(summary.method).label,
             str(summary.rates["reached"].total),
             *(str(summary.rates[name]) for name in ("reached", "touched", "refused", "failed")),
             f"{_number(summary.medians['first_motion_seconds'], 1000, 0)}"

@@ -85,10 +85,13 @@ def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary], whole: str) -
         axes.plot(summary.rates["reached"].interval(), (height, height), "k-", lw=1.5)
     _label(axes, summaries)
     axes.set(xlabel=f"share of {whole} (line: 95 %)", xlim=(0, 1))
-    axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+    if axes.patches:  # There is at least one scene that counts.
+        axes.legend(
+            fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False
+        )
 
 
 def _label(axes: Axes, summaries: Sequence[MethodSummary]) -> None:
-    names = [f"{summary.method}: {get_method(summary.method).name}" for summary in summaries]
+    names = [get_method(summary.method).label for summary in summaries]
     axes.set_yticks(np.arange(1, len(names) + 1), names, fontsize=8)
     axes.invert_yaxis()
