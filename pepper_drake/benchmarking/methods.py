@@ -15,6 +15,7 @@ from pepper_drake.benchmarking.planned_reach import (
     roboplan_motions,
     rrt_motions,
 )
+from pepper_drake.benchmarking.roboplan_rrt import roboplan_model
 from pepper_drake.errors import InputError
 from pepper_drake.planning import ReachPlanner
 from pepper_drake.user_code import load_object, names_code
@@ -128,7 +129,7 @@ METHODS: tuple[Method, ...] = (
         "RoboPlan, shortcut",
         "RoboPlan's RRT-Connect and shortcutting over its own collision model; perfect knowledge, "
         "no dynamics",
-        PlannedReach(roboplan_motions),
+        PlannedReach(roboplan_motions, prepare=roboplan_model),
         needs="roboplan",
         knows_all=True,
     ),

@@ -3,6 +3,7 @@
 RoboPlan is in the `bench` extra; it is imported by what needs it.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -71,8 +72,9 @@ def roboplan_rrt(
     return None
 
 
-def roboplan_scene(known: GroundTruthScene, base_pose: Array) -> Any:
-    """RoboPlan's scene, in the frame of the base: its Pepper stands at the origin.
+@lru_cache(maxsize=1)
+def roboplan_model(known: GroundTruthScene) -> Any:
+    """RoboPlan's model of a scene.
 
     It has no capsules, and no padding: solids are grown by the padding of `known`; a capsule is the
     cylinder around it, a mesh the box around it. What the arm's links may touch is the same as for
@@ -90,12 +92,9 @@ def roboplan_scene(known: GroundTruthScene, base_pose: Array) -> Any:
         if name not in JOINT_GROUPS["base"]:
             q[scene.getJointPositionIndices([name])] = angle
     scene.setJointPositions(q)
-    x, y, yaw = base_pose
-    X_BW = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, 0.0]).inverse()
     added: list[str] = []
-    for name, shape, X_WS in known.solids():
-        X_BS = np.asfortranarray((X_BW @ X_WS).GetAsMatrix4())
-        _add(scene, name, shape, X_BS, known.padding)
+    for name, shape, _ in known.solids():
+        _add(scene, name, shape, known.padding)
         added.append(name)
     # What stands on one another touches, and what stands still need not be looked at.
     pairs = [(one, other) for k, one in enumerate(added) for other in added[:k]]
@@ -104,31 +103,47 @@ def roboplan_scene(known: GroundTruthScene, base_pose: Array) -> Any:
     return scene
 
 
-def _add(scene: Any, name: str, shape: Shape, X_BS: Array, padding: float) -> None:
-    """Adds a solid, grown by the padding."""
+def roboplan_scene(known: GroundTruthScene, base_pose: Array) -> Any:
+    """The model with the solids where they are now, in the frame of the base at the origin."""
+    scene = roboplan_model(known)
+    x, y, yaw = base_pose
+    X_BW = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, 0.0]).inverse()
+    for name, shape, X_WS in known.solids():
+        X_BS = X_BW @ X_WS @ RigidTransform(_middle(shape))
+        scene.updateGeometryPlacement(name, "odom", np.asfortranarray(X_BS.GetAsMatrix4()))
+    return scene
+
+
+def _middle(shape: Shape) -> Array:
+    """Where the middle of its box is in a mesh's frame [m]; others have theirs at the origin."""
+    if not isinstance(shape, Convex):
+        return np.zeros(3)
+    corners = _corners(shape)
+    return (corners.min(axis=0) + corners.max(axis=0)) / 2.0
+
+
+def _corners(shape: Convex) -> Array:
+    hull = shape.GetConvexHull()
+    return np.array([hull.vertex(k) for k in range(hull.num_vertices())])
+
+
+def _add(scene: Any, name: str, shape: Shape, padding: float) -> None:
+    """Adds a solid, grown by the padding; `roboplan_scene` puts it where it is."""
     from roboplan import core
 
-    color, more = np.array([0.7, 0.6, 0.5, 1.0]), 2.0 * padding
+    color, more, X = np.array([0.7, 0.6, 0.5, 1.0]), 2.0 * padding, np.asfortranarray(np.eye(4))
     if isinstance(shape, Box):
         box = core.Box(shape.width() + more, shape.depth() + more, shape.height() + more)
-        scene.addBoxGeometry(name, "odom", box, X_BS, color)
+        scene.addBoxGeometry(name, "odom", box, X, color)
     elif isinstance(shape, Sphere):
-        scene.addSphereGeometry(name, "odom", core.Sphere(shape.radius() + padding), X_BS, color)
+        scene.addSphereGeometry(name, "odom", core.Sphere(shape.radius() + padding), X, color)
     elif isinstance(shape, Cylinder | Capsule):
         round_ends = 2.0 * shape.radius() if isinstance(shape, Capsule) else 0.0
         length = shape.length() + round_ends + more
         cylinder = core.Cylinder(shape.radius() + padding, length)
-        scene.addCylinderGeometry(name, "odom", cylinder, X_BS, color)
+        scene.addCylinderGeometry(name, "odom", cylinder, X, color)
     elif isinstance(shape, Convex):
-        corners = np.array([shape.GetConvexHull().vertex(k) for k in range(_vertices(shape))])
-        low, high = corners.min(axis=0) - padding, corners.max(axis=0) + padding
-        X_SB = np.eye(4)
-        X_SB[:3, 3] = (low + high) / 2.0
-        box = core.Box(*(high - low))
-        scene.addBoxGeometry(name, "odom", box, np.asfortranarray(X_BS @ X_SB), color)
+        box = core.Box(*(np.ptp(_corners(shape), axis=0) + more))
+        scene.addBoxGeometry(name, "odom", box, X, color)
     else:
         raise TypeError(f"{name} has a shape that is unknown here: {shape}")
-
-
-def _vertices(shape: Convex) -> int:
-    return int(shape.GetConvexHull().num_vertices())

@@ -11,13 +11,14 @@ from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.methods import get_method
 from pepper_drake.benchmarking.summary import MethodSummary, Scenes
 
-_COLORS = {
+COLORS = {
     "reached": "#59a14f",
     "refused": "#bab0ac",
     "failed": "#f1ce63",
     "error": "#b07aa1",
     "touched": "#e15759",
 }
+"""By outcome."""
 _PANELS = (
     ("first_motion_seconds", "time to first motion [s]", "log"),
     ("path_length", "hand path length [m]", "linear"),
@@ -76,7 +77,7 @@ def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary], whole: str) -
     """Shares of the outcomes as bars, with the confidence interval of what reached."""
     heights = np.arange(1, len(summaries) + 1)
     left = np.zeros(len(summaries))
-    for outcome, color in _COLORS.items():
+    for outcome, color in COLORS.items():
         shares = np.array([np.nan_to_num(summary.rates[outcome].value) for summary in summaries])
         if shares.any():
             axes.barh(heights, shares, left=left, color=color, label=outcome)

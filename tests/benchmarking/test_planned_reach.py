@@ -1,9 +1,12 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.goal_search import goal_postures
 from pepper_drake.benchmarking.known_scene import GroundTruthScene
+from pepper_drake.benchmarking.methods import get_method
 from pepper_drake.benchmarking.planned_reach import (
     PlannedReach,
     optimized_motions,
@@ -144,7 +147,7 @@ def table():
     return GroundTruthScene(load_scene("table"))
 
 
-def roboplan_sees_as_drake(known, base_pose, count=300):
+def roboplan_sees_as_drake(known, base_pose, count=150):
     """Share of random postures of which RoboPlan's model says the same as Drake's checker."""
     scene = roboplan_scene(known, base_pose)
     rng = np.random.default_rng(0)
@@ -220,3 +223,10 @@ def test_who_knows_that_something_moves_waits_until_it_has_passed(
     assert result.duration == pytest.approx(
         result.first_motion_seconds + len(motion) / 100, abs=0.1
     )
+
+
+def test_the_planner_in_the_docs_reaches_a_free_goal(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "arena.md").read_text()
+    (tmp_path / "own.py").write_text(page.partition("```python\n")[2].partition("```")[0])
+    method = get_method(f"{tmp_path}/own.py:straight")
+    check_reached(method.run(Case(0, "free")))
