@@ -228,5 +228,5 @@ def test_who_knows_that_something_moves_waits_until_it_has_passed(
 def test_the_planner_in_the_docs_reaches_a_free_goal(tmp_path):
     page = (Path(__file__).parents[2] / "docs" / "arena.md").read_text()
     (tmp_path / "own.py").write_text(page.partition("```python\n")[2].partition("```")[0])
-    method = get_method(f"{tmp_path}/own.py:straight")
+    method = get_method(f"{tmp_path}/own.py:by_chance")
     check_reached(method.run(Case(0, "free")))
