@@ -30,12 +30,11 @@ SLOWEST_SHOWN = 0.98
 """Rate of the robot's clock below which it is said to be slow."""
 _LATENCY = 0.9
 """Share of the time between two images after which one is out."""
-_HAND_SPEED = 1.5
-"""Rate at which a hand opens and closes, whole ways a second [1/s]; assumed."""
 _LIMP_JOINTS = tuple(
     name for group in ("head", "left_arm", "right_arm") for name in JOINT_GROUPS[group]
 )
 """Joints that go limp; the wheels and the leg are always stiff, or Pepper would fall."""
+_HAND_ROWS = [JOINTS.index(name) for name in HANDS]
 _MOTORS = {
     "Yaw": (27.5e-3, 101.3),
     "ShoulderPitch": (27.5e-3, 101.3),
@@ -138,7 +137,6 @@ class SimulatedPepper:
         self._stiffness: dict[str, float] = {}
         self._obeyed = np.zeros(len(JOINTS))
         self._stamps = [-math.inf] * len(CAMERAS)
-        self._hands = np.full(len(HANDS), 0.5)
         plant = self._station.plant
         self._amperes = 1.0 / np.array([np.prod(_motor(name)) for name in BODY_JOINTS])
         places = {
@@ -193,8 +191,7 @@ class SimulatedPepper:
     def _positions(self) -> npt.NDArray[np.float64]:
         positions = np.zeros(len(JOINTS))
         positions[self._rows] = self._eval("joint_position")
-        for k, name in enumerate(HANDS):
-            positions[JOINTS.index(name)] = self._hands[k]
+        positions[_HAND_ROWS] = self._eval("hand_opening")
         return positions
 
     def _eval(self, port: str) -> npt.NDArray[np.float64]:
@@ -223,11 +220,9 @@ class SimulatedPepper:
             if station.HasInputPort(f"{name}.enabled"):
                 port = station.GetInputPort(f"{name}.enabled")
                 port.FixValue(context, [float(command["enabled"][k])])
-        for k, name in enumerate(HANDS):
-            row = JOINTS.index(name)
-            if command["stiffnesses"][row] > 0.0:
-                step = np.clip(wanted[row] - self._hands[k], -1.0, 1.0)
-                self._hands[k] += np.clip(step, -_HAND_SPEED * CYCLE, _HAND_SPEED * CYCLE)
+        is_stiff = command["stiffnesses"][_HAND_ROWS] > 0.0
+        hands = np.where(is_stiff, wanted[_HAND_ROWS], np.nan)
+        station.GetInputPort("hand_command").FixValue(context, hands)
 
     def _restart_servo(self, name: str, position: float) -> None:
         """Lets a joint that becomes stiff go on from where it is [rad]."""
