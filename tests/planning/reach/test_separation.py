@@ -23,7 +23,7 @@ def test_an_arm_that_keeps_to_its_share_stands_before_the_space_or_touches_gentl
     speed = speed_share(StaleSpace((0.0, 0.0, 0.0), time, fastest), PARAMS)
     assert 0.0 < speed <= 1.0
     passed = speed * PARAMS.reaction
-    while speed * fastest > PARAMS.touch_speed and speed > PARAMS.slowest:
+    while speed * fastest > PARAMS.touch_speed + 1e-9 and speed > PARAMS.slowest:
         passed += speed * STEP
         speed = changed_speed(speed, 0.0, STEP, PARAMS)
         if passed > time + 1.5 * STEP:
