@@ -61,7 +61,7 @@ class Method:
 
     @property
     def label(self) -> str:
-        """What it is called in tables and figures."""
+        """Its name in tables and figures."""
         return f"{self.letter.rpartition('/')[2]}: {self.name}"
 
     def check(self) -> None:

@@ -24,7 +24,7 @@ _NEAREST = 12
 """Number of pairs of which each step keeps the distance."""
 _GAIN, _SAFE_GAIN = 10.0, 1.0
 _POSITION_COST, _ORIENTATION_COST, _TASK_GAIN = 10.0, 0.1, 0.05
-"""Of the hand: position comes first, as five joints cannot take every pose."""
+"""Weights of the hand's task: position comes first, as five joints cannot take every pose."""
 _LONGEST = 6.0
 """Longest motion [s]."""
 _ARRIVED = 0.002
