@@ -120,6 +120,9 @@ def test_the_page_needs_no_network_and_says_what_failed(tmp_path):
     recording.parent.mkdir(parents=True)
     recording.write_text("seen")
     save_benchmark(tasks, results, tmp_path)
+    numbers = (tmp_path / "benchmark.json").read_text()
+    assert "NaN" not in numbers  # Which no other reader of JSON takes.
+    assert json.loads(numbers)["methods"][0]["medians"]["jerk"] is None
     page = Page((tmp_path / "benchmark.html").read_text())
     links = [address for address in page.addresses if not address.startswith("data:image/png")]
     assert links == ["replay/free_seed_0_d/recording.html"]
