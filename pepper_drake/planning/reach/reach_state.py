@@ -79,6 +79,7 @@ class ReachState:
         speed: The share of its speed at which the movement is performed.
         performed: Time of the movement that is over, at its full speed [s].
         stale: Space ahead that was not seen lately, its time as that of the movement.
+        waited: Time for which it waited for obstacles to leave, in all [s].
         blind: Time for which the arm waited because depth images did not come [s].
         may_drive: Whether the base may be sent to another place.
         look_at: Place in W that was not seen, or not lately, and that the arm is going to pass [m];
@@ -108,6 +109,7 @@ class ReachState:
     speed: float = 1.0
     performed: float = 0.0
     stale: StaleSpace = field(default_factory=StaleSpace)
+    waited: float = 0.0
     blind: float = 0.0
     may_drive: bool = True
     look_at: tuple[float, float, float] = (np.nan, np.nan, np.nan)

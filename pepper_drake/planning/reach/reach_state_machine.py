@@ -286,7 +286,8 @@ class _Supervision:
         timing, time = self._timing, self._time
         tolerance, following = self._planner.params.tolerance, self._planner.params.following
         if state.suspended_plan is not None:
-            if time - state.started > timing.blocked_timeout:
+            state = replace(state, waited=state.waited + timing.time_step)
+            if state.waited > timing.blocked_timeout:
                 message = "something came in the way and has not gone"
                 return self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
             return state
