@@ -22,7 +22,7 @@ import numpy as np
 
 @dataclass
 class SeparationParams:
-    """How the arm slows down before space that was not seen lately."""
+    """Slowing down before space that was not seen lately."""
 
     reaction: float = 0.25
     """Time until the arm begins to slow down [s]: the age of an image, 0.1 s, the supervisor's
