@@ -175,9 +175,9 @@ def test_the_same_seed_gives_the_same_bytes_however_long_planning_takes(monkeypa
         for name in ("plan_base_placement", "check_reach", "remaining_clearance", "stale_space"):
             answer = getattr(reaching.planner, name)
 
-            def late(*question, answer=answer):
+            def late(*question, answer=answer, **more):
                 time.sleep(delay)
-                return answer(*question)
+                return answer(*question, **more)
 
             monkeypatch.setattr(reaching.planner, name, late)
         result = ReachSimulation(reaching, RunOptions(progress=False)).run()

@@ -174,8 +174,17 @@ class Planner(Protocol):
         """Returns distances of the rest of a plan's path to obstacles."""
         ...
 
-    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
-        """Returns space that the arm passes soon and that was not seen lately."""
+    def stale_space(
+        self, plan: ReachPlan, observation: Observation, *, visited: bool = False
+    ) -> StaleSpace:
+        """Returns space that the arm passes soon and that was not seen lately.
+
+        Args:
+            plan: What is performed.
+            observation: What is known.
+            visited: Whether something has come since the arm started: space that cannot be seen is
+                not taken for clear then.
+        """
         ...
 
 

@@ -118,18 +118,33 @@ class ReachPlanner:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
         return remaining_clearance(self._evaluator, plan, observation)
 
-    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+    def stale_space(
+        self, plan: ReachPlan, observation: Observation, *, visited: bool = False
+    ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
         params = self.params.unseen
         if plan.joint_path is None or observation.space is None:
             return StaleSpace()
+        if visited and params.out_of_view_is_clear:
+            seen = self.stale_space(plan, observation)
+            strict = replace(params, out_of_view_is_clear=False)
+            hidden = self._stale_space(plan, observation, observation.space, strict)
+            is_sooner = hidden.time < seen.time
+            return seen._replace(time=hidden.time, fastest=hidden.fastest) if is_sooner else seen
+        return self._stale_space(plan, observation, observation.space, params)
+
+    def _stale_space(
+        self,
+        plan: ReachPlan,
+        observation: Observation,
+        space: SeenSpace,
+        params: UnseenSpaceParams,
+    ) -> StaleSpace:
         soon = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1]
         lately = replace(params, oldest=params.recent)
         stride = _stride(plan.time_step, params)
         duration = stride * plan.time_step
-        unseen = self._unseen(
-            soon, plan.time_step, observation, observation.space, lately, stride=duration
-        )
+        unseen = self._unseen(soon, plan.time_step, observation, space, lately, stride=duration)
         if not unseen.regions:
             return StaleSpace()
         first = min(unseen.first)

@@ -61,7 +61,7 @@ class ReachReplanner:
         is_under_way = state.suspended_plan is None
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
-        stale = self.planner.stale_space(reach, observation)
+        stale = self.planner.stale_space(reach, observation, visited=state.waited > 0.0)
         if is_under_way:
             stale = stale._replace(time=state.performed + stale.time)
             state = replace(state, look_at=stale.place, stale=stale)

@@ -88,10 +88,14 @@ class TimedPlanner:
             lambda: self.planner.remaining_clearance(plan, observation),
         )
 
-    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+    def stale_space(
+        self, plan: ReachPlan, observation: Observation, *, visited: bool = False
+    ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
         return self._timed(
-            "stale_space", observation, lambda: self.planner.stale_space(plan, observation)
+            "stale_space",
+            observation,
+            lambda: self.planner.stale_space(plan, observation, visited=visited),
         )
 
     def seconds(self, first: float, last: float) -> float:

@@ -88,9 +88,11 @@ class FaultyPlanner:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
         return self.planner.remaining_clearance(plan, observation)
 
-    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+    def stale_space(
+        self, plan: ReachPlan, observation: Observation, *, visited: bool = False
+    ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
-        return self.planner.stale_space(plan, observation)
+        return self.planner.stale_space(plan, observation, visited=visited)
 
     def _is_active(self, observation: Observation, on_the_way: bool) -> bool:
         if np.isnan(self.fault.start):

@@ -12,7 +12,7 @@ from pepper_drake.planning.reach.separation import (
     changed_speed,
     speed_share,
 )
-from tests.planning.reach.scripted_planner import NO_DETOUR, STALE, on_its_way
+from tests.planning.reach.scripted_planner import NO_DETOUR, STALE, on_its_way, path_plan
 
 PARAMS = SeparationParams()
 STEP = 0.01
@@ -60,3 +60,15 @@ def test_a_retreat_is_not_slowed_down():
     one.advance(1.0)
     assert one.state.suspended_plan is not None
     assert one.state.speed == 1.0
+
+
+def test_once_something_came_the_arm_is_slow_where_it_cannot_see():
+    one = on_its_way(ahead=0.0, detour=NO_DETOUR)
+    one.planner.stale_after_a_visit = STALE._replace(time=0.0)
+    one.image_time = None
+    one.advance(1.0)
+    assert one.state.suspended_plan is not None
+    one.planner.ahead, one.planner.detour = 0.05, path_plan()
+    one.set(measured_arm=None).advance(1.0)
+    assert one.state.suspended_plan is None
+    assert one.state.speed == pytest.approx(PARAMS.touch_speed / STALE.fastest)
