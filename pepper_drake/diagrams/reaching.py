@@ -248,7 +248,7 @@ class Reaching(Diagram):
             self.clearance, truth = add_ground_truth(builder, station)
             sources |= truth
         for system, *names in (
-            (station, "joint_position", "base_pose"),
+            (station, "joint_position", "base_pose", "hand_opening"),
             (self.supervisor, "mode", "movement_origin"),
             (self.controller, "desired_position", "goal_position", "phase", "tau", "coupling"),
         ):
