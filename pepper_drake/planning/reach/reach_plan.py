@@ -175,15 +175,14 @@ class Planner(Protocol):
         ...
 
     def stale_space(
-        self, plan: ReachPlan, observation: Observation, *, visited: bool = False
+        self, plan: ReachPlan, observation: Observation, newcomers: Vector
     ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately.
 
         Args:
             plan: What is performed.
             observation: What is known.
-            visited: Whether something has come since the arm started: space that cannot be seen is
-                not taken for clear then.
+            newcomers: (N, 3) what came since the arm started, in W [m].
         """
         ...
 

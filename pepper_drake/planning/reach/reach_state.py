@@ -73,6 +73,7 @@ class ReachState:
         checked: When the reach was last planned from where the robot stands, or a detour was last
             sought in vain [s].
         planned_with: The observation that the movement was planned with.
+        started_with: The observation that the first movement was planned with.
         suspended_plan: While the arm has retreated: the plan that is taken up again later.
         arrived: When the base last arrived where it was sent [s].
         started: When the arm first started [s].
@@ -103,6 +104,7 @@ class ReachState:
     cloud_time: float = np.nan
     checked: float = np.nan
     planned_with: Observation | None = None
+    started_with: Observation | None = None
     suspended_plan: ReachPlan | None = None
     arrived: float = np.nan
     started: float = np.nan

@@ -146,7 +146,8 @@ class _Supervision:
             return moving.with_plan(plan, time, result.suspended_plan)
         if result.effect == Effect.CHECK:
             if plan.status == PlanStatus.CLEAR:
-                return replace(state, plan=plan, planned_with=result.observation)
+                seen = result.observation
+                return replace(state, plan=plan, planned_with=seen, started_with=seen)
             if plan.status == PlanStatus.NOT_SEEN and not self._looked_long(state):
                 x, y, z = plan.unseen.mean(axis=0)
                 return replace(state, plan=None, look_at=(x, y, z))

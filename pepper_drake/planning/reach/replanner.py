@@ -20,6 +20,8 @@ from pepper_drake.planning.trajectories.retreat import (
 
 Vector = npt.NDArray[np.float64]
 
+_FEWEST = 10
+"""Fewer new points are at the edges of what was known [-]."""
 _STILL = 0.1
 """Joint speed below which the arm is at rest [rad/s]."""
 
@@ -61,7 +63,7 @@ class ReachReplanner:
         is_under_way = state.suspended_plan is None
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
-        stale = self.planner.stale_space(reach, observation, visited=state.waited > 0.0)
+        stale = self.planner.stale_space(reach, observation, self._newcomers(state, observation))
         if is_under_way:
             stale = stale._replace(time=state.performed + stale.time)
             state = replace(state, look_at=stale.place, stale=stale)
@@ -91,14 +93,19 @@ class ReachReplanner:
 
     def _watching_newcomer(self, state: ReachState, observation: Observation) -> ReachState:
         """Has the head look at what the arm waits for: unseen, it would not be seen to leave."""
-        if state.suspended_plan is None or state.planned_with is None:
-            return state
-        known, around = state.planned_with.cloud_tree, observation.p_WO
-        new = new_points(observation.cloud, known, around)
-        if not len(new):
+        new = self._newcomers(state, observation)
+        if state.suspended_plan is None or not len(new):
             return state
         x, y, z = new.mean(axis=0)
         return replace(state, look_at=(x, y, z))
+
+    def _newcomers(self, state: ReachState, observation: Observation) -> Vector:
+        """Returns the points (N, 3) near the goal at which nothing was when the arm started [m]."""
+        began = state.started_with
+        if began is None:
+            return np.zeros((0, 3))
+        new = new_points(observation.cloud, began.cloud_tree, observation.p_WO)
+        return new if len(new) >= _FEWEST else new[:0]
 
     def _enough(self, plan: ReachPlan) -> float:
         """Returns the clearance below which a movement is planned anew [m]."""

@@ -47,7 +47,7 @@ class UnseenSpaceParams:
     out_of_view_is_clear: bool = True
     """True if space that no head angle shows from where the robot stands, close to its chest or
     behind its own shoulder, counts as known: whoever starts the robot keeps it clear. How much the
-    arm sweeps of it is reported. Once something came in the arm's way, the arm is slow there."""
+    arm sweeps of it is reported."""
     background: float = 4.0
     """Distance of the floor behind a place up to which it can be seen to be free [m]: where nothing
     is behind, a depth camera measures nothing, walls or not. Such places are out of view, too."""

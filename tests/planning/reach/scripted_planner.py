@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from pepper_drake.diagrams.factory import make_primitive
@@ -133,9 +134,9 @@ class ScriptedPlanner:
         )
 
     def stale_space(
-        self, plan: ReachPlan, observation: Observation, *, visited: bool = False
+        self, plan: ReachPlan, observation: Observation, newcomers: npt.NDArray[np.float64]
     ) -> StaleSpace:
-        return self.stale_after_a_visit if visited else self.stale
+        return self.stale_after_a_visit if len(newcomers) else self.stale
 
     def questions(self) -> list[str]:
         """Names of the questions that were asked."""
