@@ -147,7 +147,7 @@ class ReachPlanner:
             X_WT = self._evaluator.scenes.torso_pose(observation)
             near_W = near @ X_WT.rotation().matrix().T + X_WT.translation()
             radius = float(np.max(self._evaluator.kinematics.spheres.radii))
-            distance = float(cKDTree(newcomers).query(near_W)[0].min()) - radius
+            distance = float(np.min(cKDTree(newcomers).query(near_W)[0])) - radius
         if first == len(centers) and not len(newcomers):
             return StaleSpace()
         ways = np.linalg.norm(np.diff(centers[: first + 2], axis=0), axis=2)
