@@ -160,7 +160,7 @@ class Reaching(Diagram):
             wire(perception, supervisor, "space")
         wire(station, supervisor, "joint_position", "base_pose", **hand)
         wire(supervisor, perception, "look_at", started="scan_enabled")
-        wire(supervisor, controller, "movement")
+        wire(supervisor, controller, "movement", "speed")
         wire(station, controller, "torso_pose", **hand)
         clouds = {f"{cloud}_torso": cloud for cloud in ("cloud", "predicted_cloud")}
         wire(perception, controller, "object_pose", **clouds)

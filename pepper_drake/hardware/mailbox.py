@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.naoqi.constants import HANDS
-from pepper_drake.robot_server.shared_state import SharedRecord
+from pepper_drake.robot_server.robot.shared_state import SharedRecord
 
 CAMERA_NAMES = ("camera_top", "camera_bottom", "camera_depth")
 """Cameras in the order of NAOqi's ids."""

@@ -21,9 +21,9 @@ from pepper_drake.models.control_model import (
     shared_control_model,
 )
 from pepper_drake.naoqi.constants import JOINTS
-from pepper_drake.robot_server.joint_controller import JointController
-from pepper_drake.robot_server.robot_model import MAX_VELOCITY
-from pepper_drake.robot_server.robot_port import CameraImage, KinematicRobot
+from pepper_drake.robot_server.robot.joint_controller import JointController
+from pepper_drake.robot_server.robot.robot_model import MAX_VELOCITY
+from pepper_drake.robot_server.robot.robot_port import CameraImage, KinematicRobot
 
 ARM = list(arm_joints("right"))
 ROWS = body_indices(ARM)
