@@ -172,7 +172,7 @@ def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
 def test_the_same_seed_gives_the_same_bytes_however_long_planning_takes(monkeypatch):
     def commands(delay):
         reaching = make_reaching("free", "right")
-        for name in ("plan_base_placement", "check_reach", "remaining_clearance", "stale_place"):
+        for name in ("plan_base_placement", "check_reach", "remaining_clearance", "stale_space"):
             answer = getattr(reaching.planner, name)
 
             def late(*question, answer=answer):

@@ -10,6 +10,7 @@ from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import Planner, ReachPlan, RemainingClearance
+from pepper_drake.planning.reach.separation import StaleSpace
 
 T = TypeVar("T")
 
@@ -87,10 +88,10 @@ class TimedPlanner:
             lambda: self.planner.remaining_clearance(plan, observation),
         )
 
-    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
-        """Returns a place that the arm passes soon and that was not seen lately; see `Planner`."""
+    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+        """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
         return self._timed(
-            "stale_place", observation, lambda: self.planner.stale_place(plan, observation)
+            "stale_space", observation, lambda: self.planner.stale_space(plan, observation)
         )
 
     def seconds(self, first: float, last: float) -> float:

@@ -19,6 +19,7 @@ from pepper_drake.planning.reach.reach_plan import (
     ReachPlan,
     RemainingClearance,
 )
+from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.systems.faults.fault import SIGNALS, Fault
 from pepper_drake.systems.faults.fault_set import FaultSet
 
@@ -87,9 +88,9 @@ class FaultyPlanner:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
         return self.planner.remaining_clearance(plan, observation)
 
-    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
-        """Returns a place that the arm passes soon and that was not seen lately; see `Planner`."""
-        return self.planner.stale_place(plan, observation)
+    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+        """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
+        return self.planner.stale_space(plan, observation)
 
     def _is_active(self, observation: Observation, on_the_way: bool) -> bool:
         if np.isnan(self.fault.start):
