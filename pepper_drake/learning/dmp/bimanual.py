@@ -16,6 +16,8 @@ the relative position (as Gams, Nemec, Ijspeert, Ude, "Coupling Movement Primiti
 Transactions on Robotics 30, 2014, do with a learned force); told this way it is solved exactly.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Self
