@@ -3,6 +3,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -256,14 +257,31 @@ class Pushed(NamedTuple):
     run: ReachSimulation
 
 
-@pytest.fixture(scope="module")
-def pushed(tmp_path_factory):
-    runs, folder = [], tmp_path_factory.mktemp("pushed")
+def reach_and_push(folder, *options, delay=0.0):
+    """Runs the app; every answer of its planner takes the processor `delay` seconds longer."""
+    runs = []
 
     class KeptRun(ReachSimulation):
         def __init__(self, *arguments):
             super().__init__(*arguments)
             runs.append(self)
+            planner = self.reaching.planner
+            for name in (
+                "plan_base_placement",
+                "check_reach",
+                "remaining_clearance",
+                "stale_space",
+            ):
+                setattr(planner, name, late(getattr(planner, name)))
+
+    def late(answer):
+        def answer_late(*question):
+            until = time.thread_time() + delay
+            while time.thread_time() < until:
+                pass
+            return answer(*question)
+
+        return answer_late
 
     with (
         pytest.MonkeyPatch.context() as patch,
@@ -273,11 +291,25 @@ def pushed(tmp_path_factory):
         module = load_app()
         patch.setattr(cli, "quiet_libraries", lambda: None)
         patch.setattr(module, "ReachSimulation", KeptRun)
-        arguments = ("--scene", "free", "--push", "0", "0", "5", "--output", str(folder))
+        arguments = ("--scene", "free", "--push", "0", "0", "5", "--output", str(folder), *options)
         patch.setattr(sys, "argv", ["reach.py", *arguments])
         with pytest.raises(SystemExit) as end:
             cli.run(module.main)
     return Pushed(end.value.code, printed.getvalue(), error.getvalue(), folder, *runs)
+
+
+@pytest.fixture(scope="module")
+def pushed(tmp_path_factory):
+    return reach_and_push(tmp_path_factory.mktemp("pushed"))
+
+
+@pytest.mark.render
+def test_the_same_seed_gives_the_same_bytes_however_long_planning_takes(pushed, tmp_path):
+    other = reach_and_push(tmp_path, "--no-recording", delay=0.05)
+    assert min(one.seconds for one in other.run.reaching.timed_planner.log) >= 0.05
+    log, again = (ReachLog.load(one.folder / "log.npz") for one in (pushed, other))
+    assert log.mode.tobytes() == again.mode.tobytes()
+    assert log.joint_command_rad.tobytes() == again.joint_command_rad.tobytes()
 
 
 @pytest.mark.render

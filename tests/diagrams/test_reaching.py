@@ -1,4 +1,3 @@
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -166,26 +165,6 @@ def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
     assert (report.outcome, report.contacts) == ("reached", 0)
     assert len(off) >= min(20, ticks_checked)
     assert max(off) < bound
-
-
-@pytest.mark.render
-def test_the_same_seed_gives_the_same_bytes_however_long_planning_takes(monkeypatch):
-    def commands(delay):
-        reaching = make_reaching("free", "right")
-        for name in ("plan_base_placement", "check_reach", "remaining_clearance", "stale_space"):
-            answer = getattr(reaching.planner, name)
-
-            def late(*question, answer=answer):
-                time.sleep(delay)
-                return answer(*question)
-
-            monkeypatch.setattr(reaching.planner, name, late)
-        result = ReachSimulation(reaching, RunOptions(progress=False)).run()
-        planning = [one.seconds for one in reaching.timed_planner.log]
-        assert min(planning) >= delay
-        return result.log.mode.tobytes(), result.log.joint_command_rad.tobytes()
-
-    assert commands(0.0) == commands(0.05)
 
 
 @pytest.mark.render

@@ -27,14 +27,19 @@ _VALUES = st.recursive(
 )
 
 
-@given(st.dictionaries(st.text(min_size=1, max_size=5), _VALUES, max_size=5))
-def test_what_is_put_in_comes_out(data):
+def test_what_is_put_in_comes_out():
     async def scenario(pepper):
-        pepper.call("ALMemory.insertListData", [[key, value] for key, value in data.items()])
-        for key, value in data.items():
-            assert pepper.call("ALMemory.getData", key) == value
-        found = pepper.call("ALMemory.getListData", [*data, "nowhere"])
-        assert found == [*data.values(), None]
+        @given(st.dictionaries(st.text(min_size=1, max_size=5), _VALUES, max_size=5))
+        def check(data):
+            pepper.call("ALMemory.insertListData", [[key, value] for key, value in data.items()])
+            for key, value in data.items():
+                assert pepper.call("ALMemory.getData", key) == value
+            found = pepper.call("ALMemory.getListData", [*data, "nowhere"])
+            assert found == [*data.values(), None]
+            for key in data:
+                pepper.call("ALMemory.removeData", key)
+
+        check()
 
     virtual(scenario)
 

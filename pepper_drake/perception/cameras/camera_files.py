@@ -8,6 +8,7 @@ camera and resolution with their fields of view.
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -308,6 +309,9 @@ def _distortion(entries: Mapping[str, Any], where: str) -> npt.NDArray[np.float6
         ]
         if any(words):
             return np.array([0.0 if w is None else _number({"k": w[1]}, "k", where) for w in words])
+        alike = difflib.get_close_matches("distortion_coefficients", map(str, entries), 1, 0.8)
+        if alike:
+            raise InputError(f"{where}: has {alike[0]}; name it distortion_coefficients.")
         if _first(entries, ("distortion_model",)) is None:
             raise InputError(
                 f"{where}: has no distortion_coefficients; write an empty list if the lens has no "

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from time import perf_counter
+from time import thread_time
 from typing import NamedTuple, TypeVar
 
 from pepper_drake.models.control_model import CommandLimits
@@ -21,7 +21,7 @@ class PlanningTime(NamedTuple):
     Attributes:
         name: Of the planner's method.
         time: Of the observation, in simulation [s].
-        seconds: On this computer [s].
+        seconds: Of a processor of this computer, whatever else it does [s].
     """
 
     name: str
@@ -31,7 +31,7 @@ class PlanningTime(NamedTuple):
 
 @dataclass(frozen=True)
 class TimedPlanner:
-    """A `Planner` that hands all questions on and keeps how long the answers took.
+    """A `Planner` that hands all questions on and keeps what the answers took of a processor.
 
     Attributes:
         planner: Gives the answers.
@@ -99,7 +99,7 @@ class TimedPlanner:
         return sum(one.seconds for one in self.log if first <= one.time <= last)
 
     def _timed(self, name: str, observation: Observation, call: Callable[[], T]) -> T:
-        begin = perf_counter()
+        begin = thread_time()
         answer = call()
-        self.log.append(PlanningTime(name, observation.time, perf_counter() - begin))
+        self.log.append(PlanningTime(name, observation.time, thread_time() - begin))
         return answer
