@@ -1,5 +1,7 @@
 """Measurements that cannot be are caught where they enter."""
 
+from __future__ import annotations
+
 import numpy as np
 import numpy.typing as npt
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
