@@ -1,5 +1,7 @@
 """One step of watching for what moves: a depth image and the map that it left."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -25,6 +27,10 @@ from pepper_drake.perception.mapping.near_field_occlusion import (
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import ExcludedSolids, Solid, near_solids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
+from pepper_drake.short_repr import short_repr
+
+Keys = npt.NDArray[np.int64]
+Points = npt.NDArray[np.float64]
 
 _MOST = 0.5
 """A thing with this share of its points at the goal object is the object."""
@@ -40,7 +46,7 @@ class DynamicObstacleTracker:
         seen: The map's voxels that the last image showed: their keys and places (S, 3), in W [m].
         behind: (B, 3) what would be seen if nothing hid it, in W [m].
         things: What moves.
-        visitors: Keys of the map's voxels that came where nothing had been.
+        transient_keys: Keys of the map's voxels that came where nothing had been.
         hidden: (H, 3) where something too near to be measured was lately, in W, m, and when (H,),
             s.
         expected: (Q, 3) where what moves may be soon, in W [m].
@@ -48,18 +54,18 @@ class DynamicObstacleTracker:
     """
 
     views: tuple[DepthFrame, ...] = ()
-    keys: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    seen: tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]] = field(
+    keys: Keys = field(default_factory=lambda: np.zeros(0, np.int64))
+    seen: tuple[Keys, npt.NDArray[np.float32]] = field(
         default_factory=lambda: (np.zeros(0, np.int64), np.zeros((0, 3), np.float32))
     )
-    behind: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    behind: Points = field(default_factory=lambda: np.zeros((0, 3)))
     things: tuple[TrackedObstacle, ...] = ()
-    transient_keys: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    hidden: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] = field(
-        default_factory=lambda: (np.zeros((0, 3)), np.zeros(0))
-    )
-    expected: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    transient_keys: Keys = field(default_factory=lambda: np.zeros(0, np.int64))
+    hidden: tuple[Points, Points] = field(default_factory=lambda: (np.zeros((0, 3)), np.zeros(0)))
+    expected: Points = field(default_factory=lambda: np.zeros((0, 3)))
     holes: HoleMemory = field(default_factory=HoleMemory.empty)
+
+    __repr__ = short_repr
 
 
 def update_tracker(
