@@ -9,6 +9,7 @@ from pepper_drake.planning.reach.steadiness import SteadinessParams
 from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from pepper_drake.planning.trajectories.adaptation_params import AdaptationParams
+from pepper_drake.short_repr import short_repr
 
 
 @dataclass
@@ -125,6 +126,8 @@ class ReachPlannerParams:
     """Base placements for which the movement is adapted at most."""
     places_searched: int = 40
     """Base placements that are ranked, where none of the usual ones will do."""
+
+    __repr__ = short_repr
 
 
 @dataclass

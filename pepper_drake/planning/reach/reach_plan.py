@@ -1,5 +1,7 @@
 """Questions to the reach planner, and its answers."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple, Protocol
