@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 
 from pepper_drake.perception.mapping.depth_holes import HoleMemory
 from pepper_drake.perception.mapping.dynamic_obstacles import (
@@ -24,12 +25,15 @@ from pepper_drake.perception.mapping.near_field_occlusion import (
     unexplained_holes,
 )
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
-from pepper_drake.perception.mapping.solids import ExcludedSolids
+from pepper_drake.perception.mapping.solids import ExcludedSolids, Solid, near_solids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
 from pepper_drake.short_repr import short_repr
 
 Keys = npt.NDArray[np.int64]
 Points = npt.NDArray[np.float64]
+
+_MOST = 0.5
+"""A thing with this share of its points at the goal object is the object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +159,36 @@ def update_tracker(
         predict_occupancy(things, hidden, view, memory, approach),
         holes,
     ), voxels
+
+
+def without_object(
+    watch: DynamicObstacleTracker,
+    solids: Sequence[Solid],
+    poses: Sequence[RigidTransform],
+    margin: float,
+) -> DynamicObstacleTracker:
+    """Tracker state without the goal object, which moved before it was known where to.
+
+    Until its marker is seen again, an object that is lifted or carried looks like something that
+    came. What has most of its points where the object was since is the object.
+
+    Args:
+        watch: What was known before.
+        solids: The object's shapes.
+        poses: Poses X_WO of the object, from the last one known to the one of now.
+        margin: Points closer than this belong to it [m].
+    """
+
+    def is_object(points: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+        near = np.zeros(len(points), dtype=bool)
+        for pose in poses:
+            near |= near_solids(points, solids, [pose] * len(solids), margin)
+        return near
+
+    things = tuple(one for one in watch.things if np.mean(is_object(one.points)) < _MOST)
+    points, times = watch.hidden
+    other = ~is_object(points)
+    return replace(watch, things=things, hidden=(points[other], times[other]))
 
 
 def reset_while_driving(

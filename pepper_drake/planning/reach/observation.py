@@ -108,6 +108,14 @@ class Observation:
         return f"no depth image got into the cloud of obstacles for {self.cloud_age:.1f} s"
 
     @property
+    def cloud_is_of_map(self) -> bool:
+        """False if the cloud is not the one of the map at the same image: stuck, or changed."""
+        space = self.space
+        if space is None or not space.views or space.views[-1].time != self.cloud_time:
+            return True
+        return np.array_equal(self.cloud.astype(np.float32), space.voxels.positions)
+
+    @property
     def image_message(self) -> str:
         """Which colour camera gave no image that could be looked at, as a sentence."""
         age, camera = float(self.image_ages.max()), int(np.argmax(self.image_ages))

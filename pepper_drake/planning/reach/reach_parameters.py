@@ -190,7 +190,7 @@ class ReachTiming:
     reach_timeout: float = 35.0
     """Longest time from the arm's first start to its arrival, whatever was replanned [s]."""
     blocked_timeout: float = 20.0
-    """Time after its first start up to which the arm waits for an obstacle to leave [s]."""
+    """Time for which the arm waits for obstacles to leave, in all its retreats [s]."""
     detour_delay: float = 4.0
     """Time for which the arm waits for a new obstacle to leave before a detour is planned [s]."""
     clearance_lost: float = 0.003

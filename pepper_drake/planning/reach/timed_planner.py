@@ -5,6 +5,9 @@ from dataclasses import dataclass, field
 from time import thread_time
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+import numpy.typing as npt
+
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
@@ -88,10 +91,14 @@ class TimedPlanner:
             lambda: self.planner.remaining_clearance(plan, observation),
         )
 
-    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+    def stale_space(
+        self, plan: ReachPlan, observation: Observation, newcomers: npt.NDArray[np.float64]
+    ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
         return self._timed(
-            "stale_space", observation, lambda: self.planner.stale_space(plan, observation)
+            "stale_space",
+            observation,
+            lambda: self.planner.stale_space(plan, observation, newcomers),
         )
 
     def seconds(self, first: float, last: float) -> float:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from pepper_drake.models.control_model import CommandLimits
@@ -88,9 +89,11 @@ class FaultyPlanner:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
         return self.planner.remaining_clearance(plan, observation)
 
-    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+    def stale_space(
+        self, plan: ReachPlan, observation: Observation, newcomers: npt.NDArray[np.float64]
+    ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
-        return self.planner.stale_space(plan, observation)
+        return self.planner.stale_space(plan, observation, newcomers)
 
     def _is_active(self, observation: Observation, on_the_way: bool) -> bool:
         if np.isnan(self.fault.start):
