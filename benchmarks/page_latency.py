@@ -1,8 +1,8 @@
 """Speed of the teaching page: the time from a drag to the motion, and frames per second.
 
 A client on this computer speaks to the page as a browser does, through its guard: it drags the hand
-to and fro, and waits each time until the page shows the forearm in motion that way. The time in which a browser
-draws a frame comes on top; it depends on its graphics card.
+to and fro, and waits each time until the page shows it in motion that way. The time in which a
+browser draws a frame comes on top; it depends on its graphics card.
 
     .venv/bin/python benchmarks/page_latency.py [--cameras] [--drags N]
 """
@@ -62,7 +62,7 @@ def messages(value):
 
 
 def unpacked(data):
-    """Messages that a server of viser packed: two lengths, the messages compressed, and large arrays."""
+    """Messages of a server of viser: two lengths, the messages compressed, and large arrays."""
     length = int.from_bytes(data[8:16], "little")
     return msgpack.unpackb(zstandard.ZstdDecompressor().decompress(data[16 : 16 + length]))
 
