@@ -1,4 +1,4 @@
-"""How a robot's joint follows `setAngles`: its delay, and its speed for a fraction of the largest.
+"""The law by which a robot's joint follows `setAngles`: its delay, and its speed for a fraction of the largest.
 
 What is streamed to a robot assumes that a joint goes at just the fraction of its largest speed
 (`pepper_drake.naoqi.streaming`), and starts at once; the head is turned a little to see it. Times

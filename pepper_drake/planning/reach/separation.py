@@ -44,7 +44,7 @@ class SeparationParams:
     deceleration: float = 2.0
     """Of the arm's fastest point, a [m/s²]: 0.5 m/s within the 0.25 s of `slowing`."""
     intrusion: float = 0.03
-    """What came may reach so far beyond what is seen of it, C and Z [m]."""
+    """Distance by which a newcomer may reach beyond what is seen of it, C and Z [m]."""
     slowest: float = 0.02
     """Least share of a movement's speed: above zero, so that it gets to its end."""
 
