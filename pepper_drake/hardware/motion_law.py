@@ -1,4 +1,4 @@
-"""The law by which a robot's joint follows `setAngles`: its delay, and its speed for a fraction of the largest.
+"""A robot's joint after `setAngles`: its delay, and its speed for a fraction of the largest.
 
 What is streamed to a robot assumes that a joint goes at just the fraction of its largest speed
 (`pepper_drake.naoqi.streaming`), and starts at once; the head is turned a little to see it. Times
@@ -26,7 +26,7 @@ Pause = Callable[[float], Awaitable[None]]
 JOINT = "HeadYaw"
 """Joint that is moved: it carries nothing, and meets nothing."""
 WAY = 0.3
-"""How far it turns [rad]."""
+"""Angle by which it turns [rad]."""
 FRACTIONS = (0.05, 0.1, 0.2)
 LONGEST = 8.0
 """Time that a turn may take [s]."""

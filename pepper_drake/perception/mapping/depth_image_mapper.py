@@ -130,7 +130,7 @@ class DepthImageMapper:
     def _without_object(
         self, memory: ObstacleMemory, X_WO: RigidTransform | None
     ) -> DynamicObstacleTracker:
-        """What moves, without the goal object if it is known by now to have moved itself."""
+        """Moving things without the goal object if it is known by now to have moved itself."""
         before, solids = memory.X_WO, self.object_solids
         if before is None or X_WO is None or not solids or not has_moved(before, X_WO):
             return memory.watch

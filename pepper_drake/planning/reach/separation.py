@@ -42,7 +42,7 @@ class SeparationParams:
     """Speed v_h of what came [m/s]: the scenes' fastest. A walking person's, 1.6 m/s in the
     technical specification, would not let the arm move anywhere near."""
     deceleration: float = 2.0
-    """Of the arm's fastest point, a [m/s²]: 0.5 m/s within the 0.25 s of `slowing`."""
+    """Deceleration a of the arm's fastest point [m/s²]: 0.5 m/s within the 0.25 s of `slowing`."""
     intrusion: float = 0.03
     """Distance by which a newcomer may reach beyond what is seen of it, C and Z [m]."""
     slowest: float = 0.02
