@@ -157,7 +157,7 @@ def _grid_poses(camera: HeadCamera) -> Vector:
 def _shown(
     in_image: npt.NDArray[np.bool_], eyes: Vector, places: Vector, centers: Vector, squares: Vector
 ) -> npt.NDArray[np.bool_]:
-    """Tells which places (N, 3) some gaze has in its image (H, N), with no sphere before any of its eyes.
+    """Tells which places (N, 3) some gaze shows (H, N), with no sphere before any of its eyes.
 
     A place is hidden from an eye (of H, E, 3) by a sphere that the line between them meets, of a
     centre (S, 3) and a squared radius (S,). All in one frame [m].
