@@ -1,32 +1,19 @@
-import importlib.util
 import json
-import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from pepper_drake import cli
 from pepper_drake.benchmarking.method_result import MethodResult
+from tests.apps.conftest import load_app
 
 APP = Path(__file__).parents[2] / "apps" / "benchmark.py"
 
 
 @pytest.fixture
-def run(monkeypatch, capsys):
-    """Runs the app in this process: exit code, standard output, standard error."""
-    spec = importlib.util.spec_from_file_location("benchmark_app", APP)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    monkeypatch.setattr(cli, "quiet_libraries", lambda: None)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["benchmark.py", *map(str, arguments)])
-        with pytest.raises(SystemExit) as exit_info:
-            cli.run(module.main)
-        captured = capsys.readouterr()
-        return exit_info.value.code, captured.out, captured.err
-
-    return call
+def run(call_app):
+    return partial(call_app, load_app("benchmark"))
 
 
 @pytest.mark.parametrize(
