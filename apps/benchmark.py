@@ -3,20 +3,20 @@
   benchmark.py --scenes 20                    random scenes 0 to 19, all methods
   benchmark.py --scenes 300 --seed 1000 --methods d,f --jobs 2
   benchmark.py --scenes 50 --moving           with an obstacle that moves during the reach
-  benchmark.py --scenes 50 --family bin       the goal stands in an open bin; see --help
+  benchmark.py --scenes 50 --family bin,pickets    so many scenes of each family; or: all
+  benchmark.py --methods d,own.py:plan        a planner of your own beside ours
   benchmark.py --scene table --scenes 20      one scene, twenty seeds of the noise
   benchmark.py --replay d:17                  one run again, to look at: recording.html
 
 A run that is in the output folder is not run again: interrupt it and go on later, or add scenes and
-methods. Give another folder after changing the code. Results: benchmark.md, benchmark.json,
-benchmark.png, and one file for each run in results/.
+methods. Give another folder after changing the code. Results: benchmark.html, the page to look at,
+with --recordings a recording of each failure, too; benchmark.md, benchmark.json, benchmark.png; one
+file for each run in results/, and for each scene in scenes/, which others can read: docs/arena.md.
 """
 
-import json
+import contextlib
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Sequence
-from dataclasses import asdict
 
 from tqdm import tqdm
 
@@ -26,14 +26,16 @@ from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import DiagramReach
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.methods import METHODS, get_method
-from pepper_drake.benchmarking.summary import MethodSummary, Scenes, markdown_table, summarise
 from pepper_drake.cli_robot import add_robot_options
 from pepper_drake.errors import InputError
 from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.scene_families import FAMILIES
-from pepper_drake.reporting.benchmark_figure import draw_benchmark
-from pepper_drake.results.folder import whole_results
+from pepper_drake.optimization.parallel import dask_cluster
+from pepper_drake.reporting.benchmark_report import record_failures, replay_folder, save_benchmark
 from pepper_drake.systems.faults.fault import parse_faults
+
+_TABLE = "table"
+"""Family of the random scenes that have no other."""
 
 
 def make_parser() -> ArgumentParser:
@@ -52,9 +54,10 @@ def make_parser() -> ArgumentParser:
     )
     parser.add_argument(
         "--family",
-        choices=FAMILIES,
-        metavar="NAME",
-        help=f"random scenes of a family: {', '.join(FAMILIES)}",
+        type=_families,
+        metavar="NAME,...",
+        help="so many random scenes of each family: "
+        f"{', '.join(FAMILIES)}; {_TABLE}, the default, is a table with loose things; or all",
     )
     parser.add_argument(
         "--methods",
@@ -71,12 +74,37 @@ def make_parser() -> ArgumentParser:
     )
     add_robot_options(parser)
     parser.add_argument(
+        "--sensors",
+        choices=("real", "ideal"),
+        default="real",
+        help="cameras with noise and latency, or without (default: %(default)s)",
+    )
+    parser.add_argument(
         "--jobs", type=_count, default=1, metavar="N", help="runs at a time (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--dask", metavar="ADDRESS", help="runs on a Dask cluster; its scheduler: tcp://HOST:PORT"
+    )
+    parser.add_argument(
+        "--recordings", action="store_true", help="record each run that failed, for the page"
     )
     parser.add_argument(
         "--replay", metavar="METHOD:SEED", help="run one again and record it, as d:17"
     )
     return parser
+
+
+def _families(text: str) -> tuple[str, ...]:
+    """Reads names of families."""
+    if text == "all":
+        return (_TABLE, *FAMILIES)
+    names = tuple(text.split(","))
+    for name in names:
+        if name not in (_TABLE, *FAMILIES):
+            raise InputError(
+                f'"{name}" is no family; there are {_TABLE}, {", ".join(FAMILIES)}, and all'
+            )
+    return names
 
 
 def _count(text: str) -> int:
@@ -87,29 +115,39 @@ def _count(text: str) -> int:
     return number
 
 
-def make_case(options: Namespace, seed: int) -> Case:
-    """The case of a seed."""
+def make_cases(options: Namespace, seed: int) -> list[Case]:
+    """The cases of a seed, one for each family."""
     if options.moving and options.scene is not None:
         raise InputError("--moving is for random scenes; leave --scene out")
-    if options.family is not None and (options.scene is not None or options.moving):
-        raise InputError("--family has its own scenes; leave --scene and --moving out")
-    return Case(
-        seed,
-        options.scene,
-        options.moving,
-        options.arm,
-        options.goal_motion,
-        options.robot,
-        tuple(map(str, parse_faults(options.fault))),
-        options.calibration,
-        options.family,
-    )
+    if options.family is not None and options.scene is not None:
+        raise InputError("--family has its own scenes; leave --scene out")
+    families = options.family or (_TABLE,)
+    if options.moving and "compartment" in families:
+        if len(families) == 1:
+            raise InputError("nothing can move in a compartment; leave --moving out")
+        families = [family for family in families if family != "compartment"]
+    return [
+        Case(
+            seed,
+            options.scene,
+            options.moving,
+            options.arm,
+            options.goal_motion,
+            options.robot,
+            tuple(map(str, parse_faults(options.fault))),
+            options.calibration,
+            None if family == _TABLE else family,
+            options.sensors,
+        )
+        for family in families
+    ]
 
 
 def make_tasks(options: Namespace) -> list[Task]:
     """All runs that the options ask for, scene by scene."""
     methods = [get_method(letter) for letter in options.methods.split(",")]
-    cases = [make_case(options, options.seed + k) for k in range(options.scenes)]
+    seeds = range(options.seed, options.seed + options.scenes)
+    cases = [case for seed in seeds for case in make_cases(options, seed)]
     for case in cases:  # What is wrong with a file is said before anything runs.
         calibration_of(case.calibration, case.robot, case.seed)
     cases[0].build()
@@ -130,8 +168,10 @@ def replay(options: Namespace) -> int:
     method.check()
     if not seed.isdigit():
         raise InputError(f'--replay is "{options.replay}"; give a method and a seed, as d:17')
-    case = make_case(options, int(seed))
-    folder = options.output / "replay" / f"{case.name}_{letter}"
+    case, *others = make_cases(options, int(seed))
+    if others:
+        raise InputError("--replay is of one run; give --family one name")
+    folder = replay_folder(options.output, Task(letter, case))
     if method.run.options is not None:
         words = " ".join([*case.reach_options, *method.run.options])
         print(f"The same as: reach.py {words}")
@@ -139,37 +179,6 @@ def replay(options: Namespace) -> int:
     print(f"{result.outcome}" + (f": {result.message}" if result.message else ""))
     print(f"Results are in {folder}; open recording.html in a browser")
     return cli.EXIT_DONE if result.outcome == "reached" else cli.EXIT_FAILED
-
-
-def save(
-    options: Namespace, results: Sequence[MethodResult], summaries: Sequence[MethodSummary]
-) -> str:
-    """Writes table, figure and numbers, and returns the table with what is to be said of it."""
-    scenes = Scenes.of(results)
-    text = (
-        f"{markdown_table(summaries)}\n{scenes} Rates are of {scenes.share}, with 95 % confidence; "
-        "the other numbers are medians over the runs that reached.\n"
-    )
-    failing = {
-        summary.method: {
-            result.case: f"{result.outcome}: {result.message}"
-            for result in results
-            if result.method == summary.method and result.outcome != "reached"
-        }
-        for summary in summaries
-    }
-    content = {
-        "scenes": sorted(scenes.all),
-        "solvable": None if scenes.solvable is None else sorted(scenes.solvable),
-        "methods": [asdict(summary) for summary in summaries],
-        "not_reached": failing,
-    }
-    names = ("benchmark.md", "benchmark.json", "benchmark.png")
-    with whole_results(options.output, names) as folder:
-        (folder / "benchmark.md").write_text(f"# Reaching: {scenes}\n\n{text}")
-        (folder / "benchmark.json").write_text(json.dumps(content, indent=2) + "\n")
-        draw_benchmark(summaries, results).savefig(folder / "benchmark.png", dpi=110)
-    return text
 
 
 def main() -> int:
@@ -180,20 +189,23 @@ def main() -> int:
         return replay(options)
     tasks = make_tasks(options)
     options.output.mkdir(parents=True, exist_ok=True)
-    with tqdm(
-        total=len(tasks), unit="run", disable=options.quiet or not sys.stderr.isatty()
-    ) as bar:
+    cluster = dask_cluster(options.dask) if options.dask else contextlib.nullcontext()
+    hidden = options.quiet or not sys.stderr.isatty()
+    with cluster as executor, tqdm(total=len(tasks), unit="run", disable=hidden) as bar:
 
         def show(result: MethodResult) -> None:
             bar.set_description(f"{result.case} {result.method}: {result.outcome}")
             bar.update()
 
-        results = run_tasks(tasks, options.output, jobs=options.jobs, progress=show)
-    summaries = summarise(results)
-    text = save(options, results, summaries)
+        results = run_tasks(
+            tasks, options.output, jobs=options.jobs, executor=executor, progress=show
+        )
+    if options.recordings:
+        record_failures(tasks, results, options.output, hidden=hidden)
+    text = save_benchmark(tasks, results, options.output, hidden=hidden)
     if not options.quiet:
         print(text)
-        print(f"Results are in {options.output}")
+        print(f"Results are in {options.output}; open benchmark.html in a browser")
     for result in results:
         if result.outcome == "error":
             print(f"{result.case} {result.method}: {result.message}", file=sys.stderr)

@@ -15,7 +15,7 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --no-avoidance               what happens without the obstacle coupling
   reach.py --method reactive            the coupling alone bends the movement, nothing is adapted
   reach.py --method adapted reactive report     the methods beside one another, in methods.png
-  reach.py --tasks lift                 then wait, lift, put down, return; or a file of tasks
+  reach.py --tasks lift                 then wait, grip, lift, put down, let go, return; or a file
   reach.py --live                       watch it in a browser, in real time
   reach.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
 
@@ -130,8 +130,8 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--tasks",
         metavar="NAME|FILE",
-        help="what the arm does after the reach: lift (wait, lift, put down, return), or a YAML "
-        "file with a list of tasks, see docs/howto/chains.md",
+        help="what the arm does after the reach: lift (wait, close the hand, lift, put down, "
+        "open, return), or a YAML file with a list of tasks, see docs/howto/chains.md",
     )
     parser.add_argument("--arm", choices=("left", "right"), help="default: the scene's")
     parser.add_argument(

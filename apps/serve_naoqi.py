@@ -20,14 +20,14 @@ from pepper_drake import cli
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
-from pepper_drake.robot_server.connection import Credentials
 from pepper_drake.robot_server.extras import make_extras
+from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
+from pepper_drake.robot_server.robot.simulator import SimulatorConfig
 from pepper_drake.robot_server.served_pepper import ServedPepper
-from pepper_drake.robot_server.server import LOOPBACK, PORT, QiServer
 from pepper_drake.robot_server.serving import keep_serving
-from pepper_drake.robot_server.simulated_robot import SimulatedRobot
-from pepper_drake.robot_server.simulator import SimulatorConfig
-from pepper_drake.robot_server.tls import server_context
+from pepper_drake.robot_server.wire.connection import Credentials
+from pepper_drake.robot_server.wire.server import LOOPBACK, PORT, QiServer
+from pepper_drake.robot_server.wire.tls import server_context
 
 
 def make_parser() -> ArgumentParser:

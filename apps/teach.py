@@ -15,6 +15,11 @@ has opened the page.
   teach.py --new                        begin anew; the session before goes to earlier-1/
   teach.py --script story               do it all by itself: lead, record, learn, reach, save
   teach.py --script story --watch       the same in real time, to look on
+  teach.py --station naoqi --robot tcp://192.168.1.10:9559
+                                        a real Pepper, or a served one, and no page: its arm goes
+                                        limp, you lead it until you press the chest button, touch
+                                        the head or the other hand's back, or Ctrl-C; each time
+                                        adds a demonstration, and all are learned
 
 The page's legend tells what is drawn. Everything is kept in the output folder as it happens: a
 recording while it is made, demonstrations/, what was learned in primitive.yaml, and in session.yaml
@@ -41,11 +46,15 @@ from pepper_drake.diagrams.robot_signals import STATION_SIGNALS
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.files import write_atomically
+from pepper_drake.hardware.options import add_link_options, check_station, robot_access
+from pepper_drake.hardware.robot_recording import RobotRecordOptions
 from pepper_drake.live.controls import KEYS
 from pepper_drake.live.page import LivePage
+from pepper_drake.live.robot_session import teach_robot
 from pepper_drake.live.script import SCRIPTS, LiveScript, load_script, play
 from pepper_drake.live.session import LiveSession, Mode
 from pepper_drake.live.session_file import (
+    DEMONSTRATIONS,
     LESSONS,
     SessionFolder,
     SessionRecord,
@@ -59,6 +68,22 @@ from pepper_drake.web.viser_page import ViserPage
 
 TEACHING_SCENE = SCENES_DIR / "teach.yaml"
 """A goal on a stand within reach, and a ball that can be moved into the way."""
+
+
+SIMULATED_ONLY: dict[str, object] = {
+    "scene": None,
+    "move": "",
+    "coupling": None,
+    "lesson": None,
+    "calibration": None,
+    "fault": [],
+    "no_cameras": False,
+    "script": None,
+    "watch": False,
+    "seconds": None,
+    "host": None,
+}
+"""Options that a robot does not take, and their defaults."""
 
 
 def positive(text: str) -> float:
@@ -103,7 +128,8 @@ def make_parser() -> ArgumentParser:
         action="store_true",
         help="do not go on with the session in the output folder; it is kept in earlier-1/",
     )
-    add_robot_options(parser)
+    add_robot_options(parser, addresses=True)
+    add_link_options(parser, moves=False)
     parser.add_argument("--no-cameras", action="store_true", help="do without the cameras")
     parser.add_argument(
         "--script",
@@ -220,6 +246,8 @@ def run_live(show: LiveApp, seconds: float | None) -> None:
 def main() -> int:
     """Runs the app."""
     options = cli.parse(make_parser())
+    if check_station(options, SIMULATED_ONLY):
+        return teach_on_robot(options)
     script = load_script(options.script) if options.script is not None else None
     cli.quiet_libraries()
     shown = script is None or options.watch
@@ -229,6 +257,49 @@ def main() -> int:
         return teach(options, script, None)
     with ViserPage(options.host, keys=KEYS) as page:
         return teach(options, script, page)
+
+
+def teach_on_robot(options: Namespace) -> int:
+    """Adds a demonstration that a person shows a robot to the session, and learns them all."""
+    cli.quiet_libraries()
+    access = robot_access(options)
+    folder, _ = open_folder(options)
+    arm = folder.record.arm or "right"
+    with cli.stop_on_interrupt() as should_stop:
+        lesson = teach_robot(
+            folder,
+            access,
+            RobotRecordOptions(
+                options.output / "recording",
+                arm,
+                options.disable_life,
+                should_stop,
+                lambda line: None if options.quiet else print(line, flush=True),
+                options.clock_rate,
+            ),
+        )
+    primitive, shown = lesson.taught.primitive, lesson.taught.shown
+    assert primitive is not None
+    report = {
+        "outcome": "done",
+        "reason": "",
+        "arm": arm,
+        "address": access.address,
+        "ended_by": lesson.recording.ended_by or "user",
+        "samples": lesson.recording.samples,
+        "demonstrations": len(shown),
+        "duration": primitive.duration,
+        "path_length": primitive.path_length,
+    }
+    write_atomically(options.output / "report.json", json.dumps(report, indent=2) + "\n")
+    counted = f"{len(shown)} demonstration{'s' if len(shown) > 1 else ''}"
+    if not options.quiet:
+        print(
+            f"learned a movement of {primitive.duration:.1f} s and {primitive.path_length:.2f} m "
+            f"from {counted}, in {options.output}; perform it with reach.py "
+            f"--demo {options.output / DEMONSTRATIONS / shown[-1].name}"
+        )
+    return cli.EXIT_DONE
 
 
 def teach(options: Namespace, script: LiveScript | None, page: ViserPage | None) -> int:

@@ -29,8 +29,8 @@ def reply(name: str) -> list:
 
 def serve_ours() -> None:
     """Serves the three methods until the input ends."""
-    from pepper_drake.robot_server.server import QiServer
-    from pepper_drake.robot_server.service import Service
+    from pepper_drake.robot_server.wire.server import QiServer
+    from pepper_drake.robot_server.wire.service import Service
 
     async def run() -> None:
         service = Service("Timed")

@@ -44,9 +44,7 @@ def chosen_scene(options: Namespace) -> Scene:
     if options.family is not None:
         if options.random_scene is None:
             raise InputError("--family is for random scenes; name one with --random-scene")
-        if options.moving:
-            raise InputError("--moving is for tables with loose things; leave --family out")
-        return family_scene(options.family, options.random_scene)
+        return family_scene(options.family, options.random_scene, moving=options.moving)
     if options.random_scene is not None:
         return random_scene(options.random_scene, moving=options.moving)
     return load_scene(options.scene or "table")

@@ -75,6 +75,8 @@ class TaskSettings:
     """Time to stay where the hand is, instead of a movement [s]."""
     offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     """Goal of the hand from its pre-grasp pose, x, y, z in the goal object's frame [m]."""
+    hand: float | None = None
+    """Opening that the hand goes to instead of a movement, from 0, closed, to 1, open."""
     returns: bool = False
     """True to go back to where the hand was before the reach."""
 
@@ -85,8 +87,14 @@ class TaskSettings:
             raise InputError(f"{label}: offset {self.offset} must be three numbers, 0.5 m at most")
         if not 0.0 <= self.wait <= 60.0:
             raise InputError(f"{label}: wait {self.wait:g} must be from 0 to 60 s")
-        if self.wait and (self.returns or any(self.offset) or self.demonstration):
-            raise InputError(f"{label}: it waits or moves; give two tasks for both")
+        if self.hand is not None and not 0.0 <= self.hand <= 1.0:
+            raise InputError(f"{label}: hand {self.hand:g} must be from 0, closed, to 1, open")
+        stays = self.wait or self.hand is not None
+        if stays and (self.returns or any(self.offset) or self.demonstration):
+            raise InputError(
+                f"{label}: the arm waits, the hand opens or closes, or the arm moves; "
+                "give a task for each"
+            )
 
 
 @dataclass
@@ -237,14 +245,14 @@ def _task(
     number: int, settings: TaskSettings, reach: MovementPrimitive, scenario: Scenario
 ) -> SequenceTask:
     primitive: MovementPrimitive | None = reach
-    if settings.wait:
+    if settings.wait or settings.hand is not None:
         primitive = None
     elif settings.demonstration:
         shown = Path(settings.demonstration)
         primitive = make_primitive(shown, scenario.scene.arm, scenario.learning)
     x, y, z = settings.offset
     name = settings.name or f"task {number}"
-    return SequenceTask(name, primitive, settings.wait, (x, y, z), settings.returns)
+    return SequenceTask(name, primitive, settings.wait, (x, y, z), settings.hand, settings.returns)
 
 
 def load_tasks(path: Path) -> list[TaskSettings]:

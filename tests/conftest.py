@@ -42,17 +42,35 @@ def _draw_marker(
     )
     R, p = X_CM.rotation().matrix(), X_CM.translation()
     plane_to_C = np.column_stack([R[:, 0], R[:, 1], p])
-    fine = np.array([[_FINENESS, 0, (_FINENESS - 1) / 2], [0, _FINENESS, (_FINENESS - 1) / 2]])
-    to_image = np.vstack([fine, [0, 0, 1]]) @ intrinsics.matrix @ plane_to_C @ to_plane
-    shape = (intrinsics.width * _FINENESS, intrinsics.height * _FINENESS)
+    to_image = intrinsics.matrix @ plane_to_C @ to_plane
     if image is None:
         image = np.full((intrinsics.height, intrinsics.width), background, np.uint8)
-    fine_image = cv2.resize(image, shape, interpolation=cv2.INTER_NEAREST)
-    warped = cv2.warpPerspective(picture, to_image, shape, flags=cv2.INTER_LINEAR)
-    covers = cv2.warpPerspective(np.full_like(picture, 255), to_image, shape) > 127
-    fine_image[covers] = warped[covers]
+    # Only the part of the image that the marker covers is drawn.
+    ends = np.array([[0, 0], [len(picture), 0], [len(picture)] * 2, [0, len(picture)]], float)
+    corners = cv2.perspectiveTransform(ends[None] - 0.5, to_image)[0]
     size_out = (intrinsics.width, intrinsics.height)
-    return cv2.resize(fine_image, size_out, interpolation=cv2.INTER_AREA)
+    left, top = np.clip(np.floor(corners.min(axis=0)).astype(int) - 1, 0, size_out)
+    right, bottom = np.clip(np.ceil(corners.max(axis=0)).astype(int) + 2, 0, size_out)
+    if left >= right or top >= bottom:
+        return image.copy()
+    part = image[top:bottom, left:right]
+    middle = (_FINENESS - 1) / 2
+    fine = [
+        [_FINENESS, 0, middle - _FINENESS * left],
+        [0, _FINENESS, middle - _FINENESS * top],
+        [0, 0, 1],
+    ]
+    to_part = np.array(fine) @ to_image
+    shape = (part.shape[1] * _FINENESS, part.shape[0] * _FINENESS)
+    fine_part = cv2.resize(part, shape, interpolation=cv2.INTER_NEAREST)
+    warped = cv2.warpPerspective(picture, to_part, shape, flags=cv2.INTER_LINEAR)
+    covers = cv2.warpPerspective(np.full_like(picture, 255), to_part, shape) > 127
+    fine_part[covers] = warped[covers]
+    drawn = image.copy()
+    drawn[top:bottom, left:right] = cv2.resize(
+        fine_part, part.shape[1::-1], interpolation=cv2.INTER_AREA
+    )
+    return drawn
 
 
 @pytest.fixture

@@ -7,13 +7,13 @@ PACKAGE = Path(__file__).parents[1] / "pepper_drake"
 
 FLOORS = (
     ("errors", "_former_names"),
-    ("files", "web", "short_repr", "registry"),
-    ("yaml_files", "array_files"),
+    ("files", "signals", "web", "short_repr", "registry"),
+    ("yaml_files", "array_files", "naoqi"),
     ("learning",),
     ("models",),
     ("perception",),
     ("planning",),
-    ("systems", "results", "naoqi", "user_code"),
+    ("systems", "results", "user_code"),
     ("cli",),
     ("cli_scene", "cli_robot", "cli_demonstration"),
     ("diagrams",),

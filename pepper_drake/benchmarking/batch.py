@@ -1,9 +1,10 @@
 """Many runs, each in a process of its own, kept as files: what is there is not run again."""
 
 import multiprocessing
+import re
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,16 +26,24 @@ class Task:
 
     def file(self, folder: Path) -> Path:
         """File that keeps the result."""
-        return folder / "results" / self.case.name / f"{self.method}.json"
+        return folder / "results" / self.case.name / f"{file_stem(self.method)}.json"
 
 
-def run_task(task: Task, folder: Path) -> MethodResult:
-    """Runs a task in this process and keeps its result."""
+def file_stem(method: str) -> str:
+    """A method's letter, or FILE.py:NAME without its folder, as the stem of a file's name."""
+    return re.sub(r"[^A-Za-z0-9_]+", "_", method.rpartition("/")[2])
+
+
+def run_task(task: Task) -> MethodResult:
+    """Runs a task in this process; what goes wrong becomes its result, for who reads the table."""
     begin = time.perf_counter()
-    result = get_method(task.method).run(task.case)
+    try:
+        result = get_method(task.method).run(task.case)
+    except Exception as error:
+        message = f"{type(error).__name__}: {error}".splitlines()[0]
+        result = MethodResult(reason="broken", message=message)
     result.method, result.case = task.method, task.case.name
     result.wall_seconds = time.perf_counter() - begin
-    result.save(task.file(folder))
     return result
 
 
@@ -43,6 +52,7 @@ def run_tasks(
     folder: Path,
     *,
     jobs: int = 1,
+    executor: Executor | None = None,
     progress: Callable[[MethodResult], object] = lambda result: None,
 ) -> list[MethodResult]:
     """Runs what has no result yet, and returns the results of all tasks in their order.
@@ -53,7 +63,8 @@ def run_tasks(
     Args:
         tasks: What to run.
         folder: Where results are kept.
-        jobs: How many runs at the same time.
+        jobs: How many runs at the same time, on this machine.
+        executor: Who runs them instead; it limits the time of none.
         progress: Called with each result, those that were there included.
 
     Raises:
@@ -64,45 +75,50 @@ def run_tasks(
     for result in results.values():
         progress(result)
     missing = [task for task in tasks if task not in results]
-    # A fresh process for each run, forked from one that has imported everything and done nothing.
-    processes = multiprocessing.get_context("forkserver")
-    processes.set_forkserver_preload([__name__])
-
-    def run(task: Task) -> MethodResult:
-        process = processes.Process(target=_in_process, args=(task, folder))
-        process.start()
-        process.join(LONGEST_RUN)
-        message = f"the run ended with exit code {process.exitcode}"
-        if process.is_alive():
-            process.kill()
-            process.join()
-            message = f"the run took longer than {LONGEST_RUN:g} s"
-        if task.file(folder).exists():
-            return MethodResult.load(task.file(folder))
-        broken = MethodResult(task.case.name, task.method, reason="broken", message=message)
-        broken.save(task.file(folder))
-        return broken
-
-    pool = ThreadPoolExecutor(jobs)
+    pool = ThreadPoolExecutor(jobs) if executor is None else executor
+    running: dict[Future[MethodResult], Task] = {}
     try:
-        running = {pool.submit(run, task): task for task in missing}
+        for task in missing:
+            if executor is None:
+                running[pool.submit(_run_apart, task, folder)] = task
+            else:
+                running[pool.submit(run_task, task)] = task
         for future in as_completed(running):
-            results[running[future]] = future.result()
-            progress(future.result())
+            task = running[future]
+            results[task] = future.result()
+            if executor is not None:
+                results[task].save(task.file(folder))
+            progress(results[task])
     finally:
-        pool.shutdown(cancel_futures=True)
+        for future in running:
+            future.cancel()
+        if executor is None:
+            pool.shutdown()
     return [results[task] for task in tasks]
 
 
+def _run_apart(task: Task, folder: Path) -> MethodResult:
+    """Runs a task in a fresh process, forked from one that has imported all and done nothing."""
+    processes = multiprocessing.get_context("forkserver")
+    processes.set_forkserver_preload([__name__])
+    process = processes.Process(target=_in_process, args=(task, folder))
+    process.start()
+    process.join(LONGEST_RUN)
+    message = f"the run ended with exit code {process.exitcode}"
+    if process.is_alive():
+        process.kill()
+        process.join()
+        message = f"the run took longer than {LONGEST_RUN:g} s"
+    if task.file(folder).exists():
+        return MethodResult.load(task.file(folder))
+    broken = MethodResult(task.case.name, task.method, reason="broken", message=message)
+    broken.save(task.file(folder))
+    return broken
+
+
 def _in_process(task: Task, folder: Path) -> None:
-    """Runs a task; what goes wrong becomes its result, for who reads the table."""
+    """Runs a task and keeps its result."""
     cli.limit_linear_algebra()
     cli.quiet_libraries()
     task.file(folder).unlink(missing_ok=True)
-    try:
-        run_task(task, folder)
-    except Exception as error:
-        message = f"{type(error).__name__}: {error}".splitlines()[0]
-        MethodResult(task.case.name, task.method, reason="broken", message=message).save(
-            task.file(folder)
-        )
+    run_task(task).save(task.file(folder))

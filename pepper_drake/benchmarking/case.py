@@ -23,6 +23,7 @@ class Case:
         faults: Signals that fail, as SIGNAL:KIND@START[+DURATION].
         calibration: File with the robot's calibration; `{seed}` in it stands for the seed.
         family: Family of the random scene; a table with loose things on it if left out.
+        sensors: "real", or "ideal" for cameras without noise or latency.
     """
 
     seed: int
@@ -34,6 +35,7 @@ class Case:
     faults: tuple[str, ...] = ()
     calibration: str | None = None
     family: str | None = None
+    sensors: str = "real"
 
     def build(self) -> Scene:
         """Returns the scene.
@@ -42,7 +44,7 @@ class Case:
             InputError: There is no such scene.
         """
         if self.family is not None:
-            scene = family_scene(self.family, self.seed)
+            scene = family_scene(self.family, self.seed, moving=self.moving)
         elif self.scene is None:
             scene = random_scene(self.seed, moving=self.moving)
         else:
@@ -53,7 +55,7 @@ class Case:
     def name(self) -> str:
         """A name for files: `random_17`, `moving_17`, `table_seed_3`, `random_17_left_up`."""
         if self.family is not None:
-            name = f"{self.family}_{self.seed}"
+            name = f"{'moving_' if self.moving else ''}{self.family}_{self.seed}"
         elif self.scene is None:
             name = f"{'moving' if self.moving else 'random'}_{self.seed}"
         else:
@@ -63,7 +65,9 @@ class Case:
         robot = "" if self.robot == "ideal" else self.robot
         faults = [re.sub(r"[^a-z0-9.]+", "_", fault) for fault in self.faults]
         found = "calibrated" if self.calibration else ""
-        return "_".join(word for word in (name, self.arm, motion, robot, found, *faults) if word)
+        sensors = "" if self.sensors == "real" else f"{self.sensors}_sensors"
+        words = (name, self.arm, motion, robot, found, sensors, *faults)
+        return "_".join(word for word in words if word)
 
     @property
     def reach_options(self) -> list[str]:
@@ -84,6 +88,8 @@ class Case:
             options += ["--robot", self.robot]
         if self.calibration is not None:
             options += ["--calibration", self.calibration]
+        if self.sensors == "ideal":
+            options += ["--set", "station.noise=false", "--set", "station.camera_latency=0"]
         for fault in self.faults:
             options += ["--fault", fault]
         return options

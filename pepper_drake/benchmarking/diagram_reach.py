@@ -32,6 +32,7 @@ from pepper_drake.models.control_model import (
 from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.models.scene import Scene
+from pepper_drake.planning import ReachPlanner
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.folder import whole_results
@@ -42,6 +43,8 @@ from pepper_drake.web.drake_page import offline_meshcat
 
 Array = npt.NDArray[np.float64]
 
+_REPLANS = ("check_reach", "replan", "plan_retreat")
+"""The planner's calls whose effect comes after `PlanningLatency.plan`."""
 _STARTED = 1e-6
 """A joint command that differs by this from the one at rest is motion [rad]."""
 
@@ -55,29 +58,30 @@ class DiagramReach:
         adapt: Whether the planner adapts the movement to what was seen.
         collision_checked: Whether the arm starts only when the reach, played through, is clear, and
             stops before what it sees; see `ReachPlannerParams.collision_checked`.
+        planner: Class of the planner; ours if left out.
         options: The options of `reach.py` that give the same; None if it cannot.
     """
 
     coupling: str | Coupling | None = None
     adapt: bool = False
     collision_checked: bool = True
+    planner: type[ReachPlanner] = ReachPlanner
     options: tuple[str, ...] | None = ()
 
     def __call__(self, case: Case) -> MethodResult:
         """Runs the reach, unseen."""
         scene = case.build()
-        result = ReachSimulation(self._build(case, scene), RunOptions(progress=False)).run()
-        return measure(result, make_primitive(None, scene.arm), scene.arm)
+        return _run(self._build(case, scene), scene.arm, RunOptions(progress=False))[1]
 
     def replay(self, case: Case, folder: Path) -> MethodResult:
         """Runs the reach again and leaves `reach.py`'s folder, `recording.html` with it."""
         scene = case.build()
         with offline_meshcat() as meshcat:
             options = RunOptions(meshcat=meshcat, record=True, progress=sys.stderr.isatty())
-            result = ReachSimulation(self._build(case, scene), options).run()
+            result, measured = _run(self._build(case, scene), scene.arm, options)
         with whole_results(folder, ()) as inside:
             save_result(result, inside)
-        return measure(result, make_primitive(None, scene.arm), scene.arm)
+        return measured
 
     def _build(self, case: Case, scene: Scene) -> Reaching:
         chosen = self.coupling or scene.coupling
@@ -90,10 +94,23 @@ class DiagramReach:
                 wear=RobotWear.draw(case.seed) if case.robot == "worn" else None,
                 calibration=calibration_of(case.calibration, case.robot, case.seed),
                 faults=FaultSet(parse_faults(case.faults), case.seed),
-            )
+            ),
+            planner_class=self.planner,
         )
+        if case.sensors == "ideal":
+            config.station.noise, config.station.camera_latency = False, 0.0
         config.planner.adapt, config.planner.collision_checked = self.adapt, self.collision_checked
         return Reaching(scene, make_primitive(None, scene.arm), coupling, config)
+
+
+def _run(reaching: Reaching, arm: str, options: RunOptions) -> tuple[ReachResult, MethodResult]:
+    result = ReachSimulation(reaching, options).run()
+    measured = measure(result, make_primitive(None, arm), arm)
+    measured.planning_latency = reaching.config.timing.latency.plan
+    times = [one.seconds for one in reaching.timed_planner.log if one.name in _REPLANS]
+    if times:
+        measured.replan_seconds_99 = float(np.percentile(times, 99))
+    return result, measured
 
 
 def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> MethodResult:
@@ -111,6 +128,7 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
         reason=report.reason,
         message=report.message,
         planning_seconds=report.planning_seconds,
+        touch_speed=report.touch_speed,
         clearance=report.minimum_clearance,
         closest_pair=report.closest_pair,
         position_error=report.final_position_error,

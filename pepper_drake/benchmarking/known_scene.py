@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import QueryObject
+from pydrake.geometry import QueryObject, Shape
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
 from pydrake.planning import (
@@ -43,6 +43,7 @@ class GroundTruthScene:
 
     Attributes:
         scene: The scene.
+        padding: What planners keep between the robot and the scene [m].
         plant: Pepper and the scene.
         checker: Drake's collision checker over it, with `padding` between robot and scene.
         arm_checker: The same, but the body, which stands, is not looked at.
@@ -59,7 +60,7 @@ class GroundTruthScene:
             scene: The scene.
             padding: What planners keep between the robot and the scene [m].
         """
-        self.scene = scene
+        self.scene, self.padding = scene, padding
         builder = RobotDiagramBuilder(time_step=0.0)
         self.plant = builder.plant()
         self._pepper = add_pepper(self.plant)
@@ -133,13 +134,36 @@ class GroundTruthScene:
 
     def _hold_body(self, checker: SceneGraphCollisionChecker) -> None:
         """Takes out all pairs without a link of the arm."""
-        arm = {*arm_link_names(self.scene.arm), f"{self.scene.arm[0].upper()}Shoulder"}
+        arm = self._arm_links()
         bodies = [BodyIndex(k) for k in range(self.plant.num_bodies())]
         resting = [k for k in bodies if self.plant.get_body(k).name() not in arm]
         for one, other in itertools.combinations(resting, 2):
             robots = checker.IsPartOfRobot(one) or checker.IsPartOfRobot(other)
             if robots and not checker.IsCollisionFilteredBetween(one, other):
                 checker.SetCollisionFilteredBetween(one, other, True)
+
+    def _arm_links(self) -> set[str]:
+        return {*arm_link_names(self.scene.arm), f"{self.scene.arm[0].upper()}Shoulder"}
+
+    def resting_links(self) -> list[str]:
+        """Names of Pepper's links that do not move with the arm and have a shape."""
+        bodies = [self.plant.get_body(k) for k in self.plant.GetBodyIndices(self._pepper)]
+        shaped = [b.name() for b in bodies if self.plant.GetCollisionGeometriesForBody(b)]
+        return [name for name in shaped if name not in self._arm_links()]
+
+    def solids(self) -> list[tuple[str, Shape, RigidTransform]]:
+        """Every solid of the scene, the goal object's too: name, shape, pose X_WS now."""
+        self.checker.UpdatePositions(self._start)
+        query = self._query()
+        inspector = query.inspector()
+        found: list[tuple[str, Shape, RigidTransform]] = []
+        for index in range(self.plant.num_bodies()):
+            body = self.plant.get_body(BodyIndex(index))
+            if body.model_instance() != self._pepper:
+                for geometry in self.plant.GetCollisionGeometriesForBody(body):
+                    shape, X_WS = inspector.GetShape(geometry), query.GetPoseInWorld(geometry)
+                    found.append((f"{body.name()}_{len(found)}", shape, X_WS))
+        return found
 
     def candidate_base_poses(self) -> Iterator[Array]:
         """The base poses (3,) that our own planner would try here, if it knew everything."""

@@ -31,6 +31,13 @@ class MethodResult:
     """From when the arm may start to its first command: computing time and periods waited."""
     planning_seconds: float | None = None
     """All time spent on planning, places to stand included."""
+    planning_latency: float | None = None
+    """Simulated time from a look to the effect of the plan made from it, as the scenario sets it;
+    None for a planner without a clock."""
+    replan_seconds_99: float | None = None
+    """99th percentile of the wall time that checks, replans and retreats took on this computer."""
+    touch_speed: float | None = None
+    """Speed of link and obstacle against each other at the first touch [m/s]."""
     duration: float | None = None
     """From when the arm may start until the hand rests at its goal."""
     path_length: float | None = None

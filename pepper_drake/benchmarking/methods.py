@@ -3,14 +3,22 @@
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import DiagramReach
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.package_coupling import PackageCoupling
-from pepper_drake.benchmarking.planned_reach import PlannedReach, optimized_motions, rrt_motions
+from pepper_drake.benchmarking.planned_reach import (
+    PlannedReach,
+    optimized_motions,
+    roboplan_motions,
+    rrt_motions,
+)
+from pepper_drake.benchmarking.roboplan_rrt import roboplan_model
 from pepper_drake.errors import InputError
+from pepper_drake.planning import ReachPlanner
+from pepper_drake.user_code import load_object, names_code
 
 
 class Run(Protocol):
@@ -35,7 +43,7 @@ class Method:
     """One way to reach.
 
     Attributes:
-        letter: What it is called on the command line.
+        letter: What it is called on the command line: a letter, or FILE.py:NAME.
         name: What it is called in tables.
         description: What it is, in a sentence.
         run: How it is run.
@@ -49,6 +57,11 @@ class Method:
     run: Run
     needs: str = ""
     knows_all: bool = False
+
+    @property
+    def label(self) -> str:
+        """What it is called in tables and figures."""
+        return f"{self.letter.rpartition('/')[2]}: {self.name}"
 
     def check(self) -> None:
         """Raises InputError if what it needs is not installed."""
@@ -111,17 +124,48 @@ METHODS: tuple[Method, ...] = (
         PlannedReach(optimized_motions),
         knows_all=True,
     ),
+    Method(
+        "h",
+        "RoboPlan, shortcut",
+        "RoboPlan's RRT-Connect and shortcutting over its own collision model; perfect knowledge, "
+        "no dynamics",
+        PlannedReach(roboplan_motions, prepare=roboplan_model),
+        needs="roboplan",
+        knows_all=True,
+    ),
 )
 
 
 def get_method(letter: str) -> Method:
-    """Returns the method of a letter.
+    """Returns the method of a letter, or one's own: FILE.py:NAME, whose code is run.
+
+    A subclass of `ReachPlanner` has what the robot sees: the cameras' cloud, measured joints, the
+    estimated goal. A function has perfect knowledge; see `planned_reach.Motions`.
 
     Raises:
         InputError: There is none.
     """
+    if names_code(letter):
+        return _own_method(letter, load_object(letter))
     for method in METHODS:
         if method.letter == letter:
             return method
     known = ", ".join(f"{m.letter} ({m.name})" for m in METHODS)
-    raise InputError(f'method "{letter}" is unknown; there are {known}')
+    raise InputError(
+        f'method "{letter}" is unknown; there are {known}, or FILE.py:NAME of your own'
+    )
+
+
+def _own_method(text: str, part: Any) -> Method:
+    name = text.rpartition(":")[2]
+    if isinstance(part, type) and issubclass(part, ReachPlanner):
+        run = DiagramReach(adapt=True, planner=part, options=("--planner", text))
+        return Method(text, "own cameras", f"the planner {name} on what the cameras see", run)
+    if callable(part) and not isinstance(part, type):
+        run_known = PlannedReach(part)
+        return Method(
+            text, "perfect knowledge", f"{name}, without dynamics", run_known, knows_all=True
+        )
+    raise InputError(
+        f"{text} is neither a subclass of ReachPlanner nor a function of (known, base_pose, seed)"
+    )

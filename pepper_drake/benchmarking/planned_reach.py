@@ -4,8 +4,9 @@ The robot stands where our own planner would have it stand, if it knew everythin
 tried after the other. What is planned is checked against the true shapes at 100 Hz, as the arm
 would move; a plan that touches is not performed, and the search goes on.
 
-The time to first motion is the planner's at the place where it found the way: goal postures, plan,
-smoothing, timing. What is not counted: the model of the scene, the places tried before, the check.
+The time to first motion is the processor's for the planner at the place where it found the way:
+goal postures, plan, smoothing, timing. What is not counted: the model of the scene, the places
+tried before, the check.
 
 Where an obstacle moves, the planner knows its path: it plans with the obstacle where it
 starts and with the obstacle where it ends, and lets the arm wait, as long as it takes, up to the
@@ -28,7 +29,9 @@ from pepper_drake.benchmarking.known_scene import GroundTruthScene
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.metrics import demonstration_distance, path_length, rms_jerk
 from pepper_drake.benchmarking.planned_reach_page import record_motion
+from pepper_drake.benchmarking.roboplan_rrt import roboplan_rrt
 from pepper_drake.benchmarking.rrt_connect import rrt_connect, seed_ompl
+from pepper_drake.benchmarking.scene_file import POSITION_TOLERANCE
 from pepper_drake.benchmarking.timed_path import timed_path
 from pepper_drake.benchmarking.trajectory_optimization import optimized_motion
 from pepper_drake.diagrams.factory import make_primitive
@@ -47,8 +50,6 @@ _LONGEST_SEARCH = 60.0
 """With each padding; of computing time, after which no further place to stand is tried [s]."""
 _HOLDING = 1.0
 """Time [s] that the hand stays at its goal."""
-_TOLERANCE = 0.010
-"""Position tolerance [m] of the hand at its goal."""
 
 Motions = Callable[[GroundTruthScene, Array, int], Iterator[Array]]
 """Yields motions (N, 5) from a place to stand (3,) and a seed, every 10 ms [rad]."""
@@ -73,6 +74,15 @@ def rrt_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterato
         yield motion
 
 
+def roboplan_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
+    """One motion by RoboPlan to the first goal posture to which it finds a way."""
+    goals = goal_postures(known, base_pose, np.random.default_rng(seed))
+    corners = roboplan_rrt(known, base_pose, goals, seed=seed)
+    motion = timed_path(known.scene.arm, corners) if corners is not None else None
+    if motion is not None:
+        yield motion
+
+
 def optimized_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
     """One motion by trajectory optimisation to each goal posture."""
     for goal in goal_postures(known, base_pose, np.random.default_rng(seed)):
@@ -85,10 +95,12 @@ class PlannedReach:
 
     Attributes:
         motions: The planner.
+        prepare: Makes its model of the scene, whose time is not counted.
         options: None: `reach.py` does not do this.
     """
 
     motions: Motions
+    prepare: Callable[[GroundTruthScene], object] = lambda known: None
     options: None = None
 
     def __call__(self, case: Case) -> MethodResult:
@@ -123,6 +135,7 @@ class PlannedReach:
 
     def _search(self, known: GroundTruthScene, seed: int) -> _Found | None:
         """The first motion from any place that touches nothing and ends at the goal."""
+        self.prepare(known)
         quiet, begin = known.quiet_after, time.process_time()
         for place in known.candidate_base_poses():
             if time.process_time() - begin > _LONGEST_SEARCH:
@@ -139,16 +152,16 @@ class PlannedReach:
     ) -> _Found | None:
         """The same from one place, planned with the obstacles where they are at a moment."""
         known.set_time(moment)
-        begin = time.perf_counter()
+        begin = time.process_time()
         for motion in self.motions(known, place, seed):
-            seconds = time.perf_counter() - begin
+            seconds = time.process_time() - begin
             error, _ = pose_error(known.hand_poses(motion[-1:], place)[0], known.X_WG)
             for waiting in np.arange(0.0, known.quiet_after + _PATIENCE, _PATIENCE):
                 clearance, _ = known.clearance(_whole(known, motion, waiting), place)
-                if error <= _TOLERANCE and clearance > 0.0:
+                if error <= POSITION_TOLERANCE and clearance > 0.0:
                     return _Found(motion, float(waiting), place, seconds)
             known.set_time(moment)
-            begin = time.perf_counter() - seconds
+            begin = time.process_time() - seconds
         return None
 
 

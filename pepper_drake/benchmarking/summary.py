@@ -88,6 +88,8 @@ class MethodSummary:
         touched_elsewhere: Of the others, which no method solved.
         medians: By field of `MethodResult`, over the runs that reached; NaN if none did.
         first_motion_90: 90th percentile of the time to first motion [s], likewise.
+        largest_touch_speed: Of link and obstacle against each other [m/s], over all scenes; NaN if
+            nothing was touched.
     """
 
     method: str
@@ -95,11 +97,14 @@ class MethodSummary:
     touched_elsewhere: Rate
     medians: dict[str, float]
     first_motion_90: float
+    largest_touch_speed: float
 
 
 _MEDIANS = (
     "first_motion_seconds",
     "planning_seconds",
+    "planning_latency",
+    "replan_seconds_99",
     "duration",
     "path_length",
     "jerk",
@@ -137,6 +142,7 @@ def summarise(results: Sequence[MethodResult]) -> list[MethodSummary]:
                 touched_elsewhere=Rate(sum(r.outcome == "touched" for r in others), len(others)),
                 medians={name: _median(_numbers(reached, name)) for name in _MEDIANS},
                 first_motion_90=float(np.percentile(waits, 90)) if waits else float("nan"),
+                largest_touch_speed=max(_numbers(mine, "touch_speed"), default=float("nan")),
             )
         )
     return summaries
@@ -152,21 +158,28 @@ def _median(values: Sequence[float]) -> float:
     return float(np.median(values)) if values else float("nan")
 
 
-def markdown_table(summaries: Sequence[MethodSummary]) -> str:
-    """The summaries as a table in Markdown that is as readable in a terminal."""
-    header = [
-        *("method", "scenes", "reached", "touched", "refused", "failed"),
-        *("first motion (90 %) [ms]", "path length [m]", "jerk [m/s³]"),
-        "to the taught path, eq. 4.1 [m]",
-        "clearance [mm]",
-    ]
-    rows = [
+HEADER = (
+    *("method", "scenes", "reached", "touched", "refused", "failed"),
+    "largest speed at touch [mm/s]",
+    "first motion (90 %) [ms]",
+    "planning latency: simulated / measured 99 % [ms]",
+    *("path length [m]", "jerk [m/s³]", "to the taught path, eq. 4.1 [m]", "clearance [mm]"),
+)
+"""Of the columns of `table_rows`."""
+
+
+def table_rows(summaries: Sequence[MethodSummary]) -> list[list[str]]:
+    """A row of words for each method, in the order of `HEADER`."""
+    return [
         [
-            f"{summary.method}: {get_method(summary.method).name}",
+            get_method(summary.method).label,
             str(summary.rates["reached"].total),
             *(str(summary.rates[name]) for name in ("reached", "touched", "refused", "failed")),
+            _number(summary.largest_touch_speed, 1000, 0),
             f"{_number(summary.medians['first_motion_seconds'], 1000, 0)}"
             f" ({_number(summary.first_motion_90, 1000, 0)})",
+            f"{_number(summary.medians['planning_latency'], 1000, 0)}"
+            f" / {_number(summary.medians['replan_seconds_99'], 1000, 0)}",
             _number(summary.medians["path_length"], 1, 2),
             _number(summary.medians["jerk"], 1, 1),
             _number(summary.medians["demonstration_distance"], 1, 3),
@@ -174,10 +187,15 @@ def markdown_table(summaries: Sequence[MethodSummary]) -> str:
         ]
         for summary in summaries
     ]
-    widths = [max(len(row[k]) for row in (header, *rows)) for k in range(len(header))]
+
+
+def markdown_table(summaries: Sequence[MethodSummary]) -> str:
+    """The summaries as a table in Markdown that is as readable in a terminal."""
+    rows = table_rows(summaries)
+    widths = [max(len(row[k]) for row in (HEADER, *rows)) for k in range(len(HEADER))]
     lines = [
         " | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        for row in (header, ["-" * width for width in widths], *rows)
+        for row in (HEADER, ["-" * width for width in widths], *rows)
     ]
     return "".join(f"| {line} |\n" for line in lines)
 

@@ -41,6 +41,7 @@ class ArmController(Diagram):
         - cloud (optional)
         - predicted_cloud (optional)
         - slowdown (optional)
+        - speed (optional)
         - external_coupling (optional)
         - arm_mode (optional)
         - joint_target (optional)
@@ -60,7 +61,8 @@ class ArmController(Diagram):
 
     Inputs: `movement`, abstract Movement; `object_pose` X_WO, `torso_pose` X_WT and `hand_pose`
     X_TH (RigidTransform); `arm_position` (5), measured [rad]; `cloud` and `predicted_cloud`, where
-    obstacles are and where moving ones will be soon (PointCloud in T [m]); `slowdown` (1) and
+    obstacles are and where moving ones will be soon (PointCloud in T [m]); `speed` (1), the share
+    of its speed at which the movement is performed, along the same path; `slowdown` (1) and
     `external_coupling` (3) [m], which are added to those of the obstacles; `arm_mode`,
     `joint_target` and `stop_reason`: see `ArmCommand`.
 
@@ -186,6 +188,8 @@ class ArmController(Diagram):
         performers = [goal, self._canonical, self._translation, self._rotation, self._obstacles]
         performers += [self._posture, command, *self._performers]
         export_input(builder, "movement", *(part.GetInputPort("movement") for part in performers))
+        paced = (self._canonical, self._translation, self._rotation)
+        export_input(builder, "speed", *(part.GetInputPort("speed") for part in paced))
         for system, port, name in (
             (goal, "object_pose", "object_pose"),
             (goal, "torso_pose", "torso_pose"),

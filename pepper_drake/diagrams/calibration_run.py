@@ -38,8 +38,8 @@ from pepper_drake.perception.calibration.marker_kinematics import (
 from pepper_drake.perception.goal.marker import (
     MARKER_DICTIONARY,
     detect_markers,
+    detection_poses,
     marker_corners,
-    marker_poses,
     refine_poses,
 )
 from pepper_drake.planning.calibration.calibration_postures import (
@@ -247,9 +247,7 @@ def find_marker(
     if len(found) != 1:
         return None
     (detection,) = found
-    poses = marker_poses(
-        detection.corners, marker.size, intrinsics, corner_sigma=detection.corner_sigma
-    )
+    poses = detection_poses(detection, marker.size, intrinsics)
     poses = refine_poses(
         image, poses, marker.id, marker.size, intrinsics, dictionary=MARKER_DICTIONARY
     )

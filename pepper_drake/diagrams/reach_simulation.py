@@ -217,6 +217,7 @@ class ReachSimulation:
             joint_position_rad=self._rows("joint_position"),
             joint_command_rad=self._rows("joint_command"),
             base_pose_m_m_rad=self._rows("base_pose"),
+            hand_opening=self._rows("hand_opening"),
             object_offset_m=self._object_offsets(),
             hand_position_torso_m=hand,
             desired_position_torso_m=self._rows("desired_position"),

@@ -160,7 +160,7 @@ class Reaching(Diagram):
             wire(perception, supervisor, "space")
         wire(station, supervisor, "joint_position", "base_pose", **hand)
         wire(supervisor, perception, "look_at", started="scan_enabled")
-        wire(supervisor, controller, "movement")
+        wire(supervisor, controller, "movement", "speed")
         wire(station, controller, "torso_pose", **hand)
         clouds = {f"{cloud}_torso": cloud for cloud in ("cloud", "predicted_cloud")}
         wire(perception, controller, "object_pose", **clouds)
@@ -248,7 +248,7 @@ class Reaching(Diagram):
             self.clearance, truth = add_ground_truth(builder, station)
             sources |= truth
         for system, *names in (
-            (station, "joint_position", "base_pose"),
+            (station, "joint_position", "base_pose", "hand_opening"),
             (self.supervisor, "mode", "movement_origin"),
             (self.controller, "desired_position", "goal_position", "phase", "tau", "coupling"),
         ):

@@ -16,11 +16,17 @@ def add_sequencer(builder: DiagramBuilder, reaching: "Reaching") -> TaskSequence
     config, supervisor = reaching.config, reaching.supervisor
     sequencer = builder.AddNamedSystem(
         "sequencer",
-        TaskSequencer(reaching.planner.demonstrated, config.tasks, config.timing.time_step),
+        TaskSequencer(
+            reaching.planner.demonstrated,
+            config.tasks,
+            config.timing.time_step,
+            reaching.scene.arm,
+        ),
     )
     hand = {f"{reaching.scene.arm}_hand_pose": "hand_pose"}
     connect(builder, supervisor, sequencer, "mode")
     connect(builder, reaching.perception, sequencer, "object_pose")
     connect(builder, reaching.station, sequencer, "torso_pose", **hand)
     connect(builder, sequencer, supervisor, "command", "primitive")
+    connect(builder, sequencer, reaching.station, "hand_command")
     return sequencer

@@ -49,6 +49,7 @@ from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import STEREO_CLOUD
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into
+from pepper_drake.systems.robot.hand_motors import HandMotors
 from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
 from pepper_drake.systems.sensing.async_renderer import AsyncRenderer
 from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
@@ -146,6 +147,7 @@ class PepperStation(Diagram):
         input_ports:
         - joint_position_command
         - base_velocity_command (optional)
+        - hand_command (optional)
         - camera_top.enabled
         - camera_bottom.enabled
         - camera_depth.enabled
@@ -154,6 +156,7 @@ class PepperStation(Diagram):
         output_ports:
         - joint_position
         - joint_velocity
+        - hand_opening
         - base_pose
         - measurement_age
         - missing_joint
@@ -182,16 +185,16 @@ class PepperStation(Diagram):
         - ground_truth.contact_results
 
     The joint ports have 15 elements in the order of `BODY_JOINTS` (rad); `base_velocity_command`
-    is vx, vy, yaw rate in the base frame, zero if left out; `base_pose` is x, y, yaw in W by
-    odometry. Measurements are always numbers: `measurement_age` (2) tells since when joints and
-    base were not measured [s], `missing_joint` (1) which joint it was, or -1. Poses are
-    X_WT, X_TH and X_WC, from the measured joints. A camera's image, pose, time stamp (and the
-    robot's positions, 18) belong together: all four are of the moment of the capture. Input
-    `goal_object.desired_state` (6), the offset in m and its rate, is there when the config asks
-    for it, and so is `NAME.desired_state` of each obstacle that moves; `fault_trigger` (1) where a
-    fault waits for the arm to start. `applied_forces` (list of
-    ExternallyAppliedSpatialForce) is what pulls at the robot from outside. Only the ports
-    `ground_truth.*` know what a real robot cannot.
+    is vx, vy, yaw rate in the base frame, zero if left out; `hand_command` and `hand_opening` (2)
+    are those of `HandMotors`; `base_pose` is x, y, yaw in W by odometry. Measurements are always
+    numbers: `measurement_age` (2) tells since when joints and base were not measured [s],
+    `missing_joint` (1) which joint it was, or -1. Poses are X_WT, X_TH and X_WC, from the measured
+    joints. A camera's image, pose, time stamp (and the robot's positions, 18) belong together: all
+    four are of the moment of the capture. Input `goal_object.desired_state` (6), the offset in m
+    and its rate, is there when the config asks for it, and so is `NAME.desired_state` of each
+    obstacle that moves; `fault_trigger` (1) where a fault waits for the arm to start.
+    `applied_forces` (list of ExternallyAppliedSpatialForce) is what pulls at the robot from
+    outside. Only the ports `ground_truth.*` know what a real robot cannot.
 
     Attributes:
         plant: The plant with Pepper and the scene.
@@ -220,8 +223,7 @@ class PepperStation(Diagram):
         super().__init__()
         # An earlier station takes 100 MB, but is so few objects that nobody looks for it so soon.
         gc.collect()
-        self.config = config
-        self.control_model = model
+        self.config, self.control_model = config, model
         self.renderer: AsyncRenderer | None = None
         cameras = HEAD_CAMERA_MODELS | calibrated_cameras(config.calibration)
         self.depth_intrinsics: CameraIntrinsics = cameras["camera_depth"].intrinsics
@@ -275,6 +277,9 @@ class PepperStation(Diagram):
             failing_joints=body_indices([*JOINT_GROUPS["head"], *arm_joints(arm)]),
             limits=model.command_limits(BODY_JOINTS),
         )
+        hands = builder.AddNamedSystem("hands", HandMotors(config.command_period))
+        builder.ExportInput(hands.GetInputPort("command"), "hand_command")
+        builder.ExportOutput(hands.GetOutputPort("opening"), "hand_opening")
         self._add_motions(builder)
         add_gravity_compensation(builder, plant)
         kinematics = builder.AddNamedSystem(

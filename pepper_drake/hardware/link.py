@@ -17,6 +17,7 @@ import numpy.typing as npt
 from pepper_drake.hardware.base_driver import drive_base
 from pepper_drake.hardware.camera_reader import CameraReader
 from pepper_drake.hardware.dead_man import DeadManKey, dead_man_key
+from pepper_drake.hardware.hand_driver import drive_hands
 from pepper_drake.hardware.hand_over import hand_over
 from pepper_drake.hardware.link_clock import LinkClock
 from pepper_drake.hardware.link_config import LinkConfig
@@ -40,7 +41,7 @@ from pepper_drake.models.control_model import (
     shared_control_model,
 )
 from pepper_drake.naoqi.clock import join_time
-from pepper_drake.naoqi.constants import BODY, CYCLE
+from pepper_drake.naoqi.constants import BODY, CYCLE, HANDS
 from pepper_drake.naoqi.streaming import lookahead
 
 Vector = npt.NDArray[np.float64]
@@ -119,6 +120,7 @@ class RobotLink:
         self._sending: asyncio.Task[None] | None = None
         self._sent: Vector | None = None
         self._states = self._late = 0
+        self._hands = [np.nan] * len(HANDS)
         self._followed = self._clock()
         self._fault: LinkFault | None = None
         self._slowed_until = -np.inf
@@ -157,6 +159,7 @@ class RobotLink:
             tasks += [
                 self._start(self._watch_arm()),
                 self._start(drive_base(self._transport, self._wanted_drive, self._time)),
+                self._start(drive_hands(self._transport, self._command, self._time)),
             ]
             await self._beat()
         except LinkFault as fault:
@@ -279,6 +282,7 @@ class RobotLink:
         if len(angles) != len(BODY):
             raise LinkFault("wrong_robot", f"its body has {len(angles)} joints, not {len(BODY)}")
         positions, base_pose = np.array(angles)[self._columns], np.array(base)
+        self._hands = [float(angles[BODY.index(name)]) for name in HANDS]
         if not (np.isfinite(positions).all() and np.isfinite(base_pose).all()):
             raise LinkFault("wrong_robot", "it measures what is no number")
         # It answers in the middle, with what it measured half a cycle before, on average.
@@ -479,20 +483,15 @@ class RobotLink:
 
     def _publish(self, phase: str = "running") -> None:
         newest = self._measured.newest
-        fields: dict[str, Any] = {
-            "round_trip": self._round_trip,
-            "clock_bound": self._shortest_trip / 2,
-            "states": self._states,
-            "late": self._late,
-            "phase": phase,
-            "slowed": self._clock() < self._slowed_until,
-            "held": self._is_held,
-        }
+        fields: dict[str, Any] = {"phase": phase, "states": self._states, "late": self._late}
+        fields |= {"round_trip": self._round_trip, "clock_bound": self._shortest_trip / 2}
+        fields |= {"slowed": self._clock() < self._slowed_until, "held": self._is_held}
         if newest is not None:
             fields |= {
                 "time": newest.time,
                 "positions": newest.positions,
                 "base_pose": newest.base_pose,
+                "hands": self._hands,
             }
         if self._fault is not None:
             fields |= {"fault": self._fault.word, "detail": str(self._fault)[:240]}

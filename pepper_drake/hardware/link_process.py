@@ -21,7 +21,7 @@ from pepper_drake.hardware.link_fault import LINK_FAULTS, LinkFault
 from pepper_drake.hardware.mailbox import END, HAND_OVER, HOLD, Mailbox, MailboxNames
 from pepper_drake.hardware.preflight import PreflightOptions, check_robot
 from pepper_drake.hardware.transport import RobotAccess, make_transport
-from pepper_drake.robot_server.child_process import ChildProcess
+from pepper_drake.robot_server.robot.child_process import ChildProcess
 
 _START_SECONDS = 30.0
 _END_SECONDS = 5.0

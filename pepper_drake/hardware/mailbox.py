@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.models.pepper import BODY_JOINTS
-from pepper_drake.robot_server.shared_state import SharedRecord
+from pepper_drake.naoqi.constants import HANDS
+from pepper_drake.robot_server.robot.shared_state import SharedRecord
 
 CAMERA_NAMES = ("camera_top", "camera_bottom", "camera_depth")
 """Cameras in the order of NAOqi's ids."""
@@ -25,6 +26,7 @@ STATE = np.dtype(
         ("time", "f8"),
         ("positions", "f8", len(BODY_JOINTS)),
         ("base_pose", "f8", 3),
+        ("hands", "f8", len(HANDS)),
         ("round_trip", "f8"),
         ("clock_bound", "f8"),
         ("states", "i8"),
@@ -36,7 +38,7 @@ STATE = np.dtype(
         ("detail", "U240"),
     ]
 )
-"""Newest state of robot and link; `time` is that of the measurement."""
+"""Newest state of robot and link; `time` is that of the measurement, `hands` are openings."""
 
 COMMAND = np.dtype(
     [
@@ -45,10 +47,11 @@ COMMAND = np.dtype(
         ("positions", "f8", len(BODY_JOINTS)),
         ("velocities", "f8", len(BODY_JOINTS)),
         ("base_velocity", "f8", 3),
+        ("hands", "f8", len(HANDS)),
         ("enabled", "?", len(CAMERA_NAMES)),
     ]
 )
-"""Newest command; `time` is when it was made."""
+"""Newest command; `time` is when it was made. A hand of NaN is left as it is."""
 
 IMAGE = np.dtype(
     [
@@ -89,6 +92,8 @@ class Mailbox:
         """
         self.state = SharedRecord(STATE, names.state if names else None)
         self.command = SharedRecord(COMMAND, names.command if names else None)
+        if names is None:
+            self.command.write(hands=np.full(len(HANDS), np.nan))
         self.images = tuple(
             SharedRecord(IMAGE, names.images[k] if names else None)
             for k in range(len(CAMERA_NAMES))

@@ -23,7 +23,7 @@ from pepper_drake.naoqi.wire import (
     parse_signature,
     read_header,
 )
-from pepper_drake.robot_server.objects import META_OBJECT, Common, RemoteMethod, remote_methods
+from pepper_drake.robot_server.wire.objects import META_OBJECT, Common, RemoteMethod, remote_methods
 
 PORTS = {"tcp": 9559, "tcps": 9503}
 """NAOqi's port by the way in: open, and encrypted (NAOqi 2.9)."""

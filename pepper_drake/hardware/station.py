@@ -25,6 +25,7 @@ from pepper_drake.hardware.paced_run import DiagramClock
 from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
 from pepper_drake.models.objects import NO_SCENE, SceneModels
 from pepper_drake.models.robot_calibration import RobotCalibration
+from pepper_drake.naoqi.constants import HANDS
 from pepper_drake.perception.calibration.calibrated_cameras import (
     HEAD_CAMERA_MODELS,
     calibrated_cameras,
@@ -38,6 +39,7 @@ from pepper_drake.systems.sensing.camera_model import fill_image
 Vector = npt.NDArray[np.float64]
 
 _VELOCITY_SAMPLES = 3
+_LEFT = np.full(len(HANDS), np.nan)
 _HAND_PORTS = tuple(
     f"{arm}_hand_{what}"
     for arm in ("left", "right")
@@ -68,7 +70,7 @@ class LinkStatus:
 
 @dataclass(frozen=True)
 class _Measured:
-    """The newest states (time, joints and base; newest last) and the link's status."""
+    """The newest states (time, joints, base and hands; newest last) and the link's status."""
 
     rows: tuple[tuple[float, Vector], ...]
     status: LinkStatus
@@ -100,6 +102,7 @@ class RobotInterface(LeafSystem):
         input_ports:
         - joint_position_command
         - base_velocity_command
+        - hand_command (optional)
         - camera_top.enabled (optional)
         - camera_bottom.enabled (optional)
         - camera_depth.enabled (optional)
@@ -107,17 +110,19 @@ class RobotInterface(LeafSystem):
         - joint_position
         - joint_velocity
         - base_pose
+        - hand_opening
         - measurement_age
         - missing_joint
         - link_status
 
     Inputs: `joint_position_command` (15), rad, in the order of `BODY_JOINTS`, of which head and
     working arm are passed on; `base_velocity_command` (3), m/s, m/s, rad/s in the base's frame;
+    `hand_command` (2), openings in the order of `HANDS`, NaN for a hand that is left as it is;
     `NAME.enabled` (1), 0 for no images of that camera; all cameras are on that nothing switches.
     Outputs: `joint_position` (15), rad; `joint_velocity` (15), rad/s, over three measurements;
-    `base_pose` (3), x, y in m and yaw in rad, by the robot's odometry; `measurement_age` (2), time
-    since joints and base were measured [s]; `missing_joint` (1), always -1: the robot measures all
-    joints at once; `link_status`, a LinkStatus.
+    `base_pose` (3), x, y in m and yaw in rad, by the robot's odometry; `hand_opening` (2);
+    `measurement_age` (2), time since joints and base were measured [s]; `missing_joint` (1),
+    always -1: the robot measures all joints at once; `link_status`, a LinkStatus.
     State: the newest measurements (abstract) and the last command (15). Events: a periodic
     unrestricted update to read, a periodic publish to command.
     """
@@ -133,6 +138,7 @@ class RobotInterface(LeafSystem):
         n = len(BODY_JOINTS)
         self._command = self.DeclareVectorInputPort("joint_position_command", n)
         self._base = self.DeclareVectorInputPort("base_velocity_command", 3)
+        self._hands = self.DeclareVectorInputPort("hand_command", len(HANDS))
         self._enabled = [self.DeclareVectorInputPort(f"{c}.enabled", 1) for c in CAMERA_NAMES]
         self._measured = self.DeclareAbstractState(Value(self._read(())))
         self._last_command = self.DeclareDiscreteState(np.full(n, np.nan))
@@ -140,7 +146,8 @@ class RobotInterface(LeafSystem):
         for name, size, calc in (
             ("joint_position", n, lambda rows: rows[-1][1][:n]),
             ("joint_velocity", n, _velocity),
-            ("base_pose", 3, lambda rows: rows[-1][1][n:]),
+            ("base_pose", 3, lambda rows: rows[-1][1][n : n + 3]),
+            ("hand_opening", len(HANDS), lambda rows: rows[-1][1][n + 3 :]),
         ):
             self.DeclareVectorOutputPort(
                 name, size, self._calc_of(calc), prerequisites_of_calc=ticket
@@ -166,7 +173,7 @@ class RobotInterface(LeafSystem):
     def _read(self, before: tuple[tuple[float, Vector], ...]) -> _Measured:
         state = self._link.state()
         stamp = float(state["time"])
-        row = np.concatenate((state["positions"], state["base_pose"]))
+        row = np.concatenate((state["positions"], state["base_pose"], state["hands"]))
         rows = before
         if not rows or stamp > rows[-1][0]:
             rows = (*before, (stamp, row))[-_VELOCITY_SAMPLES:]
@@ -204,6 +211,7 @@ class RobotInterface(LeafSystem):
             positions=command,
             velocities=rate,
             base_velocity=self._base.Eval(context),
+            hands=self._hands.Eval(context) if self._hands.HasValue(context) else _LEFT,
             enabled=[
                 not p.HasValue(context) or bool(p.Eval(context)[0] > 0) for p in self._enabled
             ],
@@ -360,6 +368,7 @@ class HardwareStation(Diagram):
         input_ports:
         - joint_position_command
         - base_velocity_command
+        - hand_command (optional)
         - camera_top.enabled
         - camera_bottom.enabled
         - camera_depth.enabled
@@ -367,6 +376,7 @@ class HardwareStation(Diagram):
         - joint_position
         - joint_velocity
         - base_pose
+        - hand_opening
         - measurement_age
         - missing_joint
         - link_status
@@ -431,11 +441,12 @@ class HardwareStation(Diagram):
         name = "joint_position_command"
         commands = calibrated_commands(builder, robot.GetInputPort(name), calibration)
         builder.ExportInput(commands, name)
-        builder.ExportInput(robot.GetInputPort("base_velocity_command"), "base_velocity_command")
+        for name in ("base_velocity_command", "hand_command"):
+            builder.ExportInput(robot.GetInputPort(name), name)
         joints = calibrated_joints(builder, robot.GetOutputPort("joint_position"), calibration)
         builder.ExportOutput(joints, "joint_position")
-        measured = ("joint_velocity", "base_pose", "measurement_age", "missing_joint")
-        for name in (*measured, "link_status"):
+        measured = ("joint_velocity", "base_pose", "hand_opening", "measurement_age")
+        for name in (*measured, "missing_joint", "link_status"):
             builder.ExportOutput(robot.GetOutputPort(name), name)
         kinematics = builder.AddNamedSystem("kinematics", RobotKinematics(model, cameras))
         builder.Connect(joints, kinematics.joint_position_input)

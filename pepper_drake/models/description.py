@@ -6,15 +6,22 @@ the shapes drawn are those of the head's cameras, which are boxes and cylinders 
 
 The links Hip and Pelvis have the origins that NAOqi and ROS give them, on the upper of their two
 joints. As the tree is rooted at the floor, the lower joint carries a link without mass before them.
+
+The fingers, which the source leaves out, are there: each hand has the joint RHand or LHand, from 0,
+closed, to 1, open, and its phalanges mimic it. The shape that collides is the open hand's, on the
+wrist, whatever the opening.
 """
 
 import copy
+import math
 from collections.abc import Callable, Iterator
 from itertools import product
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+from pepper_drake.models.hands import FINGER_RADIUS, FINGER_RANGE, RELAXED, phalanges
 from pepper_drake.models.pepper import JOINT_GROUPS, PEPPER_URDF, posture_positions
+from pepper_drake.naoqi.constants import HANDS
 
 DRAKE = "{http://drake.mit.edu}"
 
@@ -23,6 +30,11 @@ LINK_SHIFTS = {
     "Hip": ("HipPitch", "hip_pitch", 0.079),
 }
 """Links whose origin is moved up: the joint below, the link without mass on it, the height [m]."""
+
+_FINGER_MASS, _FINGER_INERTIA = 2e-6, 1.1e-9
+"""Mass [kg] and inertia [kg m^2] of a phalanx: placeholders, as in ROS' description."""
+_FINGER_ARMATURE = 1e-5
+"""Inertia of a phalanx's joint, so that MuJoCo's steps stay sound [kg m^2]; assumed."""
 
 NOTE = " Made from pepper.urdf by `pepper-drake describe`: do not edit. "
 
@@ -111,7 +123,62 @@ def _standard_tree(*, keep_capsules: bool = False) -> ET.Element:
                 part.remove(extra)
             if ratio is not None:
                 ET.SubElement(part, "mechanicalReduction").text = ratio.get("value")
+    _add_fingers(robot)
     return robot
+
+
+def _add_link(
+    robot: ET.Element, name: str, joint: dict[str, str], xyz: str, rpy: str
+) -> ET.Element:
+    """Adds a link of no weight to speak of on a joint, and returns the joint."""
+    link = ET.SubElement(robot, "link", name=name)
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "mass", value=f"{_FINGER_MASS:.9g}")
+    turn = f"{_FINGER_INERTIA:.9g}"
+    ET.SubElement(inertial, "inertia", ixx=turn, iyy=turn, izz=turn, ixy="0", ixz="0", iyz="0")
+    made = ET.SubElement(robot, "joint", name=joint["name"], type="revolute")
+    ET.SubElement(made, "origin", xyz=xyz, rpy=rpy)
+    ET.SubElement(made, "parent", link=joint["parent"])
+    ET.SubElement(made, "child", link=name)
+    ET.SubElement(made, "axis", xyz=joint["axis"])
+    effort, velocity = joint.get("effort", "0.144"), joint.get("velocity", "12.56")
+    ET.SubElement(made, "limit", lower="0", upper=joint["upper"], effort=effort, velocity=velocity)
+    return made
+
+
+def _add_fingers(robot: ET.Element) -> None:
+    """Puts both hands' fingers in the place of the half-open ones that are drawn on the wrists."""
+    for hand in HANDS:
+        side = hand[0].lower()
+        wrist = robot.find(f"link[@name='{side}_wrist']")
+        assert wrist is not None
+        for visual in wrist.findall("visual"):
+            if visual.get("name", "").startswith(("finger", "thumb")):
+                wrist.remove(visual)
+        # ROS' gripper, which turns about its own x and carries nothing.
+        gripper = {"name": hand, "parent": f"{side}_wrist", "axis": "1 0 0", "upper": "1"}
+        _add_link(robot, f"{side}_gripper", gripper, "0.025 0 0", "0 0 0")
+        for part in phalanges(hand):
+            joint = {"name": part.joint, "parent": part.parent, "axis": "0 0 1"}
+            joint |= {"upper": f"{FINGER_RANGE:.9g}"}
+            xyz, rpy = (" ".join(f"{v:.9g}" for v in row) for row in (part.xyz, part.rpy))
+            made = _add_link(robot, part.link, joint, xyz, rpy)
+            mimic = {"joint": hand, "multiplier": f"{FINGER_RANGE:.9g}", "offset": "0"}
+            ET.SubElement(made, "mimic", mimic)
+            link = robot.find(f"link[@name='{part.link}']")
+            assert link is not None
+            visual = ET.SubElement(link, "visual", name=part.link.removesuffix("_link"))
+            middle = f"{part.length / 2:.9g} 0 0"
+            ET.SubElement(visual, "origin", xyz=middle, rpy=f"0 {math.pi / 2:.9g} 0")
+            geometry = ET.SubElement(visual, "geometry")
+            size = {"radius": f"{FINGER_RADIUS:.9g}", "length": f"{part.length:.9g}"}
+            ET.SubElement(geometry, "cylinder", size)
+            ET.SubElement(visual, "material", name="gray")
+        # The weight of all is the source's.
+        mass = wrist.find("inertial/mass")
+        assert mass is not None
+        weight = float(mass.get("value", "")) - (len(phalanges(hand)) + 1) * _FINGER_MASS
+        mass.set("value", f"{weight:.9g}")
 
 
 def standard_urdf() -> str:
@@ -164,16 +231,21 @@ def _ends(robot: ET.Element) -> Iterator[tuple[ET.Element, ET.Element]]:
 def srdf() -> str:
     """Returns groups, postures, end effectors and disabled collision pairs for the URDF."""
     robot = ET.Element("robot", name="pepper")
-    for group, names in JOINT_GROUPS.items():
+    groups = JOINT_GROUPS | {"left_hand": ("LHand",), "right_hand": ("RHand",)}
+    for group, names in groups.items():
         element = ET.SubElement(robot, "group", name=group)
         for name in names:
             ET.SubElement(element, "joint", name=name)
     for posture in ("stand", "upright", "crouch"):
-        positions = posture_positions(posture)
-        for group, names in JOINT_GROUPS.items():
+        positions = posture_positions(posture) | dict.fromkeys(HANDS, RELAXED)
+        for group, names in groups.items():
             state = ET.SubElement(robot, "group_state", name=posture, group=group)
             for name in names:
                 ET.SubElement(state, "joint", name=name, value=f"{positions[name]:.9g}")
+    for side in "lr":
+        arm, hand = (f"{'left' if side == 'l' else 'right'}_{part}" for part in ("arm", "hand"))
+        ends = {"parent_link": f"{side}_wrist", "group": hand, "parent_group": arm}
+        ET.SubElement(robot, "end_effector", {"name": hand} | ends)
     for a, b, reason in disabled_collisions():
         ET.SubElement(robot, "disable_collisions", link1=a, link2=b, reason=reason)
     return _text(robot)
@@ -259,7 +331,8 @@ def _armatures() -> dict[str, float]:
 def mjcf() -> str:
     """Returns Pepper as MuJoCo's XML: real capsules, torque motors, its links as bodies."""
     robot = _standard_tree(keep_capsules=True)
-    armatures = _armatures()
+    fingers = [part.joint for hand in HANDS for part in phalanges(hand)]
+    armatures = dict.fromkeys((*HANDS, *fingers), _FINGER_ARMATURE) | _armatures()
     root = ET.Element("mujoco", model="pepper")
     ET.SubElement(root, "compiler", angle="radian", eulerseq="XYZ", autolimits="true")
     defaults = ET.SubElement(root, "default")
@@ -272,11 +345,17 @@ def mjcf() -> str:
     for a, b, _ in disabled_collisions():
         ET.SubElement(contact, "exclude", body1=a, body2=b)
     actuator = ET.SubElement(root, "actuator")
+    coupled = ET.Element("equality")
     for joint in robot.findall("joint"):
-        limit = joint.find("limit")
-        if limit is not None:
+        limit, mimic = joint.find("limit"), joint.find("mimic")
+        if mimic is not None:
+            law = f"0 {mimic.get('multiplier')} 0 0 0"
+            pair = {"joint1": joint.get("name", ""), "joint2": mimic.get("joint", "")}
+            ET.SubElement(coupled, "joint", pair | {"polycoef": law})
+        elif limit is not None:
             effort, name = limit.get("effort", ""), joint.get("name", "")
             ET.SubElement(actuator, "motor", name=name, joint=name, ctrlrange=f"-{effort} {effort}")
+    root.insert(list(root).index(actuator), coupled)
     return _text(root)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pepper_drake.errors import InputError
+from pepper_drake.models.moving_obstacle import moving_obstacle
 from pepper_drake.models.pepper import ARMS
 from pepper_drake.models.random_scene import (
     draw_goal,
@@ -24,7 +25,7 @@ Draw = Callable[[np.random.Generator, float], tuple[GoalObject, list[Obstacle]]]
 """Draws a family's goal and obstacles, given the arm's side: 1 left, -1 right."""
 
 
-def family_scene(family: str, seed: int) -> Scene:
+def family_scene(family: str, seed: int, *, moving: bool = False) -> Scene:
     """Returns a family's scene of a seed; the same on every machine.
 
     It draws the arm, where the robot starts, and what the family is about. Whether the goal can be
@@ -33,12 +34,18 @@ def family_scene(family: str, seed: int) -> Scene:
     Args:
         family: A name of FAMILIES.
         seed: Of everything that is drawn.
+        moving: Adds an obstacle that moves while the arm reaches; all else stays the same.
 
     Raises:
-        InputError: There is no such family.
+        InputError: There is no such family, or none in which anything can move.
     """
     if family not in FAMILIES:
         raise InputError(f'family is "{family}"; it must be one of {", ".join(FAMILIES)}')
+    if moving and family not in MOVING_FAMILIES:
+        raise InputError(
+            f"family {family} has no room for anything that moves; it must be one of "
+            f"{', '.join(MOVING_FAMILIES)}"
+        )
     rng = np.random.default_rng((seed, list(FAMILIES).index(family), 0xFA))
     arm = str(rng.choice(ARMS))
     robot = draw_start(rng)
@@ -51,6 +58,11 @@ def family_scene(family: str, seed: int) -> Scene:
         goal=goal,
         obstacles=obstacles,
     )
+    if moving:
+        obstacle = moving_obstacle(scene, np.random.default_rng([seed, 1]))
+        scene.obstacles.append(obstacle)
+        scene.name = f"moving_{scene.name}"
+        scene.description = f"{scene.description[:-1]}, with a {obstacle.name} that moves."
     scene.check()
     return scene
 
@@ -209,3 +221,6 @@ FAMILIES: dict[str, Draw] = {
     "high_table": _table_of(0.82, 0.95),
 }
 """The families by name."""
+
+MOVING_FAMILIES = tuple(name for name in FAMILIES if name != "compartment")
+"""Those with a table over which something can move."""

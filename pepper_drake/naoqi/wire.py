@@ -125,7 +125,7 @@ class Signature:
     """A parsed signature: its letter, and what it holds.
 
     Attributes:
-        letter: One of the letters of `pepper_drake.robot_server.service`.
+        letter: One of the letters of `pepper_drake.robot_server.wire.service`.
         items: Signatures inside a list, map or tuple.
     """
 
@@ -197,7 +197,7 @@ def encode(signature: str, value: Any, write_object: WriteObject = no_object) ->
 
     Args:
         signature: Its signature.
-        value: Plain Python, as `pepper_drake.robot_server.service` lists it.
+        value: Plain Python, as `pepper_drake.robot_server.wire.service` lists it.
         write_object: Encodes an object.
 
     Raises:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from functools import lru_cache
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from pepper_drake.cli import limit_linear_algebra, quiet_libraries
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.optimization.problem import Evaluate, Problem
+from pepper_drake.signals import undisturbed
 
 Array = npt.NDArray[np.float64]
 
@@ -117,11 +118,18 @@ def processes(jobs: int) -> Iterator[Executor | None]:
     if jobs == 1:
         yield None
         return
+    others = active_children()
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_prepare_worker)
     try:
         yield pool
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+    except BaseException:
+        # A process that only starts while its pool goes would end with a traceback.
+        with undisturbed():
+            for worker in set(active_children()) - set(others):
+                worker.terminate()
+            pool.shutdown(wait=True, cancel_futures=True)
+        raise
+    pool.shutdown()
 
 
 def _prepare_worker() -> None:

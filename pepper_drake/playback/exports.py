@@ -18,6 +18,7 @@ from pepper_drake.files import write_atomically
 from pepper_drake.learning.demonstrations.arm_chain import arm_chain
 from pepper_drake.learning.demonstrations.text_files import format_table
 from pepper_drake.models.pepper import BODY_JOINTS
+from pepper_drake.naoqi.constants import HANDS
 from pepper_drake.playback.motion import Motion
 
 Array = npt.NDArray[np.float64]
@@ -38,7 +39,7 @@ class Recording:
         hand_frame: Name of the hand's frame.
         times: (N,) [s], from 0.
         joint_names: J names.
-        joints: (N, J) [rad].
+        joints: (N, J) [rad]; hands, the last, run from 0, closed, to 1, open.
         positions: (N, 3) of the hand in T [m], or None.
         rotations: (N, 4) unit quaternions w, x, y, z, or None.
     """
@@ -56,7 +57,8 @@ def recording_of(motion: Motion) -> Recording:
     """Returns what can be written of a motion."""
     names = tuple(name for name in BODY_JOINTS if name in motion.positions)
     count = len(motion.times)
-    columns = [motion.positions[name] for name in names]
+    hands = tuple(name for name in HANDS if name in motion.hands)
+    columns = [motion.positions[name] for name in names] + [motion.hands[name] for name in hands]
     joints = np.column_stack(columns) if columns else np.zeros((count, 0))
     chain = arm_chain(motion.arm)
     positions, rotations = motion.hand_T, motion.hand_rotations_T
@@ -67,7 +69,7 @@ def recording_of(motion: Motion) -> Recording:
         motion.name,
         f"{motion.arm[0]}_hand_effector",
         np.asarray(motion.times - motion.times[0], dtype=float),
-        names,
+        names + hands,
         joints,
         positions,
         rotations,
@@ -113,22 +115,24 @@ def write_csv(recording: Recording, path: Path) -> None:
     if recording.rotations is not None:
         header += ["qw", "qx", "qy", "qz"]
         columns.append(recording.rotations)
-    header += [f"{name} [rad]" for name in recording.joint_names]
+    header += [n if n in HANDS else f"{n} [rad]" for n in recording.joint_names]
     columns.append(recording.joints)
     write_atomically(path, ",".join(header) + "\n" + format_table(np.hstack(columns), ","))
 
 
 def write_choregraphe(recording: Recording, path: Path) -> None:
-    """Writes a behavior with one timeline: keys in degrees, 25 a second."""
+    """Writes a behavior with one timeline: keys in degrees, hands from 0 to 1, 25 a second."""
     joints = _joints(recording, path)
     count = int(np.floor(recording.times[-1] * TIMELINE_RATE + 1e-9)) + 1
     at = np.arange(count) / TIMELINE_RATE
     curves = []
     for name, column in zip(recording.joint_names, joints.T, strict=True):
-        values = np.degrees(np.interp(at, recording.times, column)).tolist()
+        values = np.interp(at, recording.times, column)
+        values = (values if name in HANDS else np.degrees(values)).tolist()
+        unit = 1 if name in HANDS else 0  # Of the format: a share, degrees.
         keys = "".join(f'<Key frame="{k}" value="{v!r}"/>' for k, v in enumerate(values))
         curves.append(
-            f'<ActuatorCurve name="value" actuator="{name}" mute="0" unit="0">{keys}'
+            f'<ActuatorCurve name="value" actuator="{name}" mute="0" unit="{unit}">{keys}'
             "</ActuatorCurve>\n"
         )
     write_atomically(

@@ -11,6 +11,7 @@ from pepper_drake.files import path_inside, read_json
 from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import ARMS, BODY_JOINTS, JOINT_GROUPS, arm_group
 from pepper_drake.models.scene import Scene, load_scene
+from pepper_drake.naoqi.constants import HANDS
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.playback.motion import Motion, Signal, Vector
 from pepper_drake.results.folder import INTERRUPTED
@@ -92,12 +93,14 @@ def _load_run(folder: Path) -> Motion:
         **_object_positions(folder, scene, log.object_offset_m),
     }
     _check_finite(folder / LOG, positions)
+    hands = dict(zip(HANDS, log.hand_opening.T, strict=True)) if log.hand_opening.size else {}
     reaching = np.flatnonzero(log.mode == ReachMode.REACHING)
     return Motion(
         name=folder.resolve().name,
         arm=scene.arm,
         times=log.time_s,
         positions=positions,
+        hands=hands,
         scene=scene,
         arm_starts=float(log.time_s[reaching[0]] if len(reaching) else log.time_s[-1]),
         shown_T=log.taught_path_torso_m if len(log.taught_path_torso_m) else log.demonstration_m,

@@ -38,6 +38,7 @@ class Motion:
         times: (N,) increasing [s].
         positions: Of joints by name, (N,) each [rad, m]; objects that move have joints, too. A
             joint that is left out rests where the scene, or else the posture "stand", has it.
+        hands: Openings by the names of `HANDS`, (N,) each, from 0, closed, to 1, open.
         scene: What is around Pepper, if anything.
         arm_starts: When the arm starts [s].
         hand_T: (N, 3) the hand's path where no joints tell it.
@@ -53,6 +54,7 @@ class Motion:
     arm: str
     times: Vector
     positions: Mapping[str, Vector] = field(default_factory=dict)
+    hands: Mapping[str, Vector] = field(default_factory=dict)
     scene: Scene | None = None
     arm_starts: float = 0.0
     hand_T: Vector | None = None

@@ -11,13 +11,14 @@ from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.methods import get_method
 from pepper_drake.benchmarking.summary import MethodSummary, Scenes
 
-_COLORS = {
+COLORS = {
     "reached": "#59a14f",
     "refused": "#bab0ac",
     "failed": "#f1ce63",
     "error": "#b07aa1",
     "touched": "#e15759",
 }
+"""By outcome."""
 _PANELS = (
     ("first_motion_seconds", "time to first motion [s]", "log"),
     ("path_length", "hand path length [m]", "linear"),
@@ -76,7 +77,7 @@ def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary], whole: str) -
     """Shares of the outcomes as bars, with the confidence interval of what reached."""
     heights = np.arange(1, len(summaries) + 1)
     left = np.zeros(len(summaries))
-    for outcome, color in _COLORS.items():
+    for outcome, color in COLORS.items():
         shares = np.array([np.nan_to_num(summary.rates[outcome].value) for summary in summaries])
         if shares.any():
             axes.barh(heights, shares, left=left, color=color, label=outcome)
@@ -85,10 +86,13 @@ def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary], whole: str) -
         axes.plot(summary.rates["reached"].interval(), (height, height), "k-", lw=1.5)
     _label(axes, summaries)
     axes.set(xlabel=f"share of {whole} (line: 95 %)", xlim=(0, 1))
-    axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+    if axes.patches:  # There is at least one scene that counts.
+        axes.legend(
+            fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False
+        )
 
 
 def _label(axes: Axes, summaries: Sequence[MethodSummary]) -> None:
-    names = [f"{summary.method}: {get_method(summary.method).name}" for summary in summaries]
+    names = [get_method(summary.method).label for summary in summaries]
     axes.set_yticks(np.arange(1, len(names) + 1), names, fontsize=8)
     axes.invert_yaxis()

@@ -135,6 +135,20 @@ def save_scene_picture(
     cv2.imwrite(str(path), bystander.picture(positions))
 
 
+def save_start_picture(scene: Scene, path: Path, *, width: int = 480, height: int = 300) -> None:
+    """Renders the robot where it starts, without shadows; see `save_scene_picture`."""
+    start, goal = scene.robot, scene.goal.position
+    # From beside the middle between robot and goal, both are in the picture.
+    base_pose = np.array([(start.x + goal[0]) / 2, (start.y + goal[1]) / 2, start.yaw])
+    bystander = ExternalCamera(
+        scene, scene.arm, base_pose, width=width, height=height, shadows=False
+    )
+    q = bystander.plant.GetPositions(bystander.plant.CreateDefaultContext())
+    for name, position in start.positions().items():
+        q[bystander.plant.GetJointByName(name).position_start()] = position
+    cv2.imwrite(str(path), bystander.picture(q))
+
+
 def _renderer(shadows: bool) -> RenderEngine:
     lights = [
         LightParameter(type="directional", frame="world", direction=direction, intensity=intensity)

@@ -3,12 +3,12 @@
 import contextlib
 import os
 import shutil
-import signal
 import tempfile
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from pepper_drake.errors import InputError
+from pepper_drake.signals import undisturbed
 
 REPORT = "report.json"
 """The report: it goes first and comes last, so that a folder with one is a whole run's."""
@@ -46,7 +46,7 @@ def whole_results(folder: Path, names: Collection[str]) -> Iterator[Path]:
         raise InputError(f"{folder}: cannot be written to ({error.strerror})") from None
     try:
         yield unfinished
-        with _undisturbed():
+        with undisturbed():
             _replace(folder, unfinished, names)
     except OSError as error:
         where = error.filename or folder
@@ -104,13 +104,3 @@ def _is_running(process: int) -> bool:
     except PermissionError:
         return True
     return True
-
-
-@contextlib.contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Lets Ctrl-C and SIGTERM wait."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

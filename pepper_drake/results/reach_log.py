@@ -1,5 +1,6 @@
 """The log of one reach: named arrays with their units in their names."""
 
+import contextlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Self
@@ -9,11 +10,13 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.pepper import BODY_JOINTS
+from pepper_drake.naoqi.constants import HANDS
 from pepper_drake.results.log_files import check_rows, read_arrays
 from pepper_drake.short_repr import short_repr
 
 Vector = npt.NDArray[np.float64]
 
+_HANDS = "hand_opening"
 _COLUMNS: dict[str, int | None] = {
     "mode": None,
     "movement_origin": None,
@@ -46,6 +49,7 @@ class ReachLog:
         joint_position_rad: (N, 15) measured, in the order of `BODY_JOINTS`.
         joint_command_rad: (N, 15) what the safety monitor passed on.
         base_pose_m_m_rad: (N, 3) x, y, yaw in W.
+        hand_opening: (N, 2) of `HANDS`, from 0, closed, to 1, open; (N, 0) where it is not known.
         object_offset_m: (N, 3 K) of the K things that move, obstacles in the scene's order and then
             the goal object: x, y, z in W from where each stands in the scene.
         hand_position_torso_m: (N, 3) measured.
@@ -88,6 +92,7 @@ class ReachLog:
     cloud_torso_m: Vector
     demonstration_m: Vector
     taught_path_torso_m: Vector
+    hand_opening: Vector
 
     def save(self, path: Path, *, compress: bool = True) -> None:
         """Writes all arrays into one file, compressed unless it is to be fast."""
@@ -101,14 +106,19 @@ class ReachLog:
         Raises:
             InputError: The file is missing, is no log, lacks an array, or one has another shape.
         """
-        arrays = read_arrays(path, (f.name for f in fields(cls)))
+        required = [f.name for f in fields(cls) if f.name != _HANDS]
+        arrays = read_arrays(path, required)
+        with contextlib.suppress(InputError):  # Logs of before the hands moved lack them.
+            arrays |= read_arrays(path, [_HANDS])
+        hands = arrays.setdefault(_HANDS, np.zeros((len(arrays["time_s"]), 0)))
         for name in ("cloud_torso_m", "demonstration_m", "taught_path_torso_m"):
             points = arrays[name]
             if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.abs(points) < 1e3):
                 raise InputError(f"{path}: {name} must be rows of x y z; record the run again")
         offsets = arrays["object_offset_m"]
         things = offsets.shape[1] // 3 if offsets.ndim == 2 else 1
-        check_rows(path, arrays, {**_COLUMNS, "object_offset_m": 3 * things})
+        width = len(HANDS) if hands.size else 0
+        check_rows(path, arrays, {**_COLUMNS, "object_offset_m": 3 * things, _HANDS: width})
         whole = {name: arrays[name] for name in ("mode", "movement_origin")}
         for name, values in whole.items():
             if not np.all((values >= 0) & (values < 100) & (values == np.round(values))):

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from pepper_drake.robot_server.service import Service
-from pepper_drake.robot_server.simulated_robot import SimulatedRobot
+from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
+from pepper_drake.robot_server.wire.service import Service
 
 
 def make_extras(robot: SimulatedRobot) -> Service:

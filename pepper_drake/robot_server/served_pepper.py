@@ -3,12 +3,13 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from pepper_drake.robot_server.dialog import Dialog
-from pepper_drake.robot_server.expression_watcher import ExpressionWatcher
-from pepper_drake.robot_server.extractors import quiet_extractors
-from pepper_drake.robot_server.leds import Leds
-from pepper_drake.robot_server.log_manager import LogManager
-from pepper_drake.robot_server.media_services import (
+from pepper_drake.robot_server.robot.robot_port import RobotPort
+from pepper_drake.robot_server.services.dialog import Dialog
+from pepper_drake.robot_server.services.expression_watcher import ExpressionWatcher
+from pepper_drake.robot_server.services.extractors import quiet_extractors
+from pepper_drake.robot_server.services.leds import Leds
+from pepper_drake.robot_server.services.log_manager import LogManager
+from pepper_drake.robot_server.services.media_services import (
     AnimationPlayer,
     AudioDevice,
     AudioPlayer,
@@ -16,10 +17,15 @@ from pepper_drake.robot_server.media_services import (
     Notifications,
     Tablet,
 )
-from pepper_drake.robot_server.memory import Memory
-from pepper_drake.robot_server.motion import Motion
-from pepper_drake.robot_server.people_services import Knowledge, Mood, UserInfo, UserSession
-from pepper_drake.robot_server.plain_services import (
+from pepper_drake.robot_server.services.memory import Memory
+from pepper_drake.robot_server.services.motion import Motion
+from pepper_drake.robot_server.services.people_services import (
+    Knowledge,
+    Mood,
+    UserInfo,
+    UserSession,
+)
+from pepper_drake.robot_server.services.plain_services import (
     ABILITIES,
     Ability,
     AutonomousLife,
@@ -31,14 +37,11 @@ from pepper_drake.robot_server.plain_services import (
     Sonar,
     Touch,
 )
-from pepper_drake.robot_server.posture import Posture
-from pepper_drake.robot_server.recorders import PhotoCapture, RobotDisk, VideoRecorder
-from pepper_drake.robot_server.robot_port import RobotPort
-from pepper_drake.robot_server.sensor_keys import DEVICES, TouchEvents, install_keys
-from pepper_drake.robot_server.service import Service, ServiceFinder
-from pepper_drake.robot_server.signatures import make_service, service_signatures
-from pepper_drake.robot_server.speech import AnimatedSpeech, TextToSpeech
-from pepper_drake.robot_server.store_services import (
+from pepper_drake.robot_server.services.posture import Posture
+from pepper_drake.robot_server.services.recorders import PhotoCapture, RobotDisk, VideoRecorder
+from pepper_drake.robot_server.services.sensor_keys import DEVICES, TouchEvents, install_keys
+from pepper_drake.robot_server.services.speech import AnimatedSpeech, TextToSpeech
+from pepper_drake.robot_server.services.store_services import (
     BehaviorManager,
     Laser,
     Navigation,
@@ -46,7 +49,7 @@ from pepper_drake.robot_server.store_services import (
     PreferenceManager,
     Recharge,
 )
-from pepper_drake.robot_server.system_services import (
+from pepper_drake.robot_server.services.system_services import (
     ConnectionManager,
     Diagnosis,
     Launcher,
@@ -58,10 +61,12 @@ from pepper_drake.robot_server.system_services import (
     Store,
     System,
 )
-from pepper_drake.robot_server.tactile_gesture import TactileGesture
-from pepper_drake.robot_server.tracker import Tracker
-from pepper_drake.robot_server.video import Video
-from pepper_drake.robot_server.waiting import Module, RobotTimer
+from pepper_drake.robot_server.services.tactile_gesture import TactileGesture
+from pepper_drake.robot_server.services.tracker import Tracker
+from pepper_drake.robot_server.services.video import Video
+from pepper_drake.robot_server.services.waiting import Module, RobotTimer
+from pepper_drake.robot_server.wire.service import Service, ServiceFinder
+from pepper_drake.robot_server.wire.signatures import make_service, service_signatures
 
 _POSTURE_CYCLES = 25
 """Cycles between two looks at which posture the robot is in."""

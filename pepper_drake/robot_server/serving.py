@@ -4,9 +4,9 @@ import asyncio
 from collections.abc import Callable
 
 from pepper_drake.naoqi.constants import CYCLE
+from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
+from pepper_drake.robot_server.robot.simulator import SLOWEST_SHOWN
 from pepper_drake.robot_server.served_pepper import ServedPepper
-from pepper_drake.robot_server.simulated_robot import SimulatedRobot
-from pepper_drake.robot_server.simulator import SLOWEST_SHOWN
 
 _LOOK = 0.002
 """Time between two looks at the robot's clock [s]."""

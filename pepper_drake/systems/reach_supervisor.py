@@ -89,6 +89,7 @@ class ReachSupervisor(LeafSystem):
         - mode
         - movement_origin
         - look_at
+        - speed
         - progress
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
@@ -109,7 +110,8 @@ class ReachSupervisor(LeafSystem):
     that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
     `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `movement_origin` (1), the
     `Origin` of the movement that is performed; `look_at` (3), a place in W that the head has to
-    look at before the arm starts [m], NaN for none; `progress`, the whole `ReachState`.
+    look at [m], NaN for none; `speed` (1), the share of the movement's speed at which it is
+    performed; `progress`, the whole `ReachState`.
     State: `ReachState` (abstract), every `timing.time_step`.
     """
 
@@ -182,6 +184,7 @@ class ReachSupervisor(LeafSystem):
         self._declare_output("mode", 1, lambda now: [now.mode], state)
         self._declare_output("movement_origin", 1, lambda now: [now.performed_origin], state)
         self._declare_output("look_at", 3, lambda now: now.look_at, state)
+        self._declare_output("speed", 1, lambda now: [now.speed], state)
         self.DeclareAbstractOutputPort(
             "progress",
             lambda: Value[object](ReachState()),

@@ -3,13 +3,21 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 
+from pepper_drake.models.hands import hand_joint
+from pepper_drake.naoqi.constants import HANDS
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.task_sequence import SequenceState, SequenceTask, advance
+from pepper_drake.planning.reach.task_sequence import (
+    SequenceState,
+    SequenceTask,
+    advance,
+    hand_opening,
+)
 from pepper_drake.systems.framework import LeafSystem
 
 
@@ -28,22 +36,32 @@ class TaskSequencer(LeafSystem):
         - command
         - primitive
         - task
+        - hand_command
 
     Inputs: `mode` (1), the supervisor's `ReachMode`; `object_pose` X_WO, `torso_pose` X_WT,
     `hand_pose` X_TH.
     Outputs: `command` (1), a `ReachCommand`; `primitive`, abstract Movement, with the goal of the
-    present task; `task` (1), its number, 0 for the reach.
+    present task; `task` (1), its number, 0 for the reach; `hand_command` (2), openings from 0,
+    closed, to 1, open, in the order of `HANDS`, NaN for a hand that is left as it is.
     State: `SequenceState` (abstract), every `time_step`.
 
     Args:
         reach: The reach that comes first.
         tasks: What follows.
+        arm: Whose hand opens and closes, "right" or "left".
         time_step: The supervisor's [s].
     """
 
-    def __init__(self, reach: Movement, tasks: Sequence[SequenceTask], time_step: float) -> None:
+    def __init__(
+        self,
+        reach: Movement,
+        tasks: Sequence[SequenceTask],
+        time_step: float,
+        arm: str = "right",
+    ) -> None:
         super().__init__()
         self._reach, self.tasks = reach, tuple(tasks)
+        self._hand = HANDS.index(hand_joint(arm))
         self._mode = self.DeclareVectorInputPort("mode", 1)
         self._poses = {
             name: self.DeclareAbstractInputPort(name, Value(RigidTransform()))
@@ -59,6 +77,9 @@ class TaskSequencer(LeafSystem):
             prerequisites_of_calc=state,
         )
         self.DeclareVectorOutputPort("task", 1, self._calc_task, prerequisites_of_calc=state)
+        self.DeclareVectorOutputPort(
+            "hand_command", len(HANDS), self._calc_hand, prerequisites_of_calc=state
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
 
     def progress(self, context: Context) -> SequenceState:
@@ -70,6 +91,11 @@ class TaskSequencer(LeafSystem):
 
     def _calc_task(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector([float(self.progress(context).task)])
+
+    def _calc_hand(self, context: Context, output: BasicVector) -> None:
+        command = np.full(len(HANDS), np.nan)
+        command[self._hand] = hand_opening(self.progress(context), self.tasks)
+        output.SetFromVector(command)
 
     def _calc_movement(self, context: Context, output: Value) -> None:
         state = self.progress(context)

@@ -1,19 +1,31 @@
 import json
+import sys
 from functools import partial
+from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
 from pepper_drake import cli
+from pepper_drake.benchmarking.batch import Task
+from pepper_drake.benchmarking.case import Case
+from pepper_drake.benchmarking.diagram_reach import DiagramReach
 from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.benchmarking.planned_reach import PlannedReach
+from pepper_drake.reporting.benchmark_report import record_failures, replay_folder, save_benchmark
 from tests.apps.conftest import load_app
 
 APP = Path(__file__).parents[2] / "apps" / "benchmark.py"
 
 
+@pytest.fixture(scope="module")
+def app():
+    return load_app("benchmark")
+
+
 @pytest.fixture
-def run(call_app):
-    return partial(call_app, load_app("benchmark"))
+def run(app, call_app):
+    return partial(call_app, app)
 
 
 @pytest.mark.parametrize(
@@ -27,6 +39,11 @@ def run(call_app):
         (("--scene", "table", "--moving"), ("--moving", "random")),
         (("--goal-motion", "sideways"), ('"sideways"', "up, aside, away")),
         (("--jobs", "-1"), ('"-1"',)),
+        (("--family", "bin,house"), ('"house"', "bin, compartment")),
+        (("--family", "bin", "--scene", "table"), ("--family", "--scene")),
+        (("--family", "compartment", "--moving"), ("compartment", "--moving")),
+        (("--family", "all", "--replay", "d:3"), ("--replay", "one name")),
+        (("--methods", "nowhere.py:plan"), ("nowhere.py", "no such file")),
         (("--replay", "d"), ('"d"', "d:17")),
         (("--replay", "q:3"), ('"q"',)),
     ],
@@ -63,3 +80,78 @@ def test_a_benchmark_leaves_table_numbers_and_plots_and_goes_on_where_it_was(run
     written = (tmp_path / "results" / "free_seed_1" / "g.json").stat().st_mtime_ns
     assert run(*options)[0] == cli.EXIT_DONE
     assert (tmp_path / "results" / "free_seed_1" / "g.json").stat().st_mtime_ns == written
+
+
+class Page(HTMLParser):
+    """Collects what a page refers to, and its text."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.addresses, self.words = [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.addresses += [value for name, value in attributes if name in ("src", "href")]
+
+    def handle_data(self, data):
+        self.words += data
+
+
+def test_the_page_needs_no_network_and_says_what_failed(tmp_path):
+    tasks = [Task(letter, Case(0, "free")) for letter in "dg"]
+    results = [
+        MethodResult("free_seed_0", "d", "touched", message="<b>a link</b> touched"),
+        MethodResult("free_seed_0", "g", "reached", jerk=3.0),
+    ]
+    recording = replay_folder(tmp_path, tasks[0]) / "recording.html"
+    recording.parent.mkdir(parents=True)
+    recording.write_text("seen")
+    save_benchmark(tasks, results, tmp_path)
+    page = Page((tmp_path / "benchmark.html").read_text())
+    links = [address for address in page.addresses if not address.startswith("data:image/png")]
+    assert links == ["replay/free_seed_0_d/recording.html"]
+    assert (tmp_path / links[0]).read_text() == "seen"
+    assert len(page.addresses) == 3  # The figure, the scene's picture, the recording.
+    assert "<b>a link</b> touched" in page.words
+    assert "1 of 2 runs" in page.words
+    scene = json.loads((tmp_path / "scenes" / "free_seed_0.json").read_text())
+    assert scene["format"] == "pepper arena scene"
+
+
+def test_what_has_moved_nothing_has_no_recording(tmp_path, monkeypatch):
+    recorded = []
+    monkeypatch.setattr(PlannedReach, "replay", lambda self, case, folder: recorded.append(folder))
+    monkeypatch.setattr(DiagramReach, "replay", lambda self, case, folder: recorded.append(folder))
+    tasks = [Task(letter, Case(0)) for letter in "abcfg"]
+    results = [
+        MethodResult("random_0", letter, outcome)
+        for letter, outcome in zip(
+            "abcfg", ("reached", "touched", "refused", "refused", "error"), strict=True
+        )
+    ]
+    record_failures(tasks, results, tmp_path)
+    assert [folder.name for folder in recorded] == ["random_0_b", "random_0_c"]
+
+
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [
+        (("--scenes", "1", "--seed", "3"), ["random_3"]),
+        (
+            ("--scenes", "2", "--family", "table,bin"),
+            ["random_0", "bin_0", "random_1", "bin_1"],
+        ),
+        (
+            ("--scenes", "1", "--family", "compartment,bin", "--moving", "--sensors", "ideal"),
+            ["moving_bin_0_ideal_sensors"],
+        ),
+    ],
+)
+def test_families_are_drawn_side_by_side(options, names, app, monkeypatch, tmp_path):
+    monkeypatch.setattr(
+        sys,
+        "argv",
+        ["benchmark.py", "--methods", "a,c", "--output", str(tmp_path), *options],
+    )
+    tasks = app.make_tasks(cli.parse(app.make_parser()))
+    assert [task.case.name for task in tasks if task.method == "a"] == names

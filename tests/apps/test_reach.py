@@ -240,7 +240,7 @@ class Pushed(NamedTuple):
 
 
 def reach_and_push(folder, *options, delay=0.0):
-    """Runs the app; every answer of its planner comes `delay` seconds of wall-clock time later."""
+    """Runs the app; every answer of its planner takes the processor `delay` seconds longer."""
     runs = []
 
     class KeptRun(ReachSimulation):
@@ -252,13 +252,15 @@ def reach_and_push(folder, *options, delay=0.0):
                 "plan_base_placement",
                 "check_reach",
                 "remaining_clearance",
-                "stale_place",
+                "stale_space",
             ):
                 setattr(planner, name, late(getattr(planner, name)))
 
     def late(answer):
         def answer_late(*question):
-            time.sleep(delay)
+            until = time.thread_time() + delay
+            while time.thread_time() < until:
+                pass
             return answer(*question)
 
         return answer_late

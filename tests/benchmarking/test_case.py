@@ -26,6 +26,12 @@ def test_a_case_may_be_one_scene_with_changes():
         (Case(17, moving=True), "moving_17", "--random-scene 17 --seed 17 --moving"),
         (Case(3, scene="table"), "table_seed_3", "--scene table --seed 3"),
         (
+            Case(3, moving=True, family="bin", sensors="ideal"),
+            "moving_bin_3_ideal_sensors",
+            "--family bin --random-scene 3 --seed 3 --moving --set station.noise=false "
+            "--set station.camera_latency=0",
+        ),
+        (
             Case(3, scene="a/b.yaml", arm="left", goal_motion="m/up.txt"),
             "b_seed_3_left_up",
             "--scene a/b.yaml --seed 3 --arm left --goal-motion m/up.txt",

@@ -1,10 +1,19 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.goal_search import goal_postures
 from pepper_drake.benchmarking.known_scene import GroundTruthScene
-from pepper_drake.benchmarking.planned_reach import PlannedReach, optimized_motions, rrt_motions
+from pepper_drake.benchmarking.methods import get_method
+from pepper_drake.benchmarking.planned_reach import (
+    PlannedReach,
+    optimized_motions,
+    roboplan_motions,
+    rrt_motions,
+)
+from pepper_drake.benchmarking.roboplan_rrt import roboplan_scene
 from pepper_drake.benchmarking.timed_path import timed_path
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.scene import Obstacle, load_scene, save_scene
@@ -133,6 +142,41 @@ def test_rrt_connect_reaches_a_free_goal():
     check_reached(PlannedReach(rrt_motions)(Case(0, "free")))
 
 
+@pytest.fixture(scope="module")
+def table():
+    return GroundTruthScene(load_scene("table"))
+
+
+def roboplan_sees_as_drake(known, base_pose, count=150):
+    """Share of random postures of which RoboPlan's model says the same as Drake's checker."""
+    scene = roboplan_scene(known, base_pose)
+    rng = np.random.default_rng(0)
+    names = scene.getJointGroupInfo(f"{known.scene.arm}_arm").joint_names
+    places = scene.getJointPositionIndices(names)
+    said = []
+    for joints in rng.uniform(known.lower, known.upper, (count, 5)):
+        q = scene.getCurrentJointPositions()
+        q[places] = joints
+        free = known.arm_checker.CheckConfigCollisionFree(known.positions(joints, base_pose))
+        said.append((not scene.hasCollisions(q), free))
+    return np.array(said)
+
+
+def test_roboplan_plans_in_the_same_scene(table):
+    pytest.importorskip("roboplan", reason="RoboPlan is in the bench extra")
+    base_pose = next(table.candidate_base_poses())
+    said = roboplan_sees_as_drake(table, base_pose)
+    assert 0.1 < said[:, 1].mean() < 0.9
+    # Its capsules and meshes are the boxes and cylinders around them: it may refuse more.
+    assert np.mean(said[:, 0] & ~said[:, 1]) < 0.01
+    assert np.mean(said[:, 0] == said[:, 1]) > 0.95
+
+
+def test_roboplan_reaches_a_free_goal():
+    pytest.importorskip("roboplan", reason="RoboPlan is in the bench extra")
+    check_reached(PlannedReach(roboplan_motions)(Case(0, "free")))
+
+
 def test_what_cannot_be_reached_is_refused(tmp_path):
     scene = load_scene("free")
     goal = scene.goal.position
@@ -179,3 +223,10 @@ def test_who_knows_that_something_moves_waits_until_it_has_passed(
     assert result.duration == pytest.approx(
         result.first_motion_seconds + len(motion) / 100, abs=0.1
     )
+
+
+def test_the_planner_in_the_docs_reaches_a_free_goal(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "arena.md").read_text()
+    (tmp_path / "own.py").write_text(page.partition("```python\n")[2].partition("```")[0])
+    method = get_method(f"{tmp_path}/own.py:by_chance")
+    check_reached(method.run(Case(0, "free")))

@@ -100,6 +100,11 @@ def test_the_table_has_a_row_for_each_method_and_dashes_for_what_is_not_known():
     assert "| -" in lines[2]
 
 
-def test_nothing_reached_is_a_table_all_the_same():
-    text = markdown_table(summarise([result("s1", "f", "touched")]))
-    assert "| 0 " in text
+@pytest.mark.parametrize("method", ["f", "d"])
+@pytest.mark.filterwarnings("error")
+def test_nothing_reached_is_a_table_and_a_picture_all_the_same(method, tmp_path):
+    results = [result("s1", method, "touched"), result("s2", method, "refused")]
+    summaries = summarise(results)
+    assert f"| {0 if method == 'f' else 2} " in markdown_table(summaries)
+    draw_benchmark(summaries, results).savefig(tmp_path / "nothing.png")
+    assert (tmp_path / "nothing.png").stat().st_size > 1000

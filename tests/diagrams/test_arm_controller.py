@@ -152,6 +152,40 @@ def test_a_movement_that_takes_anothers_place_begins_with_its_velocity():
     assert np.linalg.norm(hand.translation() - X_TG.translation()) < 2e-3
 
 
+def test_a_movement_that_is_slowed_down_keeps_to_its_path():
+    speeds = np.repeat([1.0, 0.3, 0.02, 0.7, 1.0], 40)
+    paths = []
+    for wanted in (np.ones(200), speeds):
+        rig = Rig("right")
+        rig.perform(Movement(rig.primitive, id=1), goal_of(rig.primitive))
+        hands = []
+        for speed in wanted:
+            rig.fix("speed", [speed])
+            rig.commands(2)
+            hands.append(np.concatenate((rig.value("desired_position"), rig.value("phase"))))
+        paths.append(np.array(hands))
+    full, slowed = paths
+    # The phase tells what of the full movement is over.
+    share = np.interp(-slowed[:, 3], -full[:, 3], np.arange(len(full)))
+    assert share[-1] == pytest.approx(speeds.sum() - 1.0, abs=0.5)
+    there = np.array([np.interp(share, np.arange(len(full)), full[:, k]) for k in range(3)]).T
+    np.testing.assert_allclose(slowed[:, :3], there, atol=2e-4)
+    assert np.ptp(slowed[:, :3], axis=0).max() > 0.1
+
+
+def test_a_movement_that_takes_a_slowed_ones_place_begins_with_the_arms_velocity():
+    rig = Rig("right")
+    rig.perform(Movement(rig.primitive, id=1), goal_of(rig.primitive))
+    rig.commands(60)
+    rig.fix("speed", [0.25])
+    rig.commands(20)
+    before = rig.value("velocity_command")
+    rig.fix("speed", [1.0])
+    rig.perform(Movement(rig.primitive, id=2), goal_of(rig.primitive, [0.0, 0.1, -0.05]))
+    rig.commands(2)
+    assert np.abs(rig.value("velocity_command") - before).max() < 0.2
+
+
 def test_a_primitive_without_joints_is_refused():
     primitive = make_primitive(None, "right")
     with pytest.raises(InputError, match="no orientation or no posture"):

@@ -10,9 +10,9 @@ import numpy as np
 
 from pepper_drake.models.pepper import POSTURES
 from pepper_drake.naoqi.constants import CYCLE, JOINTS
-from pepper_drake.robot_server.robot_port import KinematicRobot
+from pepper_drake.robot_server.robot.robot_port import KinematicRobot
 from pepper_drake.robot_server.served_pepper import ServedPepper
-from pepper_drake.robot_server.server import QiServer
+from pepper_drake.robot_server.wire.server import QiServer
 
 
 class ServedRobot:

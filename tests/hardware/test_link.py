@@ -21,12 +21,13 @@ from pepper_drake.models.control_model import (
     shared_control_model,
 )
 from pepper_drake.naoqi.constants import JOINTS
-from pepper_drake.robot_server.joint_controller import JointController
-from pepper_drake.robot_server.robot_model import MAX_VELOCITY
-from pepper_drake.robot_server.robot_port import CameraImage, KinematicRobot
+from pepper_drake.robot_server.robot.joint_controller import JointController
+from pepper_drake.robot_server.robot.robot_model import MAX_VELOCITY
+from pepper_drake.robot_server.robot.robot_port import CameraImage, KinematicRobot
 
 ARM = list(arm_joints("right"))
 ROWS = body_indices(ARM)
+RIGHT_HAND = JOINTS.index("RHand")
 NAOQI = [JOINTS.index(name) for name in ARM]
 START = np.array([1.3, -0.3, 1.0, 0.8, 0.0])
 GOAL = np.array([0.5, -0.5, 0.6, 1.2, 0.4])
@@ -373,3 +374,24 @@ def test_a_segment_never_leads_beyond_the_goal(left):
 def test_no_segment_for_standing_still_or_no_number():
     assert base_segment(np.zeros(3)) is None
     assert base_segment(np.array([np.nan, 0.0, 0.0])) is None
+
+
+def test_a_hand_opens_and_closes_once_as_it_is_told_and_is_left_soft():
+    async def scenario(it):
+        def hand(name="RHand"):
+            return it.robot.do(lambda: it.robot.robot.state().positions[JOINTS.index(name)])
+
+        for wanted in (1.0, 0.0):
+            end = time.monotonic() + 5.0
+            while abs(hand() - wanted) > 0.01 and time.monotonic() < end:
+                it.command(START, hands=[np.nan, wanted])
+                await asyncio.sleep(0.02)
+            assert hand() == pytest.approx(wanted, abs=0.01)
+            assert it.state()["hands"] == pytest.approx([0.5, wanted], abs=0.2)
+        assert hand("LHand") == 0.5
+        stiffness.append(it.robot.pepper.motion.joints.stiffness)
+        assert stiffness[0][RIGHT_HAND] == 1.0
+
+    stiffness = []
+    led(scenario)
+    assert stiffness[0][RIGHT_HAND] == pytest.approx(0.3)

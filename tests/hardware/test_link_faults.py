@@ -19,9 +19,9 @@ from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.mailbox import END, HAND_OVER, HOLD, Mailbox
 from pepper_drake.hardware.preflight import PreflightOptions, check_robot
 from pepper_drake.hardware.transport import RobotAccess, make_transport
-from pepper_drake.robot_server.robot_model import MAX_VELOCITY
-from pepper_drake.robot_server.robot_port import CameraImage
-from pepper_drake.robot_server.service import Caller
+from pepper_drake.robot_server.robot.robot_model import MAX_VELOCITY
+from pepper_drake.robot_server.robot.robot_port import CameraImage
+from pepper_drake.robot_server.wire.service import Caller
 
 JS_BUTTON = struct.Struct("IhBB")
 """Linux's joystick event: time, value, type, number."""

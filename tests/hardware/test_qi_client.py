@@ -12,7 +12,7 @@ from served import served
 from pepper_drake.errors import InputError
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.qi_client import QiSession, RobotAddress
-from pepper_drake.robot_server.connection import Credentials
+from pepper_drake.robot_server.wire.connection import Credentials
 
 
 def using(address, act, **options):

@@ -11,11 +11,14 @@ import pytest
 from served import served
 from test_link import place
 
-from pepper_drake.errors import PepperDrakeError
+from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.robot_recording import RobotRecordOptions, record_robot
 from pepper_drake.hardware.transport import RobotAccess
 from pepper_drake.learning import Demonstration
+from pepper_drake.learning.demonstrations.arm_chain import arm_chain
+from pepper_drake.learning.demonstrations.recording import recorded_demonstration
+from pepper_drake.live.session_file import SessionFolder, Taught
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.naoqi.constants import JOINTS
 
@@ -132,3 +135,40 @@ def test_the_app_records_and_refuses_what_only_a_simulation_can(tmp_path, monkey
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["ended_by"] == "ChestButtonPressed"
     assert report["outcome"] == "recorded"
+
+
+def test_teaching_adds_what_a_robot_was_shown_to_a_session_that_the_page_goes_on_with(
+    tmp_path, monkeypatch
+):
+    sys.path.insert(0, str(Path(__file__).parents[2] / "apps"))
+    import teach
+
+    times = np.linspace(0.0, SECONDS, 76)
+    s = times / SECONDS
+    joints = START + np.outer(10 * s**3 - 15 * s**4 + 6 * s**5, GOAL - START)
+    folder = SessionFolder(tmp_path)
+    folder.record.arm = "right"
+    samples = np.column_stack((*arm_chain("right").hand(joints), joints))
+    earlier = folder.named(recorded_demonstration(times, samples, ARM))
+    folder.write(Taught((earlier,)))
+    press = lambda it: it.do(lambda: it.robot.touch("ChestBoard/Button"))  # noqa: E731
+    with served() as robot:
+        arguments = ["--station", "naoqi", "--robot", robot.address, "--disable-life"]
+        monkeypatch.setattr(sys, "argv", ["teach.py", *arguments, "--output", str(tmp_path)])
+        robot.do(lambda: place(robot))
+        leader = threading.Thread(target=lead, args=(robot, press, {}))
+        leader.start()
+        assert teach.main() == 0
+        leader.join()
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["ended_by"] == "ChestButtonPressed"
+    assert (report["arm"], report["demonstrations"]) == ("right", 2)
+    taught = SessionFolder(tmp_path).taught("right")
+    assert [motion.name for motion in taught.shown] == ["01", "02"]
+    assert taught.primitive is not None
+    assert taught.learned is taught.shown[-1]
+    ends = [motion.positions[-1] for motion in taught.shown]
+    np.testing.assert_allclose(taught.primitive.goal, np.mean(ends, axis=0), atol=5e-3)
+    monkeypatch.setattr(sys, "argv", [*sys.argv, "--script", "story"])
+    with pytest.raises(InputError, match="--script is for the simulation"):
+        teach.main()

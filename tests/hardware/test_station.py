@@ -21,7 +21,7 @@ from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.models.robot_calibration import JointCalibration, RobotCalibration
 from pepper_drake.models.scene import load_scene
 from pepper_drake.naoqi.constants import JOINTS
-from pepper_drake.robot_server.robot_port import CameraImage
+from pepper_drake.robot_server.robot.robot_port import CameraImage
 
 PREPARED = PreflightOptions(disable_life=True)
 

@@ -8,7 +8,7 @@ from served import served
 
 from pepper_drake.errors import InputError
 from pepper_drake.hardware.transport import LINKS, RobotAccess, make_transport
-from pepper_drake.robot_server.connection import Credentials
+from pepper_drake.robot_server.wire.connection import Credentials
 
 # In a process of its own, since libqi may have one application in each.
 PROGRAM = """

@@ -17,12 +17,14 @@ from pepper_drake.models.description import (
     shaped_links,
     standard_urdf,
 )
+from pepper_drake.models.hands import FINGER_RADIUS, phalanges
 from pepper_drake.models.pepper import (
     MODELS_DIR,
     joint_names,
     posture_positions,
     set_joint_positions,
 )
+from pepper_drake.naoqi.constants import HANDS
 from pepper_drake.planning.collision.sphere_file import sphere_yaml
 
 INTEROP = "needs the extra interop"
@@ -45,18 +47,20 @@ def random_postures(model: ControlModel, count: int) -> list[dict[str, float]]:
             lower = max(joint.position_lower_limits()[0], -3.0)
             upper = min(joint.position_upper_limits()[0], 3.0)
             q[name] = float(rng.uniform(lower, upper))
+        q |= {name: float(rng.uniform(0.0, 1.0)) for name in HANDS}
         postures.append(q)
     return postures
 
 
 def drake_positions(model: ControlModel, q: dict[str, float]) -> dict[str, np.ndarray]:
     context = model.create_context()
-    set_joint_positions(model.plant, context, model.model_instance, q)
+    body = {name: value for name, value in q.items() if name not in HANDS}
+    set_joint_positions(model.plant, context, model.model_instance, body)
     return {name: model.pose(context, name).GetAsMatrix4() for name in FRAMES}
 
 
 def num_shapes(model: ControlModel) -> int:
-    """The 25 shapes that collide: 10 boxes, 8 cylinders, 5 spheres and 2 capsules."""
+    """The 27 shapes that collide: 12 boxes, 8 cylinders, 5 spheres and 2 capsules."""
     return model.diagram.scene_graph().model_inspector().NumGeometriesWithRole(Role.kProximity)
 
 
@@ -93,6 +97,36 @@ def test_spheres_name_links_of_the_urdf() -> None:
     spheres = yaml.safe_load(sphere_yaml())["collision_spheres"]
     assert set(spheres) == set(shaped_links())
     assert all(s["radius"] > 0 for group in spheres.values() for s in group)
+
+
+@pytest.mark.parametrize("hand", HANDS)
+def test_all_fingers_turn_with_the_hand_inside_the_shape_that_collides(hand) -> None:
+    yourdfpy = pytest.importorskip("yourdfpy", reason=INTEROP)
+    robot = yourdfpy.URDF.load(str(COMMITTED / "pepper_standard.urdf"), load_meshes=False)
+    wrist = f"{hand[0].lower()}_wrist"
+    boxes = [
+        c for c in robot.link_map[wrist].collisions if c.name in ("palm", "fingers", "fingertips")
+    ]
+    reach = {}
+    for opening in (*np.linspace(0.0, 1.0, 11), 0.02, 0.98):
+        robot.update_cfg({hand: opening})
+        ends = []
+        for part in phalanges(hand):
+            X = robot.get_transform(part.link, wrist)
+            ends += [X[:3, 3], X[:3, 3] + part.length * X[:3, 0]]
+        outside = np.min(
+            [
+                np.max(np.abs(ends - c.origin[:3, 3]) + FINGER_RADIUS - c.geometry.box.size / 2, 1)
+                for c in boxes
+            ],
+            axis=0,
+        )
+        assert np.max(outside) < 0.007  # The open thumb's tip is out by as much.
+        reach[opening] = float(np.max(ends, axis=0)[0]) + FINGER_RADIUS
+    # The meshes of ROS' description end 107, 118 and 141 mm from the wrist.
+    np.testing.assert_allclose(
+        [reach[k] for k in (0.02, 0.5, 0.98)], [0.107, 0.118, 0.141], atol=0.006
+    )
 
 
 def test_mujoco_has_drakes_poses_masses_and_shapes(model: ControlModel) -> None:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.scene import load_scene, save_scene
-from pepper_drake.models.scene_families import FAMILIES, family_scene
+from pepper_drake.models.scene_families import FAMILIES, MOVING_FAMILIES, family_scene
 
 seeds = st.integers(0, 2**31 - 1)
 
@@ -69,3 +69,17 @@ def test_each_family_is_what_it_is_called(seed):
 def test_an_unknown_family_is_refused():
     with pytest.raises(InputError, match='family is "cave"; it must be one of bin, compartment'):
         family_scene("cave", 0)
+
+
+@pytest.mark.parametrize("family", MOVING_FAMILIES)
+def test_something_may_move_in_a_family_and_all_else_stays(family):
+    still, moving = family_scene(family, 4), family_scene(family, 4, moving=True)
+    assert moving.name == f"moving_{family}_4"
+    assert moving.obstacles[:-1] == still.obstacles
+    assert moving.obstacles[-1].path
+    assert (moving.goal, moving.arm, moving.robot) == (still.goal, still.arm, still.robot)
+
+
+def test_a_family_without_room_for_what_moves_says_so():
+    with pytest.raises(InputError, match=r"compartment has no room .*bin, pickets"):
+        family_scene("compartment", 4, moving=True)

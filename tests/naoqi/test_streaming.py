@@ -10,9 +10,9 @@ from pepper_drake.naoqi.streaming import (
     streamed_command,
     too_fast,
 )
-from pepper_drake.robot_server.joint_controller import INDEX, JointController
-from pepper_drake.robot_server.robot_model import MAX_VELOCITY
-from pepper_drake.robot_server.robot_port import KinematicRobot
+from pepper_drake.robot_server.robot.joint_controller import INDEX, JointController
+from pepper_drake.robot_server.robot.robot_model import MAX_VELOCITY
+from pepper_drake.robot_server.robot.robot_port import KinematicRobot
 
 _ARM = ("RShoulderPitch", "RShoulderRoll", "RElbowYaw", "RElbowRoll", "RWristYaw")
 

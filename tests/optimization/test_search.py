@@ -1,7 +1,10 @@
+import contextlib
 import os
 import signal
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from multiprocessing import active_children, get_context
 
 import numpy as np
 import pytest
@@ -200,6 +203,17 @@ def test_unusable_costs(evaluate, words):
     problem = replace(bowl([0.3]), evaluate=evaluate)
     with pytest.raises(InputError, match=words):
         search(problem, make_optimizer("algorithm3", problem), 1)
+
+
+def test_ctrl_c_ends_the_processes_at_once_and_no_others():
+    other = get_context("spawn").Process(target=time.sleep, args=(60.0,))
+    other.start()
+    with contextlib.suppress(KeyboardInterrupt), processes(2) as executor:
+        executor.submit(time.sleep, 60.0)
+        raise KeyboardInterrupt
+    assert active_children() == [other]
+    other.terminate()
+    other.join()
 
 
 def test_bad_names_and_files(tmp_path):

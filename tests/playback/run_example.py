@@ -51,6 +51,7 @@ def make_run(folder, *, lift=0.6, goal_rises=False, seconds=2.0):
         cloud_torso_m=np.array([[0.4, -0.1, 0.0], [0.5, -0.1, 0.0]]),
         demonstration_m=hand[::5],
         taught_path_torso_m=hand[::5],
+        hand_opening=np.column_stack((np.full(count, 0.5), 1.0 - share)),
     )
     report = {
         "outcome": "reached",

@@ -58,6 +58,21 @@ def test_a_timeline_has_degrees_at_its_frames(shown, tmp_path):
     assert float(key.get("value")) == pytest.approx(np.degrees(demonstration.joints[k, 0]), abs=0.1)
 
 
+def test_hands_are_exported_as_naoqi_has_them(runs, tmp_path):
+    motion = load_motion(runs[0])
+    root = ElementTree.parse(export(motion, "choregraphe", tmp_path)).getroot()
+    curves = {e.get("actuator"): e for e in root.iter() if e.tag.endswith("ActuatorCurve")}
+    # Of the format: unit 0 is degrees, unit 1 a share.
+    assert (curves["RHand"].get("unit"), curves["RElbowYaw"].get("unit")) == ("1", "0")
+    values = [float(key.get("value")) for key in curves["RHand"]]
+    assert values == pytest.approx([1.0, *values[1:-1], 0.0])
+    assert values == sorted(values, reverse=True)
+    with export(motion, "csv", tmp_path).open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(rows[k]["RHand"]) for k in (0, -1)] == pytest.approx([1.0, 0.0])
+    assert {row["LHand"] for row in rows} == {"0.5"}
+
+
 def test_a_bag_is_read_by_rosbags(shown, tmp_path):
     reading = pytest.importorskip("rosbags.highlevel", reason="rosbags: .[formats] has it")
     demonstration, motion = shown

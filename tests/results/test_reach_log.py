@@ -36,6 +36,7 @@ def make_log(modes, count=200):
         cloud_torso_m=rng.uniform(-0.5, 0.5, (50, 3)),
         demonstration_m=hand[::4],
         taught_path_torso_m=hand[::2],
+        hand_opening=rng.uniform(0.0, 1.0, (count, 2)),
     )
 
 
@@ -50,8 +51,20 @@ def test_a_log_comes_back_as_it_was_saved(tmp_path):
         np.testing.assert_array_equal(getattr(again, f.name), getattr(log, f.name))
 
 
+def test_a_log_of_before_the_hands_moved_is_read_without_them(tmp_path):
+    log = make_log(ALL_WELL)
+    log.save(tmp_path / "log.npz")
+    with np.load(tmp_path / "log.npz") as arrays:
+        older = {name: arrays[name] for name in arrays if name != "hand_opening"}
+    np.savez(tmp_path / "old.npz", **older)
+    assert ReachLog.load(tmp_path / "old.npz").hand_opening.shape == (len(log.time_s), 0)
+    np.savez(tmp_path / "bad.npz", **older, hand_opening=np.zeros((3, 2)))
+    with pytest.raises(InputError, match="hand_opening is"):
+        ReachLog.load(tmp_path / "bad.npz")
+
+
 def test_every_array_has_its_unit_in_its_name():
-    without = {"mode", "movement_origin", "phase"}
+    without = {"mode", "movement_origin", "phase", "hand_opening"}
     units = ("_s", "_m", "_rad", "_m_per_s2")
     assert all(f.name in without or f.name.endswith(units) for f in fields(ReachLog))
 

@@ -6,8 +6,8 @@ import pytest
 from virtual_pepper import virtual
 
 from pepper_drake.naoqi.wire import decode, encode
-from pepper_drake.robot_server.call_watch import TRACE, CallWatch
-from pepper_drake.robot_server.objects import STATISTICS
+from pepper_drake.robot_server.wire.call_watch import TRACE, CallWatch
+from pepper_drake.robot_server.wire.objects import STATISTICS
 
 
 def test_calls_are_counted_and_told_with_their_results_and_errors():

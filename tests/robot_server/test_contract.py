@@ -9,10 +9,10 @@ import pytest
 from virtual_pepper import CALLER, VirtualPepper, virtual
 
 from pepper_drake.naoqi.wire import parse_signature
-from pepper_drake.robot_server.robot_port import CameraImage
-from pepper_drake.robot_server.service import Service, ServiceError
-from pepper_drake.robot_server.signatures import make_service, python_name, service_signatures
-from pepper_drake.robot_server.waiting import Module
+from pepper_drake.robot_server.robot.robot_port import CameraImage
+from pepper_drake.robot_server.services.waiting import Module
+from pepper_drake.robot_server.wire.service import Service, ServiceError
+from pepper_drake.robot_server.wire.signatures import make_service, python_name, service_signatures
 
 # As scanned from a robot; the rest of the table is held to in the calls below.
 _SCANNED = {

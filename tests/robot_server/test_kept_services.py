@@ -6,9 +6,9 @@ import pytest
 from virtual_pepper import virtual
 
 from pepper_drake.naoqi.constants import TOP
-from pepper_drake.robot_server.expression_watcher import Expression
-from pepper_drake.robot_server.robot_port import CameraImage
-from pepper_drake.robot_server.service import ServiceError
+from pepper_drake.robot_server.robot.robot_port import CameraImage
+from pepper_drake.robot_server.services.expression_watcher import Expression
+from pepper_drake.robot_server.wire.service import ServiceError
 
 
 def test_knowledge_as_the_makers_tutorial_says():

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 from virtual_pepper import VirtualPepper, virtual
 
 from pepper_drake.naoqi.clock import join_time
-from pepper_drake.robot_server.service import ServiceError
+from pepper_drake.robot_server.wire.service import ServiceError
 
 _YAW = "Device/SubDeviceList/HeadYaw/Position/{}/Value"
 

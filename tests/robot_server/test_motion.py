@@ -8,9 +8,9 @@ from virtual_pepper import CALLER, VirtualPepper, virtual
 
 from pepper_drake.models.pepper import elbow_roll_limits, head_pitch_limits
 from pepper_drake.naoqi.constants import BODY, CHAINS, CYCLE, JOINTS
-from pepper_drake.robot_server.postures import NAOQI_POSTURES
-from pepper_drake.robot_server.robot_model import JOINT_LIMITS, LOWER, MAX_VELOCITY, UPPER
-from pepper_drake.robot_server.service import Caller, ServiceError
+from pepper_drake.robot_server.robot.robot_model import JOINT_LIMITS, LOWER, MAX_VELOCITY, UPPER
+from pepper_drake.robot_server.services.postures import NAOQI_POSTURES
+from pepper_drake.robot_server.wire.service import Caller, ServiceError
 
 
 def _commands(pepper: VirtualPepper) -> np.ndarray:

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pepper_drake.naoqi.constants import BODY, CHAINS, JOINTS
-from pepper_drake.robot_server.motion_arguments import (
+from pepper_drake.robot_server.services.motion_arguments import (
     bezier_keys,
     joint_names,
     lists_each,

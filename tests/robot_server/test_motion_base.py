@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from virtual_pepper import CALLER, virtual
 
 from pepper_drake.naoqi.constants import CYCLE
-from pepper_drake.robot_server.base_controller import trapezoid, trapezoid_duration
-from pepper_drake.robot_server.service import Caller
+from pepper_drake.robot_server.robot.base_controller import trapezoid, trapezoid_duration
+from pepper_drake.robot_server.wire.service import Caller
 
 
 @given(st.floats(0.01, 3.0), st.floats(0.1, 0.55), st.floats(0.1, 0.55))

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from virtual_pepper import virtual
 
-from pepper_drake.robot_server.service import ServiceError
-from pepper_drake.robot_server.speech import spoken
+from pepper_drake.robot_server.services.speech import spoken
+from pepper_drake.robot_server.wire.service import ServiceError
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from virtual_pepper import virtual
 
 from pepper_drake.models.pepper import PEPPER_URDF
-from pepper_drake.robot_server.service import ServiceError
+from pepper_drake.robot_server.wire.service import ServiceError
 
 # What programs of the maker and of others do, and what a robot answers that sees nobody.
 SESSIONS = [

@@ -16,7 +16,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from pepper_drake.robot_server.range_sensors import MEASURED, RangeSensors
+from pepper_drake.robot_server.robot.range_sensors import MEASURED, RangeSensors
 
 
 def _scene(*solids):

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pepper_drake.naoqi.constants import BODY, CHAINS, JOINTS
-from pepper_drake.robot_server.robot_model import (
+from pepper_drake.robot_server.robot.robot_model import (
     JOINT_LIMITS,
     LOWER,
     SENSOR_NAMES,

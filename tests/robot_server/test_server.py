@@ -14,9 +14,9 @@ import pytest
 
 from pepper_drake.errors import InputError
 from pepper_drake.naoqi.wire import HEADER, Message, MessageType, decode, encode, read_header
-from pepper_drake.robot_server.connection import Credentials
-from pepper_drake.robot_server.server import QiServer
-from pepper_drake.robot_server.service import Service, ServiceError
+from pepper_drake.robot_server.wire.connection import Credentials
+from pepper_drake.robot_server.wire.server import QiServer
+from pepper_drake.robot_server.wire.service import Service, ServiceError
 
 CAPABILITIES = encode("{sm}", {"ClientServerSocket": True})
 
@@ -206,7 +206,7 @@ def test_a_password_is_demanded():
 
 def test_an_encrypted_door():
     pytest.importorskip("cryptography", reason="it makes the certificate; it is an extra")
-    from pepper_drake.robot_server.tls import server_context
+    from pepper_drake.robot_server.wire.tls import server_context
 
     with serving(tls=server_context("127.0.0.1")) as (server, _, _):
         assert server.address.startswith("tcps://")

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from pepper_drake.robot_server.shared_state import SharedRecord
+from pepper_drake.robot_server.robot.shared_state import SharedRecord
 
 DTYPE = np.dtype([("numbers", "i8", 5000), ("word", "U8")])
 

@@ -5,9 +5,9 @@ import pytest
 
 from pepper_drake.models.scene import load_scene
 from pepper_drake.naoqi.constants import CHAINS, JOINTS
-from pepper_drake.robot_server.robot_port import RobotCommand
-from pepper_drake.robot_server.simulated_robot import SimulatedRobot
-from pepper_drake.robot_server.simulator import SimulatorConfig
+from pepper_drake.robot_server.robot.robot_port import RobotCommand
+from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
+from pepper_drake.robot_server.robot.simulator import SimulatorConfig
 
 _ARM = [JOINTS.index(name) for name in CHAINS["RArm"][:5]]
 _ELBOW, _WRIST = JOINTS.index("RElbowRoll"), JOINTS.index("RWristYaw")

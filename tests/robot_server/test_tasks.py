@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pepper_drake.robot_server.tasks import TaskManager, TaskState
+from pepper_drake.robot_server.robot.tasks import TaskManager, TaskState
 
 
 class Countdown:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from pepper_drake.naoqi.constants import CYCLE
-from pepper_drake.robot_server.time_laws import (
+from pepper_drake.robot_server.robot.time_laws import (
     duration_with_speed,
     sample_bezier,
     sample_keys,

@@ -6,8 +6,8 @@ from virtual_pepper import CALLER, VirtualPepper, virtual
 
 from pepper_drake.naoqi.constants import CAMERAS, DEPTH, RESOLUTIONS, RGB, TOP, XYZ
 from pepper_drake.naoqi.images import decode_reply
-from pepper_drake.robot_server.robot_port import CameraImage
-from pepper_drake.robot_server.service import Caller, ServiceError
+from pepper_drake.robot_server.robot.robot_port import CameraImage
+from pepper_drake.robot_server.wire.service import Caller, ServiceError
 
 
 def _show(pepper: VirtualPepper, seed: int = 0) -> None:

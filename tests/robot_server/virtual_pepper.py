@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from pepper_drake.naoqi.constants import CYCLE, JOINTS
-from pepper_drake.robot_server.robot_port import KinematicRobot
+from pepper_drake.robot_server.robot.robot_port import KinematicRobot
 from pepper_drake.robot_server.served_pepper import ServedPepper
-from pepper_drake.robot_server.service import Caller, Service
+from pepper_drake.robot_server.wire.service import Caller, Service
 
 CALLER = Caller(client=1)
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.common.value import Value
@@ -10,7 +12,7 @@ from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.reach_state_machine import obey
-from pepper_drake.planning.reach.task_sequence import SequenceTask
+from pepper_drake.planning.reach.task_sequence import SequenceTask, hand_time
 from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.task_sequencer import TaskSequencer
 
@@ -93,6 +95,34 @@ def test_tasks_are_performed_in_order_each_with_its_goal_and_movement():
     np.testing.assert_allclose(places, [[-0.1, 0, 0.02], [-0.1, 0, 0.08], [-0.1, 0, 0.02]])
     home = X_WO @ movements[3].X_OG
     np.testing.assert_allclose(home.GetAsMatrix4(), (X_WT @ X_TH).GetAsMatrix4(), atol=1e-12)
+
+
+GRIP = (
+    SequenceTask("close", hand=0.0),
+    SequenceTask("lift", LIFT, offset=(0.0, 0.0, 0.06)),
+    SequenceTask("open", hand=1.0),
+)
+
+
+@pytest.mark.parametrize("arm", ["left", "right"])
+def test_a_hand_is_open_before_it_closes_and_stays_as_it_was_told(arm):
+    sequencer = TaskSequencer(Movement(REACH, None, X_OG), GRIP, STEP, arm)
+    context = sequencer.CreateDefaultContext()
+    wanted = []
+    for task in range(len(GRIP) + 1):
+        state = replace(sequencer.progress(context), task=task)
+        context.SetAbstractState(0, state)
+        wanted.append(sequencer.GetOutputPort("hand_command").Eval(context))
+    working = 0 if arm == "left" else 1
+    assert [command[working] for command in wanted] == [1.0, 0.0, 0.0, 1.0]
+    assert np.isnan([command[1 - working] for command in wanted]).all()
+    assert [hand_time(task, GRIP) for task in GRIP] == pytest.approx([2 / 3, 0.0, 2 / 3])
+
+
+def test_the_arm_stays_while_its_hand_closes():
+    assert perform(GRIP[:1], 1.7)[0].task == 1
+    assert not perform(GRIP[:1], 1.7)[0].finished
+    assert perform(GRIP[:1], 2.0)[0].finished
 
 
 def test_a_wait_takes_its_time_at_the_goal():

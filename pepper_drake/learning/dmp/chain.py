@@ -26,13 +26,19 @@ from scipy.interpolate import make_interp_spline
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.dmp.blending import (
+    LEAST_ACCELERATION,
+    blend_width,
+    from_end,
+    powers,
+)
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.learning.dmp.rollout_arguments import vector
 
 Array = npt.NDArray[np.float64]
 
 BLEND = 0.8
-"""Time at either end of a movement in which its velocity is led over to the join's [s]."""
+"""Longest time at either end of a movement in which its velocity is led over to the join's [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,45 +359,18 @@ def _leg(
     width = min(blend, 0.5 * tau)
     begin = np.stack((start - p[0], start_velocity - v[0], start_acceleration - a[0]))
     end = np.stack((goal - p[-1], end_velocity - v[-1], -a[-1]))
-    ahead = _from_end(times / width, begin * _powers(width))
-    back = _from_end((tau - times) / width, end * _powers(-width))
+    most = max(float(np.sqrt(np.max(np.sum(a * a, axis=1)))), LEAST_ACCELERATION)
+    first, last = (blend_width(wanted, tau, width, most) for wanted in (begin, end))
+    ahead = from_end(times / first, begin * powers(first))
+    back = from_end((tau - times) / last, end * powers(-last))
     p = p + ahead[0] + back[0]
-    v = v + (ahead[1] - back[1]) / width
-    a = a + (ahead[2] + back[2]) / width**2
+    v = v + ahead[1] / first - back[1] / last
+    a = a + ahead[2] / first**2 + back[2] / last**2
     if step.via:
         p, v, a = _through(step, times, p, v, a)
     if rotations is not None and rates is not None:
         rotations = _turned(step, rotations, rates, start_rotation, times, width)
     return Leg(times, p, v, a, rotations, step)
-
-
-def _powers(width: float) -> Array:
-    """Returns what derivatives by time are multiplied with for derivatives by time / width."""
-    return np.array([[1.0], [width], [width * width]])
-
-
-# 1 - 10 u^3 + 15 u^4 - 6 u^5 and so on: the Hermite basis of the fifth degree.
-_HERMITE = np.array(
-    [
-        [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
-        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
-        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
-    ]
-)
-_QUINTICS = tuple(
-    np.pad(np.polynomial.polynomial.polyder(_HERMITE, order, axis=1), ((0, 0), (0, order)))
-    for order in range(3)
-)
-"""Its coefficients, and those of its first and second derivatives."""
-
-
-def _from_end(u: Array, wanted: Array) -> Array:
-    """Returns (3, N, D): quintics of u with given value, slope and curvature at 0, none at 1.
-
-    Value, first and second derivative by u; zero beyond u = 1.
-    """
-    powers = (u < 1.0)[:, None] * u[:, None] ** np.arange(6)
-    return np.stack([powers @ (rows.T @ wanted) for rows in _QUINTICS])
 
 
 def _through(step: Step, times: Array, p: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
@@ -436,11 +415,8 @@ def _turned(
     first = so3.log_map(so3.multiply(begin, so3.conjugate(rotations[0])))
     last = so3.log_map(so3.multiply(end, so3.conjugate(rotations[-1])))
     zero = np.zeros(3)
-    h = _from_end(times / width, np.stack((first, -rates[0], zero)) * _powers(width))[0]
-    h = (
-        h
-        + _from_end((tau - times) / width, np.stack((last, -rates[-1], zero)) * _powers(-width))[0]
-    )
+    h = from_end(times / width, np.stack((first, -rates[0], zero)) * powers(width))[0]
+    h = h + from_end((tau - times) / width, np.stack((last, -rates[-1], zero)) * powers(-width))[0]
     return so3.make_continuous(so3.multiply(so3.exp_map(h), rotations))
 
 
@@ -460,8 +436,8 @@ def _bent(own: Leg, begun: float, goal: Array, step: Step, blend: float, time_st
         u = np.linspace(0.0, 1.0, count + 1)
         state = np.stack((own.positions[k] - goal, own.velocities[k], own.accelerations[k]))
         last = np.stack((np.zeros(3), own.velocities[-1], np.zeros(3)))
-        part = _from_end(u, state * _powers(blend))
-        back = _from_end(1.0 - u, last * _powers(-blend))
+        part = from_end(u, state * powers(blend))
+        back = from_end(1.0 - u, last * powers(-blend))
         p = part[0] + back[0] + goal
         v = (part[1] - back[1]) / blend
         a = (part[2] + back[2]) / blend**2

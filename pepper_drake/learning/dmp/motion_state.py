@@ -31,12 +31,16 @@ def start_state(start: Any, goal: Any, velocity: Any = None) -> Any:
     return np.concatenate((start, velocity, goal, goal, start))
 
 
-def state_started_anew(state: Any, goal: Any) -> Any:
-    """Returns the state (15,) of a motion to `goal` (3,) that starts within another one's motion.
+def state_started_anew(state: Any, goal: Any, slowed: Any = 1.0) -> Any:
+    """Returns the state (15,) of a motion that starts within another one's motion.
 
-    Position and velocity are those of `state`.
+    Args:
+        state: (15,) of the other one.
+        goal: (3,) where it goes to [m].
+        slowed: How many times as fast it is performed as the other one was: its velocity is that of
+            the hand.
     """
-    return np.concatenate((state[:6], goal, goal, state[POSITION]))
+    return np.concatenate((state[POSITION], state[VELOCITY] / slowed, goal, goal, state[POSITION]))
 
 
 @dataclass(frozen=True)
@@ -66,15 +70,18 @@ class MotionNow:
             self.state[:6].reshape(2, 3), self.goal, forcing, self.tau
         )
 
-    def later(self, time_step: float, phase_velocity: Any, coupling: Any) -> Any:
+    def later(self, time_step: Any, phase_velocity: Any, coupling: Any, speed: Any = 1.0) -> Any:
         """Returns the state (15,) one step later.
 
         Args:
             time_step: [s].
             phase_velocity: x' [1/s], for the step's length.
             coupling: (3,) C_t [m], held over the step.
+            speed: The share of its speed at which the motion is performed, from 0 to 1: its own
+                time passes so much more slowly, along the same path.
         """
-        decay = -phase_velocity / self.phase if self.phase > 0.0 else 0.0
+        time_step = speed * time_step
+        decay = -phase_velocity / (speed * self.phase) if speed * self.phase > 0.0 else 0.0
         moved = self.attractor.advance(
             self.state[:6].reshape(2, 3),
             self.goal,

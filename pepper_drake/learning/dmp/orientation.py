@@ -121,10 +121,16 @@ class OrientationAttractor:
             rates = self.attractor.start_velocity(coordinates, target, tau)
         return OrientationState(np.array((coordinates, rates)), coordinates, goal)
 
-    def started_anew(self, state: OrientationState, goal: Array) -> OrientationState:
-        """Returns the state of a motion to a goal (4,) that starts with what moves already."""
+    def started_anew(
+        self, state: OrientationState, goal: Array, slowed: float = 1.0
+    ) -> OrientationState:
+        """Returns the state of a motion to a goal (4,) that starts with what moves already.
+
+        It is performed `slowed` times as fast as the other one was.
+        """
         goal = so3.normalize(goal)
         moved = self._retargeted(state.coordinates, state.goal, goal)
+        moved = moved / np.array([[1.0], [slowed]])
         return OrientationState(moved, moved[0], goal)
 
     def pose(self, state: OrientationState) -> tuple[Array, Array]:

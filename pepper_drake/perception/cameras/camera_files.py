@@ -6,6 +6,7 @@ lengths and principal point one by one (Kalibr, EuRoC, RealSense, ORB-SLAM), and
 camera and resolution with their fields of view.
 """
 
+import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -305,6 +306,9 @@ def _distortion(entries: Mapping[str, Any], where: str) -> npt.NDArray[np.float6
         ]
         if any(words):
             return np.array([0.0 if w is None else _number({"k": w[1]}, "k", where) for w in words])
+        alike = difflib.get_close_matches("distortion_coefficients", map(str, entries), 1, 0.8)
+        if alike:
+            raise InputError(f"{where}: has {alike[0]}; name it distortion_coefficients.")
         if _first(entries, ("distortion_model",)) is None:
             raise InputError(
                 f"{where}: has no distortion_coefficients; write an empty list if the lens has no "

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 from scipy.spatial import cKDTree
 
 from pepper_drake.models.pepper import head_pitch_limits
@@ -88,9 +89,14 @@ def visible(
     """
     X_TC = camera_pose(camera, head)
     p_C = (places - X_TC.translation()) @ X_TC.rotation().matrix()
+    return _in_image(camera, p_C, border)
+
+
+def _in_image(camera: HeadCamera, p_C: Vector, border: float) -> npt.NDArray[np.bool_]:
+    """Which places (..., 3) of the camera's frame are in its image; `p_C` is changed."""
     # What is nearer to the axis by this is that much nearer to the middle of the image.
-    p_C[:, :2] /= 1.0 - border
-    return np.asarray((p_C[:, 2] > _NEAREST) & camera.intrinsics.sees(p_C))
+    p_C[..., :2] /= 1.0 - border
+    return np.asarray((p_C[..., 2] > _NEAREST) & camera.intrinsics.sees(p_C))
 
 
 @functools.cache
@@ -121,28 +127,67 @@ def within_possible_view(
     Returns:
         (N,).
     """
-    shown = np.zeros(len(places), dtype=bool)
-    for head in head_grid():
-        left = np.flatnonzero(~shown)
-        left = left[visible(camera, head, places[left], border=_BORDER)]
-        if hiding is not None and len(left):
-            X_TC = camera_pose(camera, head)
-            for origin in (0.0,) if baseline == 0.0 else (0.0, baseline, -baseline):
-                p_TO = X_TC @ np.array([origin, 0.0, 0.0])
-                left = left[~_is_hidden(p_TO, places[left], *hiding)]
-        shown[left] = True
-    return shown
+    X_TC = _grid_poses(camera)
+    p_C = (places - X_TC[:, None, :, 3]) @ X_TC[:, :, :3]
+    in_image = _in_image(camera, p_C, _BORDER)
+    if hiding is None:
+        return np.asarray(in_image.any(axis=0))
+    # From the camera itself, and from its projector on either side.
+    along = np.array([0.0, baseline, -baseline] if baseline else [0.0])
+    eyes = X_TC[:, None, :, 3] + along[:, None] * X_TC[:, None, :, 0]
+    centers, radii = hiding
+    return np.asarray(
+        _shown(
+            in_image,
+            eyes,
+            np.ascontiguousarray(places, dtype=float),
+            np.ascontiguousarray(centers, dtype=float),
+            (np.asarray(radii, dtype=float) + _EDGE) ** 2,
+        )
+    )
 
 
-def _is_hidden(
-    p_TO: Vector, places: Vector, centers: Vector, radii: Vector
+@functools.lru_cache(maxsize=8)
+def _grid_poses(camera: HeadCamera) -> Vector:
+    """Poses X_TC of a camera (N, 3, 4) at the head angles of `head_grid`."""
+    return np.array([camera_pose(camera, head).GetAsMatrix34() for head in head_grid()])
+
+
+@njit(cache=True)
+def _shown(
+    in_image: npt.NDArray[np.bool_], eyes: Vector, places: Vector, centers: Vector, squares: Vector
 ) -> npt.NDArray[np.bool_]:
-    """Which places (N, 3) lie behind spheres (S,), as seen from a point (3,)."""
-    ray = places - p_TO
-    along = np.clip((centers - p_TO) @ ray.T / np.sum(ray**2, axis=1), 0.0, 1.0)
-    nearest = p_TO + along[..., None] * ray
-    distance = np.linalg.norm(nearest - centers[:, None], axis=2)
-    return np.asarray((distance < radii[:, None] + _EDGE).any(axis=0))
+    """Which places (N, 3) some gaze has in its image (H, N), with no sphere before any of its eyes.
+
+    A place is hidden from an eye (of H, E, 3) by a sphere that the line between them meets, of a
+    centre (S, 3) and a squared radius (S,). All in one frame [m].
+    """
+    shown = np.zeros(len(places), dtype=np.bool_)
+    last = 0  # What hid one place often hides the next.
+    for n in range(len(places)):
+        for h in range(len(eyes)):
+            if not in_image[h, n]:
+                continue
+            hidden = False
+            for e in range(eyes.shape[1]):
+                ray = places[n] - eyes[h, e]
+                length = ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]
+                for k in range(len(centers)):
+                    s = (last + k) % len(centers)
+                    x = centers[s, 0] - eyes[h, e, 0]
+                    y = centers[s, 1] - eyes[h, e, 1]
+                    z = centers[s, 2] - eyes[h, e, 2]
+                    along = min(max((x * ray[0] + y * ray[1] + z * ray[2]) / length, 0.0), 1.0)
+                    x, y, z = x - along * ray[0], y - along * ray[1], z - along * ray[2]
+                    if x * x + y * y + z * z < squares[s]:
+                        hidden, last = True, s
+                        break
+                if hidden:
+                    break
+            if not hidden:
+                shown[n] = True
+                break
+    return shown
 
 
 def best_view(camera: HeadCamera, p_TP: Vector) -> Vector:

@@ -22,7 +22,7 @@ from pepper_drake.perception.goal.marker import (
     check_side,
     choose_pose,
     detect_markers,
-    marker_poses,
+    detection_poses,
     refine_poses,
 )
 from pepper_drake.perception.mapping.solids import Solid
@@ -116,12 +116,7 @@ def detect_goal(
     for detection in found:
         poses = refine_poses(
             image,
-            marker_poses(
-                detection.corners,
-                marked.marker_size,
-                intrinsics,
-                corner_sigma=detection.corner_sigma,
-            ),
+            detection_poses(detection, marked.marker_size, intrinsics),
             marked.marker_id,
             marked.marker_size,
             intrinsics,

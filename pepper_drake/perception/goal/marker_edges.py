@@ -42,8 +42,16 @@ _LEAST_EDGES = 8
 _WORST_CONDITION = 1e12
 """Largest condition number of the normal equations in rad and m; a marker 1 m away has 1e7."""
 
-_LEAST_ERROR = 0.08
-"""Systematic error of an edge [pixels]: of lens and sensor, which no residual shows."""
+_LEAST_ERROR = 0.02
+"""Error of an edge that no residual shows [pixels], ..."""
+
+_NEIGHBOURS = 0.7
+"""... and that of one whose module is a pixel wide, as the blurred edges beside it draw it along
+[pixels]: it falls with the square of the module's width. Measured, as the next, with 840 drawn
+markers of 17 to 60 pixels, at 0.15 to 2.5 times the light."""
+
+_SPILL = 0.15
+"""Share of the edges' common offset by which light that spills over changes the marker's size."""
 
 _LEAST_OFFSET = 0.2
 """Edges that are all farther than this towards black or white are of an image exposed too much or
@@ -203,10 +211,14 @@ def _fit(
             if offset is not None:
                 shifted += float(step[6])
     error = float(np.sqrt(np.average(np.square(r), weights=weight)))
+    module = 100 / edges.modules * length[seen]
+    drawn = float(np.average((_NEIGHBOURS / module**2) ** 2, weights=weight))
     # The samples of one edge err together.
-    variance = float(max(error, _LEAST_ERROR) ** 2 * _SAMPLES)
+    variance = float(max(error, _LEAST_ERROR) ** 2 + drawn) * _SAMPLES
     pose = RigidTransform(rotation, translation)
     covariance = np.asarray(variance * inverse[:6, :6], dtype=float)
+    along = _SPILL * shifted / (100 * float(np.mean(length))) * translation
+    covariance[3:, 3:] += np.outer(along, along)
     if offset is None:
         shifted = float(np.linalg.lstsq(whole, J.T @ (weight * r), rcond=None)[0][6])
     return EdgeFit(pose, error, float(np.mean(seen)), covariance), shifted

@@ -16,8 +16,8 @@ from pepper_drake.perception.goal.marker import (
     MarkerPose,
     check_marker,
     detect_markers,
+    detection_poses,
     is_better,
-    marker_poses,
     refine_poses,
 )
 
@@ -83,8 +83,7 @@ def find_in_photo(
     for detection in detect_markers(gray, dictionary=dictionary, wanted=marker_id):
         if detection.id != marker_id:
             continue
-        sigma = detection.corner_sigma
-        poses = marker_poses(detection.corners, size, intrinsics, corner_sigma=sigma)
+        poses = detection_poses(detection, size, intrinsics)
         poses = refine_poses(gray, poses, marker_id, size, intrinsics, dictionary=dictionary)
         if poses:
             alike = len(poses) > 1 and not is_better(poses[0], poses[1])

@@ -101,7 +101,7 @@ class SeenSpace:
             age[near] = time - self.voxels.hit_times[np.asarray(nearest)[near]]
         return state, age
 
-    def unseen(self, p_W: Points, time: float, *, oldest: float) -> npt.NDArray[np.bool_]:
+    def unseen(self, p_W: Points, time: float, *, oldest: float | Points) -> npt.NDArray[np.bool_]:
         """Tells which places were not seen lately: unknown, or free and seen too long ago.
 
         What is occupied is seen, however long ago: obstacles are remembered.
@@ -109,11 +109,14 @@ class SeenSpace:
         Args:
             p_W: Places (N, 3) in W [m].
             time: Now [s].
-            oldest: Time since a place was seen to be free up to which that counts [s].
+            oldest: Time since a place was seen to be free up to which that counts [s]; one, or one
+                for each place (N,).
         """
-        recent = tuple(view for view in self.views if time - view.time <= oldest)
-        state, _ = replace(self, views=recent).states(p_W, time)
-        return state == SpaceState.UNKNOWN
+        longest = np.max(oldest, initial=-np.inf)
+        recent = tuple(view for view in self.views if time - view.time <= longest)
+        state, age = replace(self, views=recent).states(p_W, time)
+        is_late = (state == SpaceState.FREE) & (age > oldest)
+        return np.asarray((state == SpaceState.UNKNOWN) | is_late)
 
 
 def describe_place(p_T: Points) -> str:

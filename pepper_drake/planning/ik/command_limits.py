@@ -7,10 +7,10 @@ keeps every limit, whatever is asked for, a stop included.
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.models.pepper import CoupledLimit
@@ -50,34 +50,47 @@ def limit_joint_command(
         The next command (n,) [rad] and its velocity (n,) [rad/s]. From a command within the limits
         all of them are kept; from outside it moves back in, at limited acceleration.
     """
-    # A few joints are treated faster one by one, in plain numbers, than as arrays.
-    q, wished, lowest, highest = position.tolist(), [], [], []
-    for place, speed, wish, top, acceleration, low, high in zip(
-        q,
-        velocity.tolist(),
-        desired_velocity.tolist(),
-        limits.velocity.tolist(),
-        limits.acceleration.tolist(),
-        limits.position_lower.tolist(),
-        limits.position_upper.tolist(),
-        strict=True,
-    ):
-        change = acceleration * time_step
-        slow, fast = speed - change, speed + change
+    following, lowest, highest = _bounded_velocities(
+        position,
+        velocity,
+        desired_velocity,
+        limits.position_lower,
+        limits.position_upper,
+        limits.velocity,
+        limits.acceleration,
+        time_step,
+    )
+    for coupled in limits.coupled:
+        if not _is_far_inside(coupled, position, following, limits, time_step):
+            _keep_coupled(coupled, position, following, lowest, highest, limits, time_step)
+    return position + time_step * following, following
+
+
+@njit(cache=True)
+def _bounded_velocities(
+    position: Vector,
+    velocity: Vector,
+    desired_velocity: Vector,
+    lower: Vector,
+    upper: Vector,
+    fastest: Vector,
+    acceleration: Vector,
+    time_step: float,
+) -> tuple[Vector, Vector, Vector]:
+    """Velocities (n,) nearest to the desired inside all but coupled limits, and their bounds."""
+    wished, lowest, highest = np.empty((3, len(position)))
+    for k in range(len(position)):
+        change, top = acceleration[k] * time_step, fastest[k]
+        slow, fast = velocity[k] - change, velocity[k] + change
         # A command that is too fast brakes as hard as it may.
         least = min(max(slow, -top), fast)
         most = max(min(fast, top), slow)
-        up = _stoppable_velocity(high - place, change, time_step)
-        down = -_stoppable_velocity(place - low, change, time_step)
+        up = _stoppable_velocity(upper[k] - position[k], change, time_step)
+        down = -_stoppable_velocity(position[k] - lower[k], change, time_step)
         least, most = min(max(least, down), most), max(min(most, up), least)
-        lowest.append(least)
-        highest.append(most)
-        wished.append(min(max(0.0 if math.isnan(wish) else wish, least), most))
-    for coupled in limits.coupled:
-        if not _is_far_inside(coupled, q, wished, limits, time_step):
-            _keep_coupled(coupled, q, wished, lowest, highest, limits, time_step)
-    following = np.array(wished)
-    return position + time_step * following, following
+        wish = 0.0 if math.isnan(desired_velocity[k]) else desired_velocity[k]
+        lowest[k], highest[k], wished[k] = least, most, min(max(wish, least), most)
+    return wished, lowest, highest
 
 
 def track_joint_command(
@@ -106,17 +119,33 @@ def track_joint_command(
     Returns:
         The next command (n,) [rad] and its velocity (n,) [rad/s].
     """
-    reference = (wish - previous_wish) / time_step
-    reference[~(np.abs(reference) <= limits.velocity + _ROUNDING)] = 0.0
-    errors = wish - position - time_step * reference
-    change = limits.acceleration * time_step
-    catching_up = [
-        _stoppable_velocity(error, most, time_step) if math.isfinite(error) else math.nan
-        for error, most in zip(errors.tolist(), change.tolist(), strict=True)
-    ]
-    return limit_joint_command(
-        position, velocity, reference + catching_up, limits=limits, time_step=time_step
+    desired = _tracking_velocities(
+        position, wish, previous_wish, limits.velocity, limits.acceleration, time_step
     )
+    return limit_joint_command(position, velocity, desired, limits=limits, time_step=time_step)
+
+
+@njit(cache=True)
+def _tracking_velocities(
+    position: Vector,
+    wish: Vector,
+    previous_wish: Vector,
+    fastest: Vector,
+    acceleration: Vector,
+    time_step: float,
+) -> Vector:
+    """Velocities (n,) with which commands follow their wishes, and catch up with them."""
+    desired = np.empty(len(position))
+    for k in range(len(position)):
+        reference = (wish[k] - previous_wish[k]) / time_step
+        if not abs(reference) <= fastest[k] + _ROUNDING:
+            reference = 0.0
+        error = wish[k] - position[k] - time_step * reference
+        desired[k] = np.nan
+        if math.isfinite(error):
+            change = acceleration[k] * time_step
+            desired[k] = reference + _stoppable_velocity(error, change, time_step)
+    return desired
 
 
 def clamp_to_position_limits(position: Vector, limits: CommandLimits) -> Vector:
@@ -143,6 +172,7 @@ def stopping_distance(speed: float, change: float, time_step: float) -> float:
     return time_step * steps * (speed - 0.5 * change * (steps + 1))
 
 
+@njit(cache=True)
 def _stoppable_velocity(distance: float, change: float, time_step: float) -> float:
     """Largest next velocity that, braking after it, ends within a signed distance.
 
@@ -156,34 +186,33 @@ def _stoppable_velocity(distance: float, change: float, time_step: float) -> flo
 
 def _is_far_inside(
     coupled: CoupledLimit,
-    position: Sequence[float],
-    velocity: Sequence[float],
+    position: Vector,
+    velocity: Vector,
     limits: CommandLimits,
     time_step: float,
 ) -> bool:
     """True if the follower can stop within the strictest of its limits."""
     f = coupled.follower
-    speed = velocity[f]
+    speed = float(velocity[f])
     change = float(limits.acceleration[f]) * time_step
-    after = position[f] + time_step * speed
+    after = float(position[f]) + time_step * speed
     stop = after + math.copysign(stopping_distance(abs(speed), change, time_step), speed)
     return coupled.strictest[0] <= min(after, stop) and max(after, stop) <= coupled.strictest[1]
 
 
 def _keep_coupled(
     coupled: CoupledLimit,
-    position: Sequence[float],
-    velocity: list[float],
-    lowest: Sequence[float],
-    highest: Sequence[float],
+    position: Vector,
+    velocity: Vector,
+    lowest: Vector,
+    highest: Vector,
     limits: CommandLimits,
     time_step: float,
 ) -> None:
     """Changes a leader's and a follower's velocity so that both can brake inside their limit."""
     pair = [coupled.leader, coupled.follower]
     change = limits.acceleration[pair] * time_step
-    start = np.array([position[k] for k in pair])
-    wish = [velocity[k] for k in pair]
+    start, wish = position[pair], velocity[pair].tolist()
 
     def margins(candidates: Vector) -> Vector:
         return _coupled_margins(coupled, start, candidates, change, time_step)
@@ -209,8 +238,7 @@ def _keep_coupled(
         way = min(max(float(start[1]), lower), upper) - float(start[1])
         back = _stoppable_velocity(way, float(change[1]), time_step)
         best = [brake[0], min(max(back, lowest[pair[1]]), highest[pair[1]])]
-    for k, speed in zip(pair, best, strict=True):
-        velocity[k] = speed
+    velocity[pair] = best
 
 
 def _coupled_margins(

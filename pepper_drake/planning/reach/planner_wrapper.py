@@ -9,6 +9,7 @@ from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import Planner, ReachPlan, RemainingClearance
+from pepper_drake.planning.reach.separation import StaleSpace
 
 T = TypeVar("T")
 
@@ -68,10 +69,10 @@ class PlannerWrapper:
             lambda asked: self.planner.remaining_clearance(plan, asked),
         )
 
-    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
-        """Returns a place that the arm passes soon and that was not seen lately; see `Planner`."""
+    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+        """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
         return self._answer(
-            "stale_place", observation, lambda asked: self.planner.stale_place(plan, asked)
+            "stale_space", observation, lambda asked: self.planner.stale_space(plan, asked)
         )
 
     def _answer(self, name: str, observation: Observation, ask: Callable[[Observation], T]) -> T:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from pepper_drake.errors import InputError
 from pepper_drake.planning.collision.clearance_table import ClearanceTable
+from pepper_drake.planning.reach.separation import SeparationParams
 from pepper_drake.planning.reach.steadiness import SteadinessParams
 from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
@@ -153,6 +154,7 @@ class ReachTiming:
     """Period of supervision [s]."""
     latency: PlanningLatency = field(default_factory=PlanningLatency)
     steadiness: SteadinessParams = field(default_factory=SteadinessParams)
+    separation: SeparationParams = field(default_factory=SeparationParams)
     looking: float = 1.2
     """Time for which the scene is looked at, once the goal is seen [s]: six depth images."""
     drives: bool = True

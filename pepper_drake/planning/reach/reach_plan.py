@@ -12,6 +12,7 @@ from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
+from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.short_repr import short_repr
 
 Vector = npt.NDArray[np.float64]
@@ -70,16 +71,19 @@ class ReachPlan:
         assert self.joint_path is not None
         return int(np.argmin(np.sum((self.joint_path - arm.position) ** 2, axis=1)))
 
-    def predict(self, arm: ArmState, elapsed: float, duration: float) -> ArmState:
+    def predict(
+        self, arm: ArmState, elapsed: float, duration: float, speed: float = 1.0
+    ) -> ArmState:
         """Returns the arm's command after some time along this path.
 
         What it is off the path now, in position and velocity, it will be off the path then.
 
         Args:
             arm: The command now.
-            elapsed: Time since the movement began [s]: a path that turns back passes the same
+            elapsed: Time of the movement that is over [s]: a path that turns back passes the same
                 place twice.
             duration: Time from now [s].
+            speed: The share of its speed at which the movement is performed.
         """
         path = self.joint_path
         assert path is not None
@@ -87,10 +91,11 @@ class ReachPlan:
         first = min(max(round(elapsed / self.time_step) - half, 0), len(path) - 1)
         some = path[first : first + 2 * half + 1]
         now = first + int(np.argmin(np.sum((some - arm.position) ** 2, axis=1)))
-        later = min(now + round(duration / self.time_step), len(path) - 1)
+        later = min(now + round(speed * duration / self.time_step), len(path) - 1)
         rates = np.diff(path, axis=0, append=path[-1:]) / self.time_step
         return ArmState(
-            arm.position + path[later] - path[now], arm.velocity + rates[later] - rates[now]
+            arm.position + path[later] - path[now],
+            arm.velocity + speed * (rates[later] - rates[now]),
         )
 
 
@@ -169,11 +174,8 @@ class Planner(Protocol):
         """Returns distances of the rest of a plan's path to obstacles."""
         ...
 
-    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
-        """Returns a place in W that the arm passes soon and that was not seen lately [m].
-
-        Its elements are NaN if there is none.
-        """
+    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+        """Returns space that the arm passes soon and that was not seen lately."""
         ...
 
 

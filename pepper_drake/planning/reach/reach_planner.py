@@ -23,6 +23,7 @@ from pepper_drake.planning.reach.remaining_reach import (
     remaining_clearance,
     replan,
 )
+from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.reach.swept_space import (
     UnseenSpace,
     UnseenSpaceParams,
@@ -117,18 +118,26 @@ class ReachPlanner:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
         return remaining_clearance(self._evaluator, plan, observation)
 
-    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
-        """Returns a place that the arm passes soon and that was not seen lately; see `Planner`."""
-        params, nowhere = self.params.unseen, (np.nan, np.nan, np.nan)
+    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+        """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
+        params = self.params.unseen
         if plan.joint_path is None or observation.space is None:
-            return nowhere
+            return StaleSpace()
         soon = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1]
         lately = replace(params, oldest=params.recent)
-        region = self._unseen(soon, plan.time_step, observation, observation.space, lately).region
-        if not len(region):
-            return nowhere
-        x, y, z = region.mean(axis=0)
-        return (x, y, z)
+        stride = _stride(plan.time_step, params)
+        duration = stride * plan.time_step
+        unseen = self._unseen(
+            soon, plan.time_step, observation, observation.space, lately, stride=duration
+        )
+        if not unseen.regions:
+            return StaleSpace()
+        first = min(unseen.first)
+        x, y, z = unseen.regions[unseen.first.index(first)].mean(axis=0)
+        centers = self._evaluator.kinematics.sphere_centers_at(soon[::stride])
+        ways = np.linalg.norm(np.diff(centers[: first + 2], axis=0), axis=2)
+        fastest = float(ways.max(initial=0.0)) / duration
+        return StaleSpace((x, y, z), first * duration, fastest)
 
     def simulate_taught(self, observation: Observation) -> ReachPlan:
         """Returns the plan of the movement as it was taught, coupling included, not adapted."""
@@ -156,17 +165,19 @@ class ReachPlanner:
         observation: Observation,
         space: SeenSpace,
         params: UnseenSpaceParams,
+        stride: float = 0.0,
     ) -> UnseenSpace:
         """Unseen space that the arm sweeps along a path (N, 5) [rad] of a time step [s]."""
         X_WT = self._evaluator.scenes.torso_pose(observation)
         return unseen_space(
             self._evaluator.kinematics,
-            path[:: max(round(params.stride / time_step), 1)],
+            path[:: _stride(time_step, params)],
             X_WT,
             space,
             observation.time,
             params,
             self._body_spheres(observation, X_WT),
+            stride=stride,
         )
 
     def _body_spheres(
@@ -183,3 +194,8 @@ class ReachPlanner:
         """Returns the hand's demonstrated path (count, 3), from its own start to its goal [m]."""
         primitive = self.demonstrated.primitive
         return primitive.rollout(time_step=primitive.duration / (count - 1)).positions
+
+
+def _stride(time_step: float, params: UnseenSpaceParams) -> int:
+    """Number of steps of a path between the configurations that are compared."""
+    return max(round(params.stride / time_step), 1)

@@ -10,6 +10,7 @@ from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import ReachPlan
+from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.reach.steadiness import Steadiness
 
 
@@ -75,6 +76,9 @@ class ReachState:
         suspended_plan: While the arm has retreated: the plan that is taken up again later.
         arrived: When the base last arrived where it was sent [s].
         started: When the arm first started [s].
+        speed: The share of its speed at which the movement is performed.
+        performed: Time of the movement that is over, at its full speed [s].
+        stale: Space ahead that was not seen lately, its time as that of the movement.
         blind: Time for which the arm waited because depth images did not come [s].
         may_drive: Whether the base may be sent to another place.
         look_at: Place in W that was not seen, or not lately, and that the arm is going to pass [m];
@@ -101,6 +105,9 @@ class ReachState:
     suspended_plan: ReachPlan | None = None
     arrived: float = np.nan
     started: float = np.nan
+    speed: float = 1.0
+    performed: float = 0.0
+    stale: StaleSpace = field(default_factory=StaleSpace)
     blind: float = 0.0
     may_drive: bool = True
     look_at: tuple[float, float, float] = (np.nan, np.nan, np.nan)
@@ -167,6 +174,9 @@ class ReachState:
             movements=self.movements + 1,
             since=time,
             still_since=np.nan,
+            speed=1.0,
+            performed=0.0,
+            stale=StaleSpace(),
             braking=False,
             suspended_plan=suspended_plan,
             pending=(),

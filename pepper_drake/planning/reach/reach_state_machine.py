@@ -13,6 +13,7 @@ from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
 from pepper_drake.planning.reach.replanner import ReachReplanner
+from pepper_drake.planning.reach.separation import changed_speed, speed_share
 
 _ROUNDING = 1e-9
 """Tolerance of times [s]."""
@@ -48,7 +49,8 @@ def step(
     supervision = _Supervision(observation, planner, timing)
     if state.has_started:
         steadiness = state.steadiness.advanced(observation, timing.steadiness)
-        state = replace(state, steadiness=steadiness)
+        moved = state.speed * timing.time_step if state.active_movement else 0.0
+        state = replace(state, steadiness=steadiness, performed=state.performed + moved)
     failed = supervision.fault(state)
     if failed is not None:
         return failed
@@ -269,9 +271,18 @@ class _Supervision:
             return state.with_plan(plan, self._time) if state.braking else state
         return self._replanner(state, observation)
 
+    def _pace(self, state: ReachState) -> ReachState:
+        """Slows the movement down before space that was not seen lately; see `separation`."""
+        if not state.active_movement or state.is_planning:
+            return state  # A plan that is computed begins where this one gets at this speed.
+        params, stale = self._timing.separation, state.stale
+        wanted = speed_share(stale._replace(time=stale.time - state.performed), params)
+        speed = changed_speed(state.speed, wanted, self._timing.time_step, params)
+        return state if speed == state.speed else replace(state, speed=speed)
+
     def reach(self, state: ReachState) -> ReachState:
         """Checks and replans the movement until the hand has arrived."""
-        state = self._look_ahead(state)
+        state = self._pace(self._look_ahead(state))
         timing, time = self._timing, self._time
         tolerance, following = self._planner.params.tolerance, self._planner.params.following
         if state.suspended_plan is not None:
@@ -281,7 +292,7 @@ class _Supervision:
             return state
         if state.braking:
             return state
-        elapsed, error = time - state.since, self._observation.goal_distance
+        elapsed, error = state.performed, self._observation.goal_distance
         behind = self._observation.following_error
         if behind > following.stop:
             message = f"the hand fell {1000 * behind:.0f} mm behind its movement"
@@ -301,7 +312,7 @@ class _Supervision:
 
     def hold(self, state: ReachState) -> ReachState:
         """Stays at the goal until it was seen there; retreats if something comes."""
-        state, timing = self._look_ahead(state), self._timing
+        state, timing = self._pace(self._look_ahead(state)), self._timing
         held, age = self._time - state.since, self._observation.goal_age
         if state.braking or state.is_planning or held < timing.holding - _ROUNDING:
             return state

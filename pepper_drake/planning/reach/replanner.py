@@ -59,7 +59,10 @@ class ReachReplanner:
         is_under_way = state.suspended_plan is None
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
-        state = replace(state, look_at=self.planner.stale_place(reach, observation))
+        stale = self.planner.stale_space(reach, observation)
+        state = replace(state, look_at=stale.place)
+        if is_under_way:
+            state = replace(state, stale=stale._replace(time=state.performed + stale.time))
         is_free = rest.least >= self._enough(reach)
         if is_free and is_under_way and not state.braking:
             return state
@@ -113,19 +116,19 @@ class ReachReplanner:
         """
         plan, latency, time = state.plan, self.timing.latency, observation.time
         assert plan is not None
-        arm, tick, elapsed = observation.arm, plan.time_step, time - state.since
+        arm, tick, elapsed = observation.arm, plan.time_step, state.performed
 
         def until_effect(latency: float) -> float:
             # The controller begins with another movement in the tick after it is there.
             return tick * (np.floor(latency / tick + 1e-6) + 1.0)
 
         if not state.will_brake:
-            start = plan.predict(arm, elapsed, until_effect(latency.plan))
+            start = plan.predict(arm, elapsed, until_effect(latency.plan), state.speed)
             return start, time + latency.plan
         going_on = 0.0
         if not state.braking:
             going_on = until_effect(latency.check)
-            arm = plan.predict(arm, elapsed, going_on)
+            arm = plan.predict(arm, elapsed, going_on, state.speed)
         limits = self.planner.limits
         stopping = [
             np.copysign(stopping_distance(abs(speed), change, tick), speed)

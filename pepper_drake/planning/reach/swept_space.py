@@ -28,9 +28,9 @@ class UnseenSpaceParams:
     oldest: float = 15.0
     """Time since a place was seen to be free up to which that counts [s]: the longest that a look
     around, a drive and its settling take."""
-    recent: float = 1.0
-    """Time since a place was seen up to which it need not be seen again just before the arm passes
-    it [s]."""
+    recent: float = 0.8
+    """Time since a place was seen, when the arm passes it, up to which it goes there at full speed
+    [s]: a person's arm at 0.3 m/s moves on by 0.24 m, which is what is seen around a place."""
     ahead: float = 1.5
     """Time before the arm passes a place at which the head looks there, if it need be [s]."""
     stride: float = 0.1
@@ -61,14 +61,21 @@ class UnseenSpace(NamedTuple):
     """Swept space that was not seen.
 
     Attributes:
-        region: (K, 3) a point of each cell of the largest region, in W [m]; none if all was seen
-            but for regions that are too small to matter.
+        regions: (K, 3) a point of each cell of each connected region, the largest first, in W [m];
+            those that are too small to matter are left out.
+        first: For each region, the index of the first configuration in it.
         out_of_view: Volume of what cannot be seen from where the robot stands, and is left out of
-            `region` if the parameters say so [m³].
+            `regions` if the parameters say so [m³].
     """
 
-    region: Vector
+    regions: tuple[Vector, ...]
+    first: tuple[int, ...]
     out_of_view: float
+
+    @property
+    def region(self) -> Vector:
+        """The largest region; empty if all was seen."""
+        return self.regions[0] if self.regions else np.zeros((0, 3))
 
 
 def unseen_space(
@@ -79,6 +86,8 @@ def unseen_space(
     time: float,
     params: UnseenSpaceParams,
     body: tuple[Vector, Vector] | None = None,
+    *,
+    stride: float = 0.0,
 ) -> UnseenSpace:
     """Finds what of a movement's swept space was not seen.
 
@@ -93,17 +102,23 @@ def unseen_space(
         params: What counts as seen, and as large.
         body: Centres (S, 3) in T and radii (S,) of spheres on the rest of the robot, which hides
             what is behind it [m].
+        stride: Time between the configurations, if it is to have been seen so lately when the arm
+            passes [s].
     """
     centers = kinematics.sphere_centers_at(joint_path)
     radii = np.broadcast_to(kinematics.spheres.radii, centers.shape[:2]).ravel()
     p_T = centers.reshape(-1, 3)
     distance, _ = cKDTree(centers[0]).query(p_T)
-    p_T = p_T[distance > radii + params.own_margin]
+    index = np.repeat(np.arange(len(centers)), centers.shape[1])
+    away = distance > radii + params.own_margin
+    p_T, index = p_T[away], index[away]
     p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
-    unseen = np.flatnonzero(space.unseen(p_W, time, oldest=params.oldest))
+    oldest = params.oldest - stride * index
+    unseen = np.flatnonzero(space.unseen(p_W, time, oldest=oldest))
     unseen = unseen[np.unique(voxel_keys(p_W[unseen], params.cell), return_index=True)[1]]
     around = p_W[unseen, None] + params.thickness * np.concatenate((np.eye(3), -np.eye(3)))
-    sides = space.unseen(around.reshape(-1, 3), time, oldest=params.oldest).reshape(-1, 6)
+    late = np.repeat(oldest[unseen], 6)
+    sides = space.unseen(around.reshape(-1, 3), time, oldest=late).reshape(-1, 6)
     unseen = unseen[sides.sum(axis=1) >= 5]
     out_of_view = 0.0
     if len(unseen) and params.out_of_view_is_clear:
@@ -114,7 +129,12 @@ def unseen_space(
         shown &= _is_before_floor(p_W[unseen], X_WT, params.background)
         out_of_view = float(np.count_nonzero(~shown)) * params.cell**3
         unseen = unseen[shown]
-    return UnseenSpace(_largest_region(p_W[unseen], params), out_of_view)
+    regions = [unseen[cells] for cells in _large_regions(p_W[unseen], params)]
+    return UnseenSpace(
+        tuple(p_W[cells] for cells in regions),
+        tuple(int(index[cells].min()) for cells in regions),
+        out_of_view,
+    )
 
 
 def _is_before_floor(p_W: Vector, X_WT: RigidTransform, farthest: float) -> Mask:
@@ -126,18 +146,18 @@ def _is_before_floor(p_W: Vector, X_WT: RigidTransform, farthest: float) -> Mask
     return np.asarray(stretch * np.linalg.norm(off, axis=1) <= farthest)
 
 
-def _largest_region(cells: Vector, params: UnseenSpaceParams) -> Vector:
-    """The largest connected region of cells (N, 3) [m]; none if it is too small."""
-    nothing = np.zeros((0, 3))
+def _large_regions(cells: Vector, params: UnseenSpaceParams) -> list[npt.NDArray[np.intp]]:
+    """The indices of the connected regions of cells (N, 3) [m] that matter, the largest first."""
     if len(cells) < params.least_cells:
-        return nothing
+        return []
     # Neighbours share a face, an edge or a corner; a point lies anywhere in its cell.
     pairs = cKDTree(cells).query_pairs(2.0 * params.cell, output_type="ndarray")
     shape = (len(cells), len(cells))
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)
     _, labels = connected_components(graph, directed=False)
     sizes = np.bincount(labels)
-    return cells[labels == np.argmax(sizes)] if sizes.max() >= params.least_cells else nothing
+    largest = [k for k in np.argsort(-sizes, kind="stable") if sizes[k] >= params.least_cells]
+    return [np.flatnonzero(labels == k) for k in largest]
 
 
 def unseen_sentence(region: Vector, X_WT: RigidTransform, params: UnseenSpaceParams) -> str:

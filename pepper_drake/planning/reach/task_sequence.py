@@ -1,11 +1,16 @@
-"""Tasks in sequence: after the reach, what the arm does next, from where the base stands."""
+"""Tasks in sequence: after the reach, what the arm does next, from where the base stands.
 
+Where a task closes the hand, the hand opens before the arm starts: it comes to its object open.
+"""
+
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.hands import HAND_SPEED, OPEN, RELAXED
 from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 
 
@@ -15,9 +20,10 @@ class SequenceTask:
 
     Attributes:
         name: For reports.
-        primitive: What is performed, with orientation and posture; None waits where the hand is.
-        wait: How long it waits [s].
+        primitive: What is performed, with orientation and posture; None stays where the hand is.
+        wait: How long it stays [s].
         offset: (3,) where the hand goes, from its pre-grasp pose, in the goal object's frame [m].
+        hand: Opening that the hand goes to meanwhile, from 0, closed, to 1, open; None leaves it.
         returns: It goes to where the hand was in the torso frame before the reach.
     """
 
@@ -25,6 +31,7 @@ class SequenceTask:
     primitive: MovementPrimitive | None = None
     wait: float = 0.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    hand: float | None = None
     returns: bool = False
 
 
@@ -51,6 +58,33 @@ class SequenceState:
     def __deepcopy__(self, memo: dict) -> "SequenceState":
         """Returns itself: Drake copies the state at each event, and this never changes."""
         return self
+
+
+def hand_opening(state: SequenceState, tasks: Sequence[SequenceTask]) -> float:
+    """Returns the opening of the hand that is wanted in a state; NaN to leave it as it is.
+
+    Args:
+        state: Progress in the sequence.
+        tasks: Those after the reach.
+    """
+    wanted = [task.hand for task in tasks if task.hand is not None]
+    opening = OPEN if wanted and wanted[0] < RELAXED else math.nan
+    for task in tasks[: state.task]:
+        opening = opening if task.hand is None else task.hand
+    return opening
+
+
+def hand_time(task: SequenceTask, tasks: Sequence[SequenceTask]) -> float:
+    """Returns the time [s] that a hand needs for the opening of one of the tasks.
+
+    It is that of the whole way there is between two openings of the sequence, or from the relaxed
+    hand: a hand that closes on a thing stops on its way, and nothing tells when.
+    """
+    if task.hand is None:
+        return 0.0
+    before = [other.hand for other in tasks[: tasks.index(task)] if other.hand is not None]
+    start = before[-1] if before else (OPEN if task.hand < RELAXED else RELAXED)
+    return abs(task.hand - start) / HAND_SPEED
 
 
 def advance(
@@ -81,8 +115,10 @@ def advance(
     if mode != ReachMode.DONE:
         return state
     current = tasks[state.task - 1] if state.task else None
-    if current is not None and current.primitive is None and time - state.since < current.wait:
-        return state
+    if current is not None and current.primitive is None:
+        stay = max(current.wait, hand_time(current, tasks))
+        if time - state.since < stay:
+            return state
     if state.task == len(tasks):
         return replace(state, finished=True)
     upcoming = tasks[state.task]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from time import perf_counter
+from time import thread_time
 from typing import NamedTuple, TypeVar
 
 from pepper_drake.planning.reach.observation import Observation
@@ -17,7 +17,7 @@ class PlanningTime(NamedTuple):
     Attributes:
         name: Of the planner's method.
         time: Of the observation, in simulation [s].
-        seconds: On this computer [s].
+        seconds: Of a processor of this computer, whatever else it does [s].
     """
 
     name: str
@@ -27,7 +27,7 @@ class PlanningTime(NamedTuple):
 
 @dataclass(frozen=True)
 class TimedPlanner(PlannerWrapper):
-    """A `Planner` that hands all questions on and keeps how long the answers took.
+    """A `Planner` that hands all questions on and keeps what the answers took of a processor.
 
     Attributes:
         log: Computing times in the order of the calls, of all simulations that use this planner.
@@ -40,7 +40,7 @@ class TimedPlanner(PlannerWrapper):
         return sum(one.seconds for one in self.log if first <= one.time <= last)
 
     def _answer(self, name: str, observation: Observation, ask: Callable[[Observation], T]) -> T:
-        begin = perf_counter()
+        begin = thread_time()
         answer = ask(observation)
-        self.log.append(PlanningTime(name, observation.time, perf_counter() - begin))
+        self.log.append(PlanningTime(name, observation.time, thread_time() - begin))
         return answer

@@ -51,12 +51,13 @@ def CanonicalSystem_(T: type) -> type:
             - movement
             - goal_position (optional)
             - slowdown (optional)
+            - speed (optional)
             output_ports:
             - phase
             - phase_velocity
             - tau
 
-        tau x' = -alpha_x x / (1 + slowdown), x = 1 while no movement runs (equation 2.5 of
+        tau x' = -speed alpha_x x / (1 + slowdown), x = 1 while no movement runs (equation 2.5 of
         the report, with phase stopping). tau is the nominal duration; during a movement it is
         extended in proportion to the displacement of the goal: each metre adds the time that the
         demonstration took for a metre of its way. A goal that moved by less than 3 mm did not
@@ -64,8 +65,9 @@ def CanonicalSystem_(T: type) -> type:
 
         Ports: `movement`, abstract Movement: with another number a motion starts anew (not in
         continuous time, where numbers above 0 are one); `goal_position` (3) [m]; `slowdown` (1)
-        >= 0; `phase` (1) and `tau` (1) [s] are state; `phase_velocity` (1) [1/s] is that of the
-        coming step.
+        >= 0; `speed` (1), the share of its speed at which all of the motion is performed, from 0
+        to 1, if left out 1; `phase` (1) and `tau` (1) [s] are state; `phase_velocity` (1) [1/s] is
+        that of the coming step.
 
         State: phase, tau [s], the motion's first goal (3) [m], number of the motion. Discrete with
         period `time_step`; with `time_step` 0 the phase is continuous, and tau and goal are updated
@@ -111,6 +113,7 @@ def CanonicalSystem_(T: type) -> type:
             )
             self.goal_position_port = self.DeclareVectorInputPort("goal_position", 3)
             self.slowdown_port = self.DeclareVectorInputPort("slowdown", 1)
+            self.speed_port = self.DeclareVectorInputPort("speed", 1)
 
             memory = [primitive.duration if duration is None else duration, 0.0, 0.0, 0.0, 0.0]
             if time_step > 0.0:
@@ -147,7 +150,8 @@ def CanonicalSystem_(T: type) -> type:
                 "phase_velocity",
                 1,
                 lambda context, out: out.SetFromVector([self._phase_velocity(context)]),
-                prerequisites_of_calc=present | {self.slowdown_port.ticket()},
+                prerequisites_of_calc=present
+                | {self.slowdown_port.ticket(), self.speed_port.ticket()},
             )
             self.tau_port = self.DeclareVectorOutputPort(
                 "tau",
@@ -195,10 +199,13 @@ def CanonicalSystem_(T: type) -> type:
 
         def _phase_velocity(self, context: Any) -> Any:
             slowdown: Any = 0.0
+            speed: Any = 1.0
+            if self.speed_port.HasValue(context):
+                speed = self.speed_port.Eval(context)[0]
             if self.slowdown_port.HasValue(context):
                 slowdown = self.slowdown_port.Eval(context)[0]
             now = self._present(context)
-            rate = now.primitive.translation.alpha_x / (now.tau * (1.0 + slowdown))
+            rate = speed * now.primitive.translation.alpha_x / (now.tau * (1.0 + slowdown))
             return -rate * now.phase * now.movement.runs
 
         def _goal(self, context: Any, known: Any) -> Any:

@@ -11,8 +11,8 @@ from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
-_NUMBER = 13
-"""Index of the motion's number in the state."""
+_NUMBER, _SPEED = 13, 14
+"""Indices of the motion's number and speed in the state."""
 
 
 class OrientationTransformationSystem(LeafSystem):
@@ -28,6 +28,7 @@ class OrientationTransformationSystem(LeafSystem):
         - tau
         - goal_orientation
         - start_orientation
+        - speed (optional)
         output_ports:
         - orientation
         - angular_velocity
@@ -40,14 +41,14 @@ class OrientationTransformationSystem(LeafSystem):
     Inputs: `movement`, abstract Movement: with another number a motion starts anew, with the
     orientation and the angular velocity of now; `phase` (1), `phase_velocity` (1) [1/s], `tau` (1)
     [s] of the same `CanonicalSystem` as the translation; `goal_orientation` (4), followed smoothly;
-    `start_orientation` (4): the motion starts from there.
+    `start_orientation` (4): the motion starts from there; `speed` (1) as at the CanonicalSystem.
 
-    Outputs: `orientation` (4) and `angular_velocity` (3) are state; `next_orientation` (4) and
-    `next_angular_velocity` (3) are the state one step ahead, fed through from all inputs. At
-    rest they are `start_orientation` and zero.
+    Outputs: `orientation` (4) and `angular_velocity` (3), at full speed, are state;
+    `next_orientation` (4) and `next_angular_velocity` (3) are the state one step ahead, fed through
+    from all inputs. At rest they are `start_orientation` and zero.
 
     State: coordinates (3) [rad], their rates (3) [rad/s], coordinates at the start (3) [rad], the
-    goal that the spring sees (4), and the number of the motion; discrete with period `time_step`.
+    goal that the spring sees (4), number and speed of the motion; discrete with period `time_step`.
 
     Examples:
         >>> from pydrake.systems.analysis import Simulator
@@ -114,9 +115,10 @@ class OrientationTransformationSystem(LeafSystem):
         self.tau_port = self.DeclareVectorInputPort("tau", 1)
         self.goal_orientation_port = self.DeclareVectorInputPort("goal_orientation", 4)
         self.start_orientation_port = self.DeclareVectorInputPort("start_orientation", 4)
+        self.speed_port = self.DeclareVectorInputPort("speed", 1)
 
         # Identity for the goal: contexts that nothing has initialised are valid as well.
-        index = self.DeclareDiscreteState([0.0] * 9 + [1.0, 0.0, 0.0, 0.0] + [0.0])
+        index = self.DeclareDiscreteState([0.0] * 9 + [1.0, 0.0, 0.0, 0.0] + [0.0, 1.0])
         self.DeclareInitializationDiscreteUpdateEvent(self._rest)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
         state_ticket = self.discrete_state_ticket(index)
@@ -172,8 +174,14 @@ class OrientationTransformationSystem(LeafSystem):
         state = self._state(context)
         if self._movement(context).begins_after(context.get_discrete_state_vector()[_NUMBER]):
             goal = self.goal_orientation_port.Eval(context)
-            return self._learned(context).started_anew(state, goal)
+            slowed = self._speed(context) / context.get_discrete_state_vector()[_SPEED]
+            return self._learned(context).started_anew(state, goal, slowed)
         return state
+
+    def _speed(self, context: Any) -> float:
+        """Returns the share of its speed at which the motion is performed."""
+        port = self.speed_port
+        return float(port.Eval(context)[0]) if port.HasValue(context) else 1.0
 
     def _learned(self, context: Any) -> OrientationAttractor:
         orientation = self._movement(context).primitive.orientation
@@ -201,13 +209,14 @@ class OrientationTransformationSystem(LeafSystem):
         if self._movement(context).runs:
             phase = float(self.phase_port.Eval(context)[0])
             velocity = float(self.phase_velocity_port.Eval(context)[0])
+            speed = self._speed(context)
             later = self._learned(context).advance(
                 self._state_now(context),
                 self.goal_orientation_port.Eval(context),
                 phase,
-                -velocity / phase if phase > 0.0 else 0.0,
+                -velocity / (speed * phase) if speed * phase > 0.0 else 0.0,
                 float(self.tau_port.Eval(context)[0]),
-                self._time_step,
+                speed * self._time_step,
             )
         else:
             later = self._start_state(context)
@@ -218,12 +227,12 @@ class OrientationTransformationSystem(LeafSystem):
         return state
 
     def _rest(self, context: Any, discrete: Any) -> None:
-        discrete.set_value(_values(self._start_state(context), 0.0))
+        discrete.set_value(_values(self._start_state(context), 0.0, 1.0))
 
     def _update(self, context: Any, discrete: Any) -> None:
         number = float(self._movement(context).id)
-        discrete.set_value(_values(self._next_state(context), number))
+        discrete.set_value(_values(self._next_state(context), number, self._speed(context)))
 
 
-def _values(state: OrientationState, number: float) -> Any:
-    return np.concatenate((state.coordinates.ravel(), state.start, state.goal, [number]))
+def _values(state: OrientationState, number: float, speed: float) -> Any:
+    return np.concatenate((state.coordinates.ravel(), state.start, state.goal, [number, speed]))

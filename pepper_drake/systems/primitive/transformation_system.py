@@ -43,6 +43,7 @@ def TransformationSystem_(T: type) -> type:
             - start_position
             - goal_velocity (optional)
             - coupling (optional)
+            - speed (optional)
             output_ports:
             - position
             - velocity
@@ -60,15 +61,15 @@ def TransformationSystem_(T: type) -> type:
         `phase` (1), `phase_velocity` (1) [1/s], `tau` (1) [s] of a `CanonicalSystem`;
         `goal_position` (3) [m], followed smoothly, moves under 3 mm ignored; `goal_velocity` (3)
         [m/s] if known; `start_position` (3) [m], where the hand is: the motion starts from there;
-        `coupling` (3) [m], C_t.
+        `coupling` (3) [m], C_t; `speed` (1) as at the CanonicalSystem, for discrete time.
 
-        Outputs: `position` (3) [m], `velocity` (3) [m/s] and `delayed_goal_position` (3) [m], the
-        goal that the spring sees, are state. `nominal_acceleration` (3) [m/s²] is without
-        coupling and does not depend on it, nor on `phase_velocity`. `next_position` and
-        `next_velocity` are the state one step ahead, fed through from all inputs: what follows the
-        motion with them has no delay. At rest they are `start_position` and zero.
+        Outputs: `position` (3) [m], `velocity` (3) at full speed [m/s] and `delayed_goal_position`
+        (3) [m], the goal that the spring sees, are state. `nominal_acceleration` (3) [m/s²] does
+        not depend on coupling and `phase_velocity`. `next_position` and `next_velocity` are the
+        state one step ahead, fed through from all inputs: what follows the motion with them has no
+        delay. At rest they are `start_position` and zero.
 
-        State: position, velocity, goal, delayed goal, start, each (3), and the number of the
+        State: position, velocity, goal, delayed goal, start, each (3), number and speed of the
         motion. Discrete with period `time_step`. With `time_step` 0 position, velocity and delayed
         goal are continuous and the rest is updated after each step of the integrator; there is
         then no next step, and the two ports are missing. In continuous time, derivatives exist for
@@ -138,12 +139,13 @@ def TransformationSystem_(T: type) -> type:
             self.start_position_port = declare("start_position", 3)
             self.goal_velocity_port = declare("goal_velocity", 3)
             self.coupling_port = declare("coupling", 3)
+            self.speed_port = declare("speed", 1)
             self.movement_port = self.DeclareAbstractInputPort(
                 "movement", Value[object](Movement(primitive))
             )
 
             if time_step > 0.0:
-                index = self.DeclareDiscreteState(16)
+                index = self.DeclareDiscreteState([0.0] * 16 + [1.0])
                 state_tickets = {self.discrete_state_ticket(index)}
                 self.DeclareInitializationDiscreteUpdateEvent(self._rest)
                 self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
@@ -176,7 +178,7 @@ def TransformationSystem_(T: type) -> type:
                 return {self.GetInputPort(name).ticket() for name in names}
 
             nominal_tickets = state_tickets | tickets(
-                "movement", "phase", "tau", "goal_position", "goal_velocity"
+                "movement", "phase", "tau", "goal_position", "goal_velocity", "speed"
             )
             if self._weights_shape is not None:
                 nominal_tickets |= {self.all_parameters_ticket()}
@@ -228,10 +230,10 @@ def TransformationSystem_(T: type) -> type:
             state = self._state(context)
             if self._time_step == 0.0:
                 return state
-            if self._movement(context).begins_after(
-                context.get_discrete_state_vector()[NUM_VALUES]
-            ):
-                return state_started_anew(state, self.goal_position_port.Eval(context))
+            number, speed = context.get_discrete_state_vector().CopyToVector()[NUM_VALUES:]
+            if self._movement(context).begins_after(number):
+                goal = self.goal_position_port.Eval(context)
+                return state_started_anew(state, goal, self._speed(context) / speed)
             return state
 
         def _movement(self, context: Any) -> Movement:
@@ -240,6 +242,9 @@ def TransformationSystem_(T: type) -> type:
 
         def _optional(self, port: Any, context: Any) -> Any:
             return port.Eval(context) if port.HasValue(context) else np.zeros(3)
+
+        def _speed(self, context: Any) -> Any:
+            return self.speed_port.Eval(context)[0] if self.speed_port.HasValue(context) else 1.0
 
         def _weights(self, context: Any, attractor: TransformationModel) -> Any:
             """Returns the weights of the parameters, None where they are not used."""
@@ -295,8 +300,9 @@ def TransformationSystem_(T: type) -> type:
                     self._time_step,
                     self.phase_velocity_port.Eval(context)[0],
                     self._optional(self.coupling_port, context),
+                    self._speed(context),
                 )
-                state = np.concatenate((later, [movement.id]))
+                state = np.concatenate((later, [movement.id, self._speed(context)]))
             else:
                 state = self._resting_state(context)
             value.get_mutable_value()["state"] = state
@@ -305,7 +311,7 @@ def TransformationSystem_(T: type) -> type:
             return self._next.Eval(context)["state"]
 
         def _resting_state(self, context: Any) -> Any:
-            return np.concatenate((self._start_state(context), [0.0]))
+            return np.concatenate((self._start_state(context), [0.0, 1.0]))
 
         def _rest(self, context: Any, discrete: Any) -> None:
             discrete.set_value(self._resting_state(context))

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
 from pepper_drake.learning.dmp.chain import Step, plan_chain
@@ -96,6 +96,35 @@ def test_the_shape_is_kept_where_nothing_asks_for_more(k):
         own = np.column_stack([np.interp(leg.times, demo.times, p) for p in demo.positions.T])
         # Equation 4.1 of the report.
         assert np.mean(np.linalg.norm(leg.positions - own, axis=1)) < most
+
+
+def test_random_chains_keep_the_shape_of_movements_that_end_slowly():
+    """Taught from recordings whose ends move a little, as people's do."""
+    taught = [
+        MovementPrimitive.fit(
+            Demonstration.from_positions(demo.times[10:-10], demo.positions[10:-10])
+        )
+        for demo in (SHOWN[0], SHOWN[2], SHOWN[4])
+    ]
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        steps = [
+            Step(primitive, goal=primitive.goal + rng.normal(0.0, 0.03, 3), stop=rng.random() < 0.3)
+            for primitive in (taught[k] for k in rng.integers(3, size=3))
+        ]
+        for leg in plan_chain(steps).legs:
+            count = len(leg.times)
+            own = leg.step.primitive.rollout(
+                leg.duration / (count - 1),
+                start=leg.positions[0],
+                goal=leg.positions[-1],
+                duration=leg.duration,
+            )
+            away = np.linalg.norm(leg.positions - own.positions[:count], axis=1)
+            # Equation 4.1 of the report.
+            assert np.mean(away) < 5e-3
+            largest = max(np.abs(own.accelerations).max(), 2.0)
+            assert np.abs(leg.accelerations).max() < 2.0 * largest
 
 
 @pytest.mark.parametrize("relative", [False, True])

@@ -157,6 +157,10 @@ BAD = {
     "no size": (ROS.replace("image_width", "w"), "image_width"),
     "half a pixel": (ROS.replace("640", "640.5"), "whole numbers"),
     "eight numbers": (ROS.replace("0.0, 0.0, 1.0]", "0.0, 1.0]"), "9 numbers"),
+    "a misspelt name": (
+        ROS.replace("distortion_coefficients", "distortion_coefficents"),
+        "distortion_coefficents; name it",
+    ),
     "three coefficients": (ROS.replace("[0.12, -0.25, ", "["), "3 distortion"),
     "skew": (ROS.replace("610.5, 0.0,", "610.5, 3.0,"), "skew"),
     "transposed": (

@@ -2,13 +2,15 @@ import numpy as np
 import pytest
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
-from pepper_drake.perception.gaze.head_aiming import P_T_NECK, look_at
+from pepper_drake.perception.gaze.head_aiming import P_T_NECK, camera_pose, look_at
 from pepper_drake.perception.gaze.view_planning import (
     VIEW_POINTS,
+    head_grid,
     next_best_view,
     surroundings,
     view_weights,
     visible,
+    within_possible_view,
 )
 
 P_TP = np.array([0.3, 0.1, 0.0])
@@ -56,3 +58,28 @@ def test_the_gaze_goes_to_what_was_not_seen_for_longest_unless_it_takes_too_long
         next_best_view(*arguments, [1.0, 1.0], places, np.array([9.0, 1.0]), np.array([1.0, 2.0]))
         == 0
     )
+
+
+@pytest.mark.parametrize("baseline", [0.0, 0.075])
+def test_a_place_can_be_seen_if_a_gaze_shows_it_and_no_sphere_is_on_the_way_to_any_eye(baseline):
+    rng = np.random.default_rng(0)
+    places = rng.uniform([0.2, -0.6, -0.4], [0.9, 0.6, 0.4], (25, 3))
+    centers = rng.uniform([-0.2, -0.5, -0.5], [0.4, 0.5, 0.3], (12, 3))
+    radii = rng.uniform(0.02, 0.09, 12)
+    steps = np.linspace(0.0, 1.0, 400)[:, None, None]
+
+    def is_free(eye, place):
+        """Walks along the line of sight."""
+        off = eye + steps * (place - eye) - centers
+        return np.all(np.linalg.norm(off, axis=2) > radii + 0.03)
+
+    expected = np.zeros(len(places), dtype=bool)
+    for head in head_grid():
+        X_TC = camera_pose(CAMERA_DEPTH, head)
+        eyes = [X_TC @ np.array([x, 0.0, 0.0]) for x in {0.0, baseline, -baseline}]
+        for n in np.flatnonzero(visible(CAMERA_DEPTH, head, places, border=0.15) & ~expected):
+            expected[n] = all(is_free(eye, places[n]) for eye in eyes)
+    found = within_possible_view(CAMERA_DEPTH, places, (centers, radii), baseline)
+    assert 0 < np.count_nonzero(found) < len(places)
+    assert found.tolist() == expected.tolist()
+    assert np.all(within_possible_view(CAMERA_DEPTH, places) >= found)

@@ -29,6 +29,7 @@ from pepper_drake.planning.reach.reach_plan import (
 )
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.reach_state_machine import step
+from pepper_drake.planning.reach.separation import StaleSpace
 
 STAND = np.array([0.55, -0.05, 0.1])
 X_WO = RigidTransform([0.98, -0.11, 0.74])
@@ -66,6 +67,9 @@ def path_plan(clearance: float = 0.02) -> ReachPlan:
     )
 
 
+STALE = StaleSpace((0.9, -0.3, 0.8), 0.5, 0.5)
+"""Space on the way that was not seen lately."""
+
 NO_DETOUR = plan(PlanStatus.NO_CLEAR_PATH, "no path")
 
 
@@ -80,7 +84,7 @@ class ScriptedPlanner:
         back: Answer to `plan_retreat`.
         ahead: Least distance of the rest of a path, from `ahead_from` on [m].
         ahead_from: Time from now at which the path is as near as that [s].
-        stale: A place on the path that was not seen lately, in W [m].
+        stale: Space on the path that was not seen lately.
         asked: Name and observation of each question.
     """
 
@@ -92,7 +96,7 @@ class ScriptedPlanner:
     )
     ahead: float = 0.02
     ahead_from: float = 1.0
-    stale: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    stale: StaleSpace = field(default_factory=StaleSpace)
     asked: list[tuple[str, Observation]] = field(default_factory=list)
     demonstrated: Movement = DEMONSTRATED
     params: ReachPlannerParams = field(default_factory=ReachPlannerParams)
@@ -126,7 +130,7 @@ class ScriptedPlanner:
             np.array([self.ahead if self.ahead_from == 0.0 else far, self.ahead]),
         )
 
-    def stale_place(self, plan: ReachPlan, observation: Observation) -> tuple[float, float, float]:
+    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
         return self.stale
 
     def questions(self) -> list[str]:

@@ -5,12 +5,14 @@ import pytest
 
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.trajectories.retreat import NEWCOMER_SIDE
 from tests.planning.reach.scripted_planner import (
     BESIDE,
     CLOUD,
     NO_DETOUR,
     P_TG,
+    STALE,
     TIMING,
     X_WO,
     Supervised,
@@ -37,9 +39,9 @@ def test_the_rest_of_the_movement_is_checked_once_for_each_cloud():
 def test_the_head_looks_where_the_arm_passes_soon_and_was_not_seen_lately():
     one = on_its_way()
     assert np.isnan(one.state.look_at).all()
-    one.planner.stale = (0.9, -0.3, 0.8)
-    assert one.look().state.look_at == (0.9, -0.3, 0.8)
-    one.planner.stale = (np.nan, np.nan, np.nan)
+    one.planner.stale = STALE
+    assert one.look().state.look_at == STALE.place
+    one.planner.stale = StaleSpace()
     assert np.isnan(one.look().state.look_at).all()
 
 

@@ -52,7 +52,7 @@ def looked_through(heads, time=1.0):
 
 
 def test_of_a_movement_where_nothing_was_seen_all_but_where_the_arm_stands_is_unseen():
-    region, _ = find(NOTHING_SEEN)
+    region = find(NOTHING_SEEN).region
     swept = KINEMATICS.sphere_centers_at(PATH)
     p_T = (region - X_WT.translation()) @ X_WT.rotation().matrix()
     nearest = np.linalg.norm(p_T[:, None] - swept.reshape(-1, 3), axis=2).min(axis=1)
@@ -68,8 +68,9 @@ def test_an_arm_that_stays_passes_nothing():
 
 def test_what_was_looked_through_is_known_and_what_is_out_of_view_is_reported():
     space = looked_through([(-0.3, 0.4), (-0.9, 0.4), (-0.6, 0.1)])
-    region, out_of_view = find(space, UnseenSpaceParams())
-    assert len(region) == 0
+    unseen = find(space, UnseenSpaceParams())
+    out_of_view = unseen.out_of_view
+    assert unseen.regions == ()
     assert 1e-4 < out_of_view < 0.02
     assert len(find(space, STRICT).region) * STRICT.cell**3 == pytest.approx(out_of_view, rel=0.3)
 
@@ -83,7 +84,7 @@ def test_what_was_seen_too_long_ago_is_not_known():
 
 def test_a_region_that_is_too_small_to_hold_anything_does_not_matter():
     box = Seen([0.1, -0.5, -0.2], [0.3, 0.0, 0.3])
-    region, _ = find(box)
+    region = find(box).region
     assert len(region) >= STRICT.least_cells
     assert len(find(box, replace(STRICT, least_cells=len(region))).region) == len(region)
     assert len(find(box, replace(STRICT, least_cells=len(region) + 1)).region) == 0

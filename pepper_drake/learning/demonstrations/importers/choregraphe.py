@@ -55,11 +55,10 @@ def read_timeline(path: Path, text: str) -> list[Track]:
         if not 0.0 < fps < 1e4:
             raise InputError(f"{path}: a timeline of {fps:g} frames a second; correct fps")
         curves = []
-        for curve in timeline.iter():
-            if _local(curve) == "ActuatorCurve":
-                read = _curve(curve, fps, path)
-                if read is not None:
-                    curves.append(read)
+        for curve in _own(timeline):
+            read = _curve(curve, fps, path)
+            if read is not None:
+                curves.append(read)
         if curves:
             number = len(tracks) + 1
             name = path.stem if number == 1 else f"{path.stem}_{number}"
@@ -67,6 +66,17 @@ def read_timeline(path: Path, text: str) -> list[Track]:
     if not tracks:
         raise InputError(f"{path}: XML without a timeline of Choregraphe that has keys of joints")
     return tracks
+
+
+def _own(timeline: ElementTree.Element) -> Iterator[ElementTree.Element]:
+    """Yields the curves of a timeline; those of one inside it, in a box of a layer, are its own."""
+    waiting = list(timeline)[::-1]
+    while waiting:
+        element = waiting.pop()
+        if _local(element) == "ActuatorCurve":
+            yield element
+        elif _local(element) != "Timeline":
+            waiting += list(element)[::-1]
 
 
 def is_exported_python(text: str) -> bool:

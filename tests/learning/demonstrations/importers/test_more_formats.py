@@ -112,6 +112,25 @@ def test_bezier_keys_of_a_timeline_are_followed(tmp_path):
     np.testing.assert_allclose(demo.joints[:, 1], np.radians(-10.0))
 
 
+def test_a_timeline_in_a_box_of_another_one_is_read_once_at_its_own_rate(tmp_path):
+    """As Choregraphe's Timeline box has it: the root's timeline holds the box, and no keys."""
+    keys = '<Key frame="0" value="{0}"/><Key frame="50" value="{1}"/>'
+    curves = "".join(
+        f'<ActuatorCurve actuator="{name}" unit="0">{keys.format(*values)}</ActuatorCurve>'
+        for name, values in zip(
+            NAMES, ((60, 30), (-10, -20), (60, 60), (30, 50), (0, 0)), strict=True
+        )
+    )
+    text = (
+        '<P><Box name="root"><Timeline enable="0"><BehaviorLayer><Box name="wave">'
+        f'<Timeline fps="50"><ActuatorList>{curves}</ActuatorList></Timeline>'
+        "</Box></BehaviorLayer></Timeline></Box></P>"
+    )
+    demo = Demonstration.load(write(tmp_path / "behavior.xar", text))
+    assert demo.duration == pytest.approx(1.0)
+    np.testing.assert_allclose(demo.joints[[0, -1], 0], np.radians([60, 30]), atol=1e-9)
+
+
 def test_exported_python_is_read_not_run(tmp_path):
     text = "names = list()\n__import__('os').mkdir('ran')\n"
     for name, values in zip(

@@ -1,0 +1,189 @@
+"""Speed of the loop: one control tick, each answer of the planner, and the whole diagram.
+
+    python benchmarks/loop_speed.py tick
+    python benchmarks/loop_speed.py planner --scenes 8
+    python benchmarks/loop_speed.py diagram --until 8
+    python benchmarks/loop_speed.py profile --until 8
+
+All are times of a processor, which other programs on the machine change little. The diagram's is
+given as a share of the speed of the physics alone: the same plant with its contacts, its motors'
+gains and the gravity compensation, and nothing else. They take turns in one process, so that the
+ratio holds on other machines too. Rendering runs in processes of its own, and only its wall time
+shows in the column for it.
+"""
+
+import argparse
+import cProfile
+import pstats
+import sys
+import time
+
+import numpy as np
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from test_control_step import TIME_STEP, make_controller
+
+from pepper_drake.benchmarking.case import Case
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
+from pepper_drake.diagrams.station import PepperStation, StationConfig, add_gravity_compensation
+from pepper_drake.models.objects import add_scene
+from pepper_drake.models.pepper import add_pepper
+from pepper_drake.models.scene import Scene
+
+FIRST_SEED = 2000
+"""Of the moving scenes whose planning times set `PlanningLatency`."""
+
+
+def make_reaching(case: Case, *, cameras: bool) -> Reaching:
+    """The whole loop in a scene."""
+    scene = case.build()
+    station = StationConfig(
+        seed=case.seed, cameras=cameras, obstacle_motion_ports=case.moving and cameras
+    )
+    primitive, coupling = make_primitive(None, scene.arm), make_coupling(scene.coupling)
+    return Reaching(scene, primitive, coupling, ReachingConfig(station=station))
+
+
+def make_physics(scene: Scene, like: PepperStation) -> Simulator:
+    """The station's plant alone, all its motors holding their places."""
+    builder = DiagramBuilder()
+    pair: tuple[MultibodyPlant, SceneGraph] = AddMultibodyPlant(
+        MultibodyPlantConfig(
+            time_step=like.config.time_step,
+            contact_model="point",
+            discrete_contact_approximation="sap",
+            use_sampled_output_ports=False,
+        ),
+        builder,
+    )
+    plant, pepper = pair[0], add_pepper(pair[0])
+    add_scene(plant, scene)
+    for index in like.plant.GetJointActuatorIndices(like.pepper):
+        theirs = like.plant.get_joint_actuator(index)
+        mine = plant.GetJointActuatorByName(theirs.name(), pepper)
+        plant.get_mutable_joint_actuator(mine.index()).set_controller_gains(
+            theirs.get_controller_gains()
+        )
+    plant.Finalize()
+    for name, position in scene.robot.positions().items():
+        plant.GetJointByName(name, pepper).set_default_positions([position])
+    add_gravity_compensation(builder, plant)
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyContextFromRoot(simulator.get_mutable_context())
+    for number in range(plant.num_model_instances()):
+        instance = type(pepper)(number)
+        port = plant.get_desired_state_input_port(instance)
+        if port.size():
+            rows = plant.GetActuatedJointIndices(instance)
+            held = [plant.get_joint(row).default_positions()[0] for row in rows]
+            port.FixValue(context, np.concatenate((held, np.zeros(len(held)))))
+    return simulator
+
+
+def time_ticks(count: int = 2000) -> None:
+    """Prints the times of control ticks among 2,000 points."""
+    simulator = make_controller()
+    simulator.AdvanceTo(0.2)
+    spent = []
+    for _ in range(count):
+        began = time.process_time()
+        simulator.AdvanceTo(simulator.get_context().get_time() + TIME_STEP)
+        spent.append(time.process_time() - began)
+    print_times("control tick", spent)
+
+
+def time_planner(scenes: int) -> None:
+    """Prints the times of the planner's answers in moving scenes, cameras on."""
+    spent: dict[str, list[float]] = {}
+    for seed in range(FIRST_SEED, FIRST_SEED + scenes):
+        reaching = make_reaching(Case(seed, moving=True), cameras=True)
+        report = ReachSimulation(reaching, RunOptions(progress=False)).run().report
+        print(f"moving_{seed}: {report.outcome}", flush=True)
+        for answer in reaching.timed_planner.log:
+            spent.setdefault(answer.name, []).append(answer.seconds)
+    for name, times in spent.items():
+        print_times(name, times)
+
+
+def print_times(name: str, seconds: list[float]) -> None:
+    """Prints median, percentiles and the longest of some times."""
+    median, most, nearly_all, longest = 1e3 * np.percentile(seconds, [50, 90, 99, 100])
+    print(
+        f"{name:22s} {len(seconds):5d} x  median {median:8.2f} ms  90 % {most:8.2f}  "
+        f"99 % {nearly_all:8.2f}  longest {longest:8.2f}"
+    )
+
+
+def simulators(case: Case) -> dict[str, Simulator]:
+    """Physics alone, and the whole diagram without and with cameras, ready to run."""
+    loops = {on: make_reaching(case, cameras=on) for on in (False, True)}
+    runs = {
+        "physics alone": make_physics(case.build(), loops[False].station),
+        "without cameras": Simulator(loops[False]),
+        "with cameras": Simulator(loops[True]),
+    }
+    for simulator in runs.values():
+        simulator.Initialize()
+    renderer = loops[True].station.renderer
+    assert renderer is not None
+    renderer.wait_until_ready()
+    return runs
+
+
+def time_diagram(case: Case, until: float) -> None:
+    """Prints how fast the diagrams run, by turns of half a simulated second."""
+    runs = simulators(case)
+    spent = {name: np.zeros(2) for name in runs}
+    for end in np.arange(0.5, until + 0.25, 0.5):
+        for name, simulator in runs.items():
+            began = np.array([time.process_time(), time.perf_counter()])
+            simulator.AdvanceTo(end)
+            spent[name] += [time.process_time(), time.perf_counter()] - began
+    for name, (processor, wall) in spent.items():
+        ratio = spent["physics alone"] / spent[name]
+        print(
+            f"{name:16s} {until / processor:6.2f} x real time of a processor ({ratio[0]:.3f} of "
+            f"physics alone), {until / wall:6.2f} x by the clock ({ratio[1]:.3f})"
+        )
+
+
+def profile_diagram(case: Case, until: float, cameras: bool) -> None:
+    """Prints where the time of the whole diagram goes."""
+    run = simulators(case)["with cameras" if cameras else "without cameras"]
+    profiler = cProfile.Profile(time.process_time)
+    profiler.runcall(run.AdvanceTo, until)
+    pstats.Stats(profiler).sort_stats("tottime").print_stats(40).sort_stats(
+        "cumulative"
+    ).print_stats(80)
+
+
+def main() -> int:
+    """Measures what is asked for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("what", choices=("tick", "planner", "diagram", "profile"))
+    parser.add_argument("--scenes", type=int, default=8, help="moving scenes for the planner")
+    parser.add_argument("--until", type=float, default=8.0, help="simulated time of a diagram [s]")
+    parser.add_argument("--seed", type=int, default=0, help="of the diagram's random scene")
+    parser.add_argument("--no-cameras", action="store_true", help="profile without cameras")
+    options = parser.parse_args()
+    case = Case(options.seed)
+    if options.what == "tick":
+        time_ticks()
+    elif options.what == "planner":
+        time_planner(options.scenes)
+    elif options.what == "diagram":
+        time_diagram(case, options.until)
+    else:
+        profile_diagram(case, options.until, not options.no_cameras)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

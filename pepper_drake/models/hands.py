@@ -1,0 +1,91 @@
+"""Pepper's hands: one motor each opens and closes all fingers.
+
+A hand's opening runs from 0, closed, to 1, open, as NAOqi's joints RHand and LHand have it. In the
+plant the fingers are no bodies of their own: 28 phalanges of a few grams would make each step of
+the physics dearer and change nothing else. There the wrist's shapes cover the hand at any opening,
+but for the last 7 mm of the open thumb, so that what is kept clear of obstacles is enough whatever
+the hands do; the opening itself is a quantity beside the plant, which the `HandMotors` move.
+"""
+
+import math
+from dataclasses import dataclass
+
+from pepper_drake.naoqi.constants import HANDS
+
+CLOSED, RELAXED, OPEN = 0.0, 0.5, 1.0
+
+HAND_SPEED = 1.5
+"""Rate at which a hand opens and closes, whole ways a second [1/s]; assumed."""
+
+FINGER_RADIUS = 0.007
+"""Radius of the fingers [m]."""
+
+FINGER_RANGE = 0.872665
+"""Angle between two phalanges of the open hand beside that of the closed one [rad]."""
+
+_BEND = -math.pi / 3
+_TIP = 0.014
+"""Length of each finger's last phalanx [m]: the open hand is then as long as ROS' meshes are."""
+
+
+def hand_joint(arm: str) -> str:
+    """Returns the name of an arm's hand joint ("right" or "left"), one of NAOqi's `HANDS`."""
+    return HANDS[("left", "right").index(arm)]
+
+
+@dataclass(frozen=True)
+class Phalanx:
+    """One link of a finger, on a joint about its own z that turns with the hand.
+
+    Attributes:
+        joint: Name of its joint. It sorts after the hand's, which RoboPlan and Pinocchio want to
+            know before the joints that mimic it.
+        link: Its name, as in ROS.
+        parent: Link that it is on.
+        xyz: Position of the joint in the parent's frame [m].
+        rpy: Its orientation there with the hand closed [rad].
+        length: From the joint to the next, or to the finger's tip, along x [m].
+    """
+
+    joint: str
+    link: str
+    parent: str
+    xyz: tuple[float, float, float]
+    rpy: tuple[float, float, float]
+    length: float
+
+
+# Joints of the right hand's first phalanges on the wrist, by ROS' description of Pepper 1.0.
+_RIGHT_ROOTS = {
+    "Finger1": ((0.0821, 0.0268, 0.004), (1.39757, 1.04064, 0.0334335)),
+    "Finger2": ((0.0873, 0.0073, 0.006), (1.5708, 1.0472, 0.061086)),
+    "Finger3": ((0.0833, -0.0123, 0.004), (1.67523, 1.04483, 0.029316)),
+    "Finger4": ((0.074, -0.0309, 0.0), (1.74402, 1.04064, -0.0683394)),
+    "Thumb": ((0.0482, 0.0357, -0.0199), (-1.18323, 0.60626, -0.533978)),
+}
+_LEFT_ROOTS = {
+    "Finger1": ((0.0821, -0.0268, 0.004), (1.74402, 1.04064, -0.0334335)),
+    "Finger2": ((0.0873, -0.0073, 0.006), (1.5708, 1.0472, -0.061086)),
+    "Finger3": ((0.0833, 0.0123, 0.004), (1.46636, 1.04483, -0.029314)),
+    "Finger4": ((0.074, 0.0309, 0.0), (1.39757, 1.04064, 0.0683394)),
+    "Thumb": ((0.0482, -0.0357, -0.0199), (-1.95836, 0.60626, 0.533978)),
+}
+
+
+def phalanges(hand: str) -> tuple[Phalanx, ...]:
+    """Returns the 14 links of a hand's fingers, each after the one that it is on.
+
+    Args:
+        hand: "LHand" or "RHand".
+    """
+    side = hand[0]
+    found = []
+    for finger, (xyz, rpy) in (_LEFT_ROOTS if side == "L" else _RIGHT_ROOTS).items():
+        count, length = (2, 0.022) if finger == "Thumb" else (3, 0.018)
+        parent = f"{side.lower()}_wrist"
+        for number in range(1, count + 1):
+            joint, link = f"{hand}{finger}{number}", f"{side}{finger}{number}_link"
+            reach = length if number < count else _TIP
+            found.append(Phalanx(joint, link, parent, xyz, rpy, reach))
+            parent, xyz, rpy = link, (length, 0.0, 0.0), (0.0, 0.0, _BEND)
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""The simulated robot behind the services: joints, base and sensors, in its own process."""

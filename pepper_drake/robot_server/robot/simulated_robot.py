@@ -1,0 +1,137 @@
+"""The robot behind the services: a simulator in a process of its own, seen through shared memory.
+
+A process, not a thread: beside a simulation in the same interpreter the server would answer late.
+"""
+
+import time
+
+import numpy as np
+
+from pepper_drake.errors import PepperDrakeError
+from pepper_drake.naoqi.constants import DEPTH
+from pepper_drake.robot_server.robot.child_process import ChildProcess
+from pepper_drake.robot_server.robot.range_sensors import MEASURED
+from pepper_drake.robot_server.robot.robot_port import (
+    SENSORS,
+    CameraImage,
+    RobotCommand,
+    RobotState,
+)
+from pepper_drake.robot_server.robot.shared_state import Record, SharedNames, SharedRecord
+from pepper_drake.robot_server.robot.simulator import (
+    CAMERAS,
+    COMMAND,
+    IMAGE,
+    STATE,
+    SimulatorConfig,
+    simulate,
+)
+
+_START_SECONDS = 120.0
+"""The simulator must have its first state by then [s]."""
+_END_SECONDS = 5.0
+
+
+class SimulatedRobot(ChildProcess):
+    """A `RobotPort` on a simulator's process; a context manager that ends it."""
+
+    def __init__(self, config: SimulatorConfig) -> None:
+        """Starts the process; `wait_until_ready` waits for its first state.
+
+        Args:
+            config: The robot.
+        """
+        self._state = SharedRecord(STATE)
+        self._command = SharedRecord(COMMAND)
+        self._images = [SharedRecord(IMAGE) for _ in CAMERAS]
+        self._enabled = [False] * len(CAMERAS)
+        self._asked = [0] * len(CAMERAS)
+        names = SharedNames(
+            self._state.name, self._command.name, tuple(image.name for image in self._images)
+        )
+        self.start(simulate, (config, names), "simulator")
+
+    def wait_until_ready(self) -> None:
+        """Waits for the simulator's first state.
+
+        Raises:
+            PepperDrakeError: The simulator did not start.
+        """
+        end = time.monotonic() + _START_SECONDS
+        while self._state.writes == 0:
+            if not self._process.is_alive() or time.monotonic() > end:
+                raise PepperDrakeError("the simulated robot did not start")
+            time.sleep(0.02)
+
+    def check(self) -> None:
+        """Raises if the simulation ended.
+
+        Raises:
+            PepperDrakeError: It did; the sentence says why.
+        """
+        if self._process.is_alive():
+            return
+        failure = str(self.record()["failed"]) or f"exit code {self._process.exitcode}"
+        raise PepperDrakeError(f"the simulation cannot go on: {failure}")
+
+    def record(self) -> Record:
+        """Returns the newest state with what no robot knows, such as the goal's true place."""
+        return self._state.read()
+
+    def state(self) -> RobotState:
+        """Returns the newest state; see `RobotPort`."""
+        now = self._state.read()
+        x, y, theta = map(float, now["base_pose"])
+        vx, vy, wz = map(float, now["base_velocity"])
+        touched = frozenset(s for s, is_on in zip(SENSORS, now["touched"], strict=True) if is_on)
+        return RobotState(
+            float(now["time"]),
+            np.array(now["positions"]),
+            np.array(now["velocities"]),
+            (x, y, theta),
+            (vx, vy, wz),
+            np.array(now["currents"]),
+            touched,
+            dict(zip(MEASURED, map(float, now["ranges"]), strict=True)),
+        )
+
+    def command(self, command: RobotCommand) -> None:
+        """Passes a command to the simulator; see `RobotPort`."""
+        self._command.write(
+            positions=command.positions,
+            stiffnesses=command.stiffnesses,
+            base_velocity=command.base_velocity,
+        )
+
+    def want_image(self, camera: int, width: int, height: int, fps: float) -> None:
+        """Switches a camera on or off; see `RobotPort`. Its images have the size that they have."""
+        if camera not in CAMERAS:
+            return
+        index = list(CAMERAS).index(camera)
+        if fps > 0 and not self._enabled[index]:
+            self._asked[index] = self._images[index].writes
+        self._enabled[index] = fps > 0
+        self._command.write(enabled=self._enabled)
+
+    def image(self, camera: int) -> CameraImage | None:
+        """Returns a camera's newest image since it was asked for one; see `RobotPort`."""
+        if camera not in CAMERAS:
+            return None
+        index = list(CAMERAS).index(camera)
+        if self._images[index].writes <= self._asked[index]:
+            return None
+        image = self._images[index].read()
+        height, width = int(image["height"]), int(image["width"])
+        data = np.array(image["pixels"]).view(np.uint8)
+        if camera == DEPTH:
+            millimetres = data[: 2 * height * width].view(np.uint16).reshape(height, width)
+            return CameraImage(float(image["time"]), np.float32(0.001) * millimetres)
+        color = data[: 3 * height * width].reshape(height, width, 3)
+        return CameraImage(float(image["time"]), color)
+
+    def close(self) -> None:
+        """Ends the simulator and lets the shared memory go."""
+        self._command.write(stop=True)
+        self.end(_END_SECONDS)
+        for record in (self._state, self._command, *self._images):
+            record.close()

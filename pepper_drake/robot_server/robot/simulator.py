@@ -1,0 +1,315 @@
+"""The simulator's process: a `PepperStation` advanced with the clock in slices of 20 ms.
+
+It obeys the newest command in shared memory, and leaves states and images there. Where the
+machine is too slow, the robot's clock slows with the simulation, so that all stamps agree.
+"""
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import QueryObject
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context
+
+from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
+from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.models.scene import Scene
+from pepper_drake.naoqi.constants import BOTTOM, CYCLE, DEPTH, HANDS, JOINTS, TOP
+from pepper_drake.robot_server.robot.range_sensors import MEASURED, PERIOD, RangeSensors
+from pepper_drake.robot_server.robot.robot_port import SENSORS
+from pepper_drake.robot_server.robot.shared_state import SharedNames, SharedRecord
+
+CAMERAS = {TOP: "camera_top", BOTTOM: "camera_bottom", DEPTH: "camera_depth"}
+LARGEST_IMAGE = 1280 * 960 * 4
+"""Bytes kept for an image."""
+SLOWEST_SHOWN = 0.98
+"""Rate of the robot's clock below which it is said to be slow."""
+_LATENCY = 0.9
+"""Share of the time between two images after which one is out."""
+_LIMP_JOINTS = tuple(
+    name for group in ("head", "left_arm", "right_arm") for name in JOINT_GROUPS[group]
+)
+"""Joints that go limp; the wheels and the leg are always stiff, or Pepper would fall."""
+_HAND_ROWS = [JOINTS.index(name) for name in HANDS]
+_MOTORS = {
+    "Yaw": (27.5e-3, 101.3),
+    "ShoulderPitch": (27.5e-3, 101.3),
+    "HeadPitch": (19.2e-3, 118.1),
+    "Roll": (19.2e-3, 118.1),
+    "WristYaw": (21.2e-3, 50.61),
+    "HipRoll": (47.5e-3, 108.33),
+    "HipPitch": (36.9e-3, 108.33),
+    "KneePitch": (36.9e-3, 108.33),
+}
+"""Torque constant [N m/A] and gear ratio of the joints whose names end so; the longest counts."""
+_PALMS = {"l_wrist": "LHand/Touch/Back", "r_wrist": "RHand/Touch/Back"}
+
+STATE = np.dtype(
+    [
+        ("time", "f8"),
+        ("positions", "f8", len(JOINTS)),
+        ("velocities", "f8", len(JOINTS)),
+        ("base_pose", "f8", 3),
+        ("base_velocity", "f8", 3),
+        ("currents", "f8", len(JOINTS)),
+        ("ranges", "f8", len(MEASURED)),
+        ("touched", "?", len(SENSORS)),
+        ("contacts", "i8"),
+        ("rate", "f8"),
+        ("left_hand", "f8", 3),
+        ("right_hand", "f8", 3),
+        ("goal", "f8", 3),
+        ("failed", "U200"),
+    ]
+)
+"""Newest state; hands and goal are the true positions in W [m]."""
+COMMAND = np.dtype(
+    [
+        ("positions", "f8", len(JOINTS)),
+        ("stiffnesses", "f8", len(JOINTS)),
+        ("base_velocity", "f8", 3),
+        ("enabled", "?", len(CAMERAS)),
+        ("stop", "?"),
+    ]
+)
+IMAGE = np.dtype(
+    [("time", "f8"), ("width", "i4"), ("height", "i4"), ("pixels", "u1", LARGEST_IMAGE)]
+)
+
+
+@dataclass(frozen=True)
+class SimulatorConfig:
+    """Configuration of the served robot.
+
+    Attributes:
+        scene: Where it stands.
+        seed: Seed of the sensors' noise.
+        rate: Rate of the robot's clock beside the wall's; 0 for as fast as the machine is.
+        camera_period: Time between two images of a camera [s].
+        epoch: The robot's clock at the start [s since the epoch].
+    """
+
+    scene: Scene
+    seed: int = 0
+    rate: float = 1.0
+    camera_period: float = 0.2
+    epoch: float = 0.0
+
+
+def simulate(config: SimulatorConfig, names: SharedNames) -> None:
+    """Runs until the command says stop; the process's target.
+
+    Args:
+        config: The robot.
+        names: Its shared memory.
+    """
+    SimulatedPepper(config, names).run()
+
+
+class SimulatedPepper:
+    """The station with its clock."""
+
+    def __init__(self, config: SimulatorConfig, names: SharedNames) -> None:
+        """Builds the station.
+
+        Args:
+            config: The robot.
+            names: Its shared memory.
+        """
+        self._config = config
+        self._state = SharedRecord(STATE, names.state)
+        self._command = SharedRecord(COMMAND, names.command)
+        self._images = [SharedRecord(IMAGE, name) for name in names.images]
+        station_config = StationConfig(
+            seed=config.seed,
+            camera_period=config.camera_period,
+            # Until then an image may be rendered beside the simulation, which must not wait.
+            camera_latency=_LATENCY * config.camera_period,
+        )
+        self._station = PepperStation(config.scene, station_config, shared_control_model())
+        self._simulator = Simulator(self._station)
+        self._context: Context = self._simulator.get_mutable_context()
+        self._rows = [JOINTS.index(name) for name in BODY_JOINTS]
+        self._stiffness: dict[str, float] = {}
+        self._obeyed = np.zeros(len(JOINTS))
+        self._stamps = [-math.inf] * len(CAMERAS)
+        plant = self._station.plant
+        self._amperes = 1.0 / np.array([np.prod(_motor(name)) for name in BODY_JOINTS])
+        places = {
+            actuator.joint().name(): actuator.input_start()
+            for actuator in map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+        }
+        self._motors = [places[name] for name in BODY_JOINTS]
+        inspector = self._station.scene_graph.model_inspector()
+        self._links = {
+            geometry: inspector.GetName(inspector.GetFrameId(geometry)).rpartition("::")[2]
+            for geometry in self._station.robot_geometries()
+        }
+        self._range_sensors = RangeSensors(inspector, self._station.robot_geometries())
+        self._scanned = -math.inf
+
+    def run(self) -> None:
+        """Advances slice by slice, in step with the wall's clock if the config says so."""
+        self._obey(self._measured_as_command())
+        self._simulator.Initialize()
+        if self._station.renderer is not None:
+            self._station.renderer.wait_until_ready()
+        self._publish(1.0)
+        rate, slice_count = self._config.rate, 0
+        begin, shown_rate = time.monotonic(), 1.0
+        while not self._command.read()["stop"]:
+            if rate > 0.0:
+                due = begin + (slice_count + 1) * CYCLE / rate
+                early = due - time.monotonic()
+                if early > 0.0:
+                    time.sleep(early)
+                elif early < -CYCLE:
+                    begin -= early  # The robot's clock stands still for as long as it was late.
+                late = max(-early, 0.0) * rate
+                shown_rate += 0.02 * (CYCLE / (CYCLE + late) - shown_rate)
+            if self._command.writes > 0:
+                self._obey(self._command.read())
+            slice_count += 1
+            try:
+                self._simulator.AdvanceTo(slice_count * CYCLE)
+            except RuntimeError as error:
+                self._state.write(failed=str(error).splitlines()[0][:200])
+                return
+            self._publish(shown_rate)
+
+    def _measured_as_command(self) -> npt.NDArray[np.void]:
+        """Returns the command that holds the robot as it stands."""
+        command = np.zeros((), COMMAND)
+        command["positions"] = self._positions()
+        command["stiffnesses"] = 1.0
+        return command
+
+    def _positions(self) -> npt.NDArray[np.float64]:
+        positions = np.zeros(len(JOINTS))
+        positions[self._rows] = self._eval("joint_position")
+        positions[_HAND_ROWS] = self._eval("hand_opening")
+        return positions
+
+    def _eval(self, port: str) -> npt.NDArray[np.float64]:
+        return np.asarray(self._station.GetOutputPort(port).Eval(self._context))
+
+    def _obey(self, command: npt.NDArray[np.void]) -> None:
+        station, context = self._station, self._context
+        wanted = np.array(command["positions"])
+        for name in _LIMP_JOINTS:
+            row = JOINTS.index(name)
+            stiffness = float(command["stiffnesses"][row])
+            before = self._stiffness.get(name)
+            if before != stiffness:
+                station.set_joint_stiffness(name, stiffness)
+                self._stiffness[name] = stiffness
+            if before == 0.0 and stiffness > 0.0:
+                self._restart_servo(name, wanted[row])
+            if stiffness == 0.0:
+                # A limp joint's command follows the joint. Passed on, it would drag the joint's
+                # friction along, a cycle late, and drive the joint away.
+                wanted[row] = self._obeyed[row]
+        self._obeyed = wanted
+        station.GetInputPort("joint_position_command").FixValue(context, wanted[self._rows])
+        station.GetInputPort("base_velocity_command").FixValue(context, command["base_velocity"])
+        for k, name in enumerate(CAMERAS.values()):
+            if station.HasInputPort(f"{name}.enabled"):
+                port = station.GetInputPort(f"{name}.enabled")
+                port.FixValue(context, [float(command["enabled"][k])])
+        is_stiff = command["stiffnesses"][_HAND_ROWS] > 0.0
+        hands = np.where(is_stiff, wanted[_HAND_ROWS], np.nan)
+        station.GetInputPort("hand_command").FixValue(context, hands)
+
+    def _restart_servo(self, name: str, position: float) -> None:
+        """Lets a joint that becomes stiff go on from where it is [rad]."""
+        servo = self._station.GetSubsystemByName("joint_servo")
+        context = servo.GetMyMutableContextFromRoot(self._context)
+        servo.restart(context, [BODY_JOINTS.index(name)], [position])
+
+    def _publish(self, rate: float) -> None:
+        station, now = self._station, self._config.epoch + self._context.get_time()
+        velocities = np.zeros(len(JOINTS))
+        velocities[self._rows] = self._eval("joint_velocity")
+        touched, contacts = self._touched()
+        X_WT = station.GetOutputPort("torso_pose").Eval(self._context)
+        hands = {
+            f"{arm}_hand": X_WT
+            @ station.GetOutputPort(f"{arm}_hand_pose").Eval(self._context).translation()
+            for arm in ("left", "right")
+        }
+        goal = station.plant.GetBodyByName(station.scene_models.goal_object)
+        plant_context = station.plant.GetMyContextFromRoot(self._context)
+        currents = np.zeros(len(JOINTS))
+        torques = station.plant.get_net_actuation_output_port().Eval(plant_context)
+        currents[self._rows] = np.abs(torques[self._motors]) * self._amperes
+        base_pose = self._eval("base_pose")
+        if now - self._scanned >= PERIOD:
+            self._scanned = now
+            query = station.GetOutputPort("ground_truth.query").Eval(self._context)
+            self._state.write(ranges=self._range_sensors.measure(query, base_pose))
+        self._state.write(
+            time=now,
+            currents=currents,
+            positions=self._positions(),
+            velocities=velocities,
+            base_pose=base_pose,
+            base_velocity=self._command.read()["base_velocity"],
+            touched=touched,
+            contacts=contacts,
+            rate=rate,
+            goal=station.plant.EvalBodyPoseInWorld(plant_context, goal).translation(),
+            **hands,
+        )
+        for k, name in enumerate(CAMERAS.values()):
+            self._publish_image(k, name)
+
+    def _publish_image(self, camera: int, name: str) -> None:
+        system = self._station.GetSubsystemByName(name)
+        frame = system.last_frame(system.GetMyContextFromRoot(self._context))
+        stamp = float(frame.time)
+        is_new = math.isfinite(stamp) and stamp > self._stamps[camera]
+        if not is_new or not frame.image.future.done():
+            return  # One that is still being rendered must not stop the robot's clock.
+        pixels = self._station.GetOutputPort(f"{name}.image").Eval(self._context).data
+        if pixels.size == 0:
+            return
+        self._stamps[camera] = stamp
+        data = np.ascontiguousarray(pixels[..., :3] if pixels.shape[2] == 4 else pixels)
+        content = np.zeros(LARGEST_IMAGE, np.uint8)
+        content[: data.nbytes] = data.view(np.uint8).ravel()
+        self._images[camera].write(
+            time=self._config.epoch + stamp,
+            width=pixels.shape[1],
+            height=pixels.shape[0],
+            pixels=content,
+        )
+
+    def _touched(self) -> tuple[npt.NDArray[np.bool_], int]:
+        """Returns which of `SENSORS` are touched, and how many contacts Pepper has."""
+        query: QueryObject = self._station.GetOutputPort("ground_truth.query").Eval(self._context)
+        touched = np.zeros(len(SENSORS), dtype=bool)
+        contacts = 0
+        x, y, yaw = self._eval("base_pose")
+        for pair in query.ComputePointPairPenetration():
+            mine = [self._links.get(pair.id_A), self._links.get(pair.id_B)]
+            if mine.count(None) != 1:
+                continue  # Neither is Pepper's, or both are.
+            contacts += 1
+            link = mine[0] or mine[1]
+            if link in _PALMS:
+                touched[SENSORS.index(_PALMS[link])] = True
+            elif link == "Tibia":
+                ahead = pair.p_WCa[:2] - (x, y)
+                side = math.remainder(math.atan2(ahead[1], ahead[0]) - yaw, 2 * math.pi)
+                bumper = "Back" if abs(side) > 2.0 else "FrontLeft" if side > 0 else "FrontRight"
+                touched[SENSORS.index(f"Platform/{bumper}/Bumper")] = True
+        return touched, contacts
+
+
+def _motor(joint: str) -> tuple[float, float]:
+    ending = max((name for name in _MOTORS if joint.endswith(name)), key=len)
+    return _MOTORS[ending]

@@ -1,0 +1,1 @@
+"""NAOqi's modules, one file for each or for a few alike."""

@@ -1,0 +1,198 @@
+"""ALDialog: its topics and settings are kept; nobody speaks to the simulated robot."""
+
+from collections.abc import Callable
+from typing import Any
+
+from pepper_drake.robot_server.services.extractors import Extractor
+from pepper_drake.robot_server.services.kept_settings import keep_settings
+from pepper_drake.robot_server.services.media_services import topic_name
+
+
+class Dialog(Extractor):
+    """ALDialog."""
+
+    def __init__(self, log: Callable[[str], None]) -> None:
+        super().__init__("ALDialog", log, ("Dialog/LastInput",), "words")
+        self._tell = log
+        self._loaded: dict[str, str] = {}
+        self._active: list[str] = []
+        self._has_files = False
+        self._concepts: dict[tuple[str, str], list[str]] = {}
+        self._user_data: dict[tuple[int, str], str] = {}
+        keep_settings(
+            self,
+            {
+                "set_language": ("get_language", "English"),
+                "set_focus": ("get_focus", ""),
+                "set_asr_confidence_threshold": ("get_asr_confidence_threshold", 0.3),
+                "set_confidence_threshold": ("get_confidence_thresholds", []),
+                "set_delay": ("get_delay", []),
+                "set_number_of_scopes": ("get_number_of_scopes", 0),
+                "set_push_mode": ("get_push_mode", 0),
+                "set_animated_speech_configuration": ("get_animated_speech_configuration", []),
+                "enable_trigger_sentences": ("are_trigger_sentences_enabled", True),
+                "enable_category": ("is_category_enabled", True),
+                "enable_log_audio": ("is_log_audio_enabled", False),
+                "enable_sending_log_to_cloud": ("is_sending_log_to_cloud", False),
+                "add_blocking_event": ("get_blocking_event", ""),
+                "remove_blocking_event": ("get_removed_blocking_event", ""),
+                "open_session": ("get_session", 0),
+            },
+        )
+
+    def load_topic(self, path: str) -> str:
+        """Takes a topic's file on the robot; returns the topic's name, as its file is called."""
+        self._has_files = True
+        return self._load(topic_name(path))
+
+    def load_topic_content(self, content: str) -> str:
+        """Takes a topic's text; returns the topic's name."""
+        return self._load(topic_name(content))
+
+    def unload_topic(self, topic: str) -> None:
+        """Forgets a topic."""
+        self._known(topic)
+        self._loaded.pop(topic, None)
+        if topic in self._active:
+            self._active.remove(topic)
+
+    def activate_topic(self, topic: str) -> None:
+        """Activates a topic."""
+        self._known(topic)
+        if topic not in self._active:
+            self._active.append(topic)
+
+    def deactivate_topic(self, topic: str) -> None:
+        """Deactivates a topic."""
+        self._known(topic)
+        if topic in self._active:
+            self._active.remove(topic)
+
+    def run_topics(self, paths: list[str]) -> None:
+        """Takes topics' files and activates them."""
+        for path in paths:
+            self.activate_topic(self.load_topic(path))
+
+    def stop_topics(self, topics: list[str]) -> None:
+        """Forgets topics."""
+        for topic in topics:
+            self.unload_topic(topic_name(topic))
+
+    def get_loaded_topics(self, language: str) -> list[str]:
+        """Returns the topics of a language."""
+        return [topic for topic, spoken in self._loaded.items() if spoken == language]
+
+    def get_all_loaded_topics(self) -> list[str]:
+        """Returns all topics."""
+        return list(self._loaded)
+
+    def get_activated_topics(self) -> list[str]:
+        """Returns the topics that are active."""
+        return list(self._active)
+
+    def goto_topic(self, topic: str) -> None:
+        """Would go on with a topic."""
+        self._known(topic)
+
+    def goto_tag(self, _tag: str, topic: str) -> None:
+        """Would go on with what a tag marks in a topic."""
+        self._known(topic)
+
+    def activate_tag(self, _tag: str, topic: str) -> None:
+        """Would let what a tag marks be said."""
+        self._known(topic)
+
+    def deactivate_tag(self, _tag: str, topic: str) -> None:
+        """Would let what a tag marks be said no more."""
+        self._known(topic)
+
+    def force_input(self, text: str) -> None:
+        """Takes words as if they had been heard; no answer is simulated."""
+        self._tell(f'dialog: hears "{text}"; no answer is simulated')
+
+    def tell(self, text: str) -> None:
+        """As `forceInput`."""
+        self.force_input(text)
+
+    def force_output(self) -> None:
+        """Would say a proposal."""
+        self._tell("dialog: no proposal is simulated")
+
+    def say(self, topic: str, tag: str) -> None:
+        """Would say what a tag marks in a topic."""
+        self._known(topic)
+        self._tell(f"dialog: what {tag} marks in {topic} is not simulated")
+
+    def set_concept(self, concept: str, language: str, words: list[str], *_: Any) -> None:
+        """Sets a concept's words."""
+        self._concepts[concept, language] = list(words)
+
+    def set_concept_keep_in_cache(self, concept: str, language: str, words: list[str]) -> None:
+        """As `setConcept`."""
+        self.set_concept(concept, language, words)
+
+    def add_to_concept(self, concept: str, language: str, words: list[str]) -> None:
+        """Adds words to a concept."""
+        self._concepts.setdefault((concept, language), []).extend(words)
+
+    def get_concept(self, concept: str, language: str) -> list[str]:
+        """Returns a concept's words."""
+        return self._concepts.get((concept, language), [])
+
+    def clear_concepts(self) -> None:
+        """Forgets all concepts."""
+        self._concepts.clear()
+
+    def insert_user_data(self, name: str, value: str, user: int) -> None:
+        """Keeps something of a user."""
+        self._user_data[user, name] = value
+
+    def get_user_data(self, name: str, user: int) -> str:
+        """Returns something of a user, or no text."""
+        return self._user_data.get((user, name), "")
+
+    def get_user_data_list(self, user: int) -> list[str]:
+        """Returns the names of what is known of a user."""
+        return [name for number, name in self._user_data if number == user]
+
+    def get_user_list(self) -> list[int]:
+        """Returns the users of whom something is known."""
+        return sorted({user for user, _ in self._user_data})
+
+    def remove_user_data(self, user: int) -> None:
+        """Forgets a user."""
+        for key in [key for key in self._user_data if key[0] == user]:
+            del self._user_data[key]
+
+    def close_session(self) -> None:
+        """Ends a user's session."""
+
+    def compile_all(self) -> None:
+        """Makes the topics ready; they are."""
+
+    def run_dialog(self) -> None:
+        """Starts it."""
+
+    def stop_dialog(self) -> None:
+        """Stops it."""
+
+    def start_push(self) -> None:
+        """Would begin to make proposals."""
+
+    def stop_push(self) -> None:
+        """Would make no more proposals."""
+
+    def reset_all(self) -> None:
+        """Forgets topics and concepts."""
+        self._loaded.clear()
+        self._active.clear()
+        self._concepts.clear()
+
+    def _load(self, topic: str) -> str:
+        self._loaded[topic] = str(self.get_language())  # type: ignore[attr-defined]
+        return topic
+
+    def _known(self, topic: str) -> None:
+        # A file is on the client's side or nowhere: the name that it gives its topic is not known.
+        if topic not in self._loaded and not self._has_files:
+            raise ValueError(f"topic {topic!r} is not loaded")

@@ -1,0 +1,427 @@
+"""Tablet, sound, animations, recordings: what programs show and play, as lines in the log."""
+
+import itertools
+from collections.abc import Callable
+from pathlib import PurePosixPath
+from typing import Any
+
+from pepper_drake.robot_server.services.kept_settings import keep_settings
+from pepper_drake.robot_server.services.waiting import Module
+
+Log = Callable[[str], None]
+
+
+class Tablet(Module):
+    """ALTabletService: what it would show stands in the log; nobody touches it."""
+
+    def __init__(self, log: Log) -> None:
+        super().__init__("ALTabletService")
+        self._log = log
+        keep_settings(self, {"set_brightness": ("get_brightness", 1.0)}, True)
+        keep_settings(self, {"set_volume": ("get_volume", 15)}, True)
+        keep_settings(self, {"set_background_color": ("get_background_color", "#000000")}, True)
+        keep_settings(self, {"configure_wifi": ("get_wifi", [])}, True)
+        keep_settings(
+            self, {"set_on_touch_webview_scale_factor": ("get_on_touch_scale_factor", 1.34)}
+        )
+
+    def robot_ip(self) -> str:
+        """Returns the robot's address as the tablet sees it."""
+        return "198.18.0.1"
+
+    def get_wifi_status(self) -> str:
+        """Returns the state of the tablet's own network."""
+        return "DISCONNECTED"
+
+    def get_wifi_mac_address(self) -> str:
+        """Returns the address of the tablet's own network: it has none."""
+        return ""
+
+    def get_available_keyboards(self) -> list[str]:
+        """Returns the keyboards: none."""
+        return []
+
+    def get_last_video_error_log(self) -> str:
+        """Returns what went wrong with a video: nothing."""
+        return ""
+
+    def get_current_life_activity(self) -> str:
+        """Returns the activity that is shown: none."""
+        return ""
+
+    def get_video_position(self) -> int:
+        """Returns how much of a video was shown [ms]: none plays."""
+        return 0
+
+    def get_video_length(self) -> int:
+        """Returns a video's duration [ms]: none plays."""
+        return 0
+
+    def _show(self, what: str, *arguments: Any) -> bool:
+        self._log(f"tablet: {what}" + "".join(f" {argument}" for argument in arguments))
+        return True
+
+
+_SHOWN = {
+    "show_image": "shows image",
+    "show_image_no_cache": "shows image",
+    "pre_load_image": "loads image",
+    "hide_image": "hides the image",
+    "hide": "shows nothing",
+    "show_webview": "shows page",
+    "hide_webview": "hides the page",
+    "load_url": "loads page",
+    "reload_page": "loads the page again",
+    "load_application": "loads application",
+    "play_video": "plays video",
+    "stop_video": "stops the video",
+    "pause_video": "pauses the video",
+    "resume_video": "goes on with the video",
+    "clean_webview": "clears the page",
+    "execute_js": "runs script",
+    "go_to_sleep": "sleeps",
+    "wake_up": "wakes up",
+    "turn_screen_on": "switches its screen to",
+    "reset_tablet": "starts anew",
+    "enable_wifi": "switches its network on",
+    "disable_wifi": "switches its network off",
+    "connect_wifi": "connects to network",
+    "disconnect_wifi": "leaves its network",
+    "forget_wifi": "forgets network",
+    "pause_gif": "pauses the moving image",
+    "resume_gif": "goes on with the moving image",
+    "hide_dialog": "hides the dialogue",
+    "show_alert_view": "shows alert",
+    "show_input_dialog": "shows a field for input",
+    "show_input_text_dialog": "shows a field for input",
+    "set_keyboard": "takes keyboard",
+    "set_tablet_language": "takes language",
+    "post_event_to_application": "tells the application",
+    "reset_to_default_value": "takes its first settings",
+}
+for _name, _what in _SHOWN.items():
+    setattr(
+        Tablet,
+        _name,
+        # Bound early: each method has its own words.
+        lambda self, *arguments, _words=_what: self._show(_words, *arguments),
+    )
+
+
+class AudioPlayer(Module):
+    """ALAudioPlayer: names of files in the log; no sound is made, so that none takes time."""
+
+    def __init__(self, log: Log) -> None:
+        super().__init__("ALAudioPlayer")
+        self._log = log
+        self._numbers = itertools.count(1)
+        self._files: dict[int, str] = {}
+        self._volumes: dict[int, float] = {}
+        keep_settings(self, {"set_master_volume": ("get_master_volume", 1.0)})
+
+    def load_file(self, name: str) -> int:
+        """Returns a number for a file."""
+        number = next(self._numbers)
+        self._files[number] = name
+        return number
+
+    def play(self, number: int, *_: float) -> None:
+        """Plays a loaded file."""
+        self._log(f"plays {self._file(number)} (no sound is simulated)")
+
+    def play_file(self, name: str, *_: float) -> None:
+        """Plays a file; volume and pan may follow."""
+        self.play(self.load_file(name))
+
+    def play_file_in_loop(self, name: str, *_: float) -> None:
+        """Plays a file, once."""
+        self.play_file(name)
+
+    def play_in_loop(self, number: int, *_: float) -> None:
+        """Plays a loaded file, once."""
+        self.play(number)
+
+    def play_sine(self, frequency: int, _gain: int, _pan: int, duration: float) -> None:
+        """Plays a tone [Hz, s]."""
+        self._log(f"plays a tone of {frequency} Hz for {duration:g} s (no sound is simulated)")
+
+    def play_file_from_position(self, name: str, _begin: float, *_: float) -> None:
+        """Plays a file from a time on [s]."""
+        self.play_file(name)
+
+    def play_web_stream(self, address: str, *_: float) -> None:
+        """Plays what an address gives."""
+        self.play_file(address)
+
+    def play_sound_set_file(self, *names: Any) -> None:
+        """Plays a file of a set of sounds."""
+        self.play_file("/".join(str(name) for name in names if isinstance(name, str)))
+
+    def load_sound_set(self, _name: str) -> None:
+        """Loads a set of sounds."""
+
+    def unload_sound_set(self, _name: str) -> None:
+        """Forgets a set of sounds."""
+
+    def get_loaded_sound_sets_list(self) -> list[str]:
+        """Returns the loaded sets of sounds: there are none."""
+        return []
+
+    def get_sound_set_file_names(self, _name: str) -> list[str]:
+        """Returns the files of a set of sounds: there are none."""
+        return []
+
+    def is_sound_set_file_installed(self, _name: str, _file: str) -> bool:
+        """Returns whether a set of sounds has a file: there are no sets."""
+        return False
+
+    def is_sound_set_loaded(self, _name: str) -> bool:
+        """Returns whether a set of sounds is loaded: none is."""
+        return False
+
+    def get_installed_sound_sets_list(self) -> list[str]:
+        """Returns the sets of sounds: there are none."""
+        return []
+
+    def is_sound_set_installed(self, _name: str) -> bool:
+        """Returns whether there is a set of sounds: there are none."""
+        return False
+
+    def pause(self, number: int) -> None:
+        """Pauses a file."""
+        self._file(number)
+
+    def stop(self, number: int) -> None:
+        """Stops a file, or a call that was started beside its caller."""
+        super().stop(number)
+
+    def stop_all(self) -> None:
+        """Stops all files."""
+
+    def go_to(self, number: int, _position: float) -> None:
+        """Goes to a time in a file [s]."""
+        self._file(number)
+
+    def get_current_position(self, number: int) -> float:
+        """Returns how much of a file was played [s]: it takes no time."""
+        self._file(number)
+        return 0.0
+
+    def get_file_length(self, number: int) -> float:
+        """Returns a file's duration [s]: no sound is read, and it takes no time."""
+        self._file(number)
+        return 0.0
+
+    def set_panorama(self, pan: float) -> None:
+        """Takes where the sound is to come from, -1 left to 1 right."""
+        if not -1.0 <= pan <= 1.0:
+            raise ValueError(f"the panorama is {pan:g}; it must be in [-1, 1]")
+
+    def get_loaded_files_names(self) -> list[str]:
+        """Returns the names of the loaded files."""
+        return list(self._files.values())
+
+    def get_loaded_files_ids(self) -> list[int]:
+        """Returns the numbers of the loaded files."""
+        return list(self._files)
+
+    def unload_file(self, number: int) -> None:
+        """Forgets a file."""
+        self._file(number)
+        del self._files[number]
+
+    def unload_all_files(self) -> None:
+        """Forgets all files."""
+        self._files.clear()
+
+    def set_volume(self, number: int, volume: float) -> None:
+        """Sets a file's volume."""
+        self._file(number)
+        self._volumes[number] = volume
+
+    def get_volume(self, number: int) -> float:
+        """Returns a file's volume."""
+        self._file(number)
+        return self._volumes.get(number, 1.0)
+
+    def _file(self, number: int) -> str:
+        if number not in self._files:
+            raise ValueError(f"no file {number} is loaded")
+        return self._files[number]
+
+
+class AudioDevice(Module):
+    """ALAudioDevice: its settings; the microphones hear nothing, not even silence."""
+
+    def __init__(self, log: Log) -> None:
+        super().__init__("ALAudioDevice")
+        self._log = log
+        self._subscribers: set[str] = set()
+        self._parameters: dict[str, int] = {}
+        keep_settings(
+            self,
+            {
+                "set_output_volume": ("get_output_volume", 50),
+                "mute_audio_out": ("is_audio_out_muted", False),
+                "set_client_preferences": ("get_client_preferences", []),
+            },
+        )
+
+    def subscribe(self, module: str) -> None:
+        """Takes a module that wants to hear; it is never called."""
+        self._subscribers.add(module)
+        self._log(f"{module} wants to hear; no sound is simulated, and it is never called")
+
+    def unsubscribe(self, module: str) -> None:
+        """Forgets a module."""
+        self._subscribers.discard(module)
+
+    def enable_energy_computation(self) -> None:
+        """Switches the computation of energies on; there is nothing to hear."""
+
+    def disable_energy_computation(self) -> None:
+        """Switches the computation of energies off."""
+
+    def open_audio_inputs(self) -> None:
+        """Opens the microphones."""
+
+    def close_audio_inputs(self) -> None:
+        """Closes the microphones."""
+
+    def open_audio_outputs(self) -> None:
+        """Opens the loudspeakers."""
+
+    def close_audio_outputs(self) -> None:
+        """Closes the loudspeakers."""
+
+    def is_input_closed(self) -> bool:
+        """Returns whether the microphones are closed."""
+        return False
+
+    def is_output_closed(self) -> bool:
+        """Returns whether the loudspeakers are closed."""
+        return False
+
+    def start_microphones_recording(self, name: str) -> None:
+        """Would record to a file."""
+        self._log(f"no sound is simulated, and {name} is not written")
+
+    def stop_microphones_recording(self) -> None:
+        """Would end the recording."""
+
+    def set_file_as_input(self, name: str) -> None:
+        """Would hear a file instead of the microphones."""
+        self._log(f"no sound is simulated, and {name} is not heard")
+
+    def _no_energy(self) -> float:
+        """Returns a microphone's energy: there is no sound."""
+        return 0.0
+
+    get_front_mic_energy = _no_energy
+    get_rear_mic_energy = _no_energy
+    get_left_mic_energy = _no_energy
+    get_right_mic_energy = _no_energy
+
+    def flush_audio_outputs(self) -> None:
+        """Forgets what was to be played."""
+
+    def play_sine(self, frequency: int, _gain: int, _pan: int, duration: float) -> None:
+        """Plays a tone [Hz, s]."""
+        self._log(f"plays a tone of {frequency} Hz for {duration:g} s (no sound is simulated)")
+
+    def send_remote_buffer_to_output(self, frames: int, _buffer: Any) -> bool:
+        """Takes sound; returns whether it could be played: up to 16384 frames can."""
+        return 0 <= frames <= 16384
+
+    def set_parameter(self, name: str, value: int) -> None:
+        """Keeps a parameter."""
+        self._parameters[name] = value
+
+    def get_parameter(self, name: str) -> int:
+        """Returns a parameter that was kept."""
+        if name not in self._parameters:
+            raise ValueError(f"there is no parameter {name!r}")
+        return self._parameters[name]
+
+
+class AudioRecorder(Module):
+    """ALAudioRecorder: the name of the file in the log; there is nothing to record."""
+
+    def __init__(self, log: Log) -> None:
+        super().__init__("ALAudioRecorder")
+        self._log = log
+
+    def start_microphones_recording(self, name: str, *_: Any) -> None:
+        """Would record to a file."""
+        self._log(f"no sound is simulated, and {name} is not written")
+
+    def stop_microphones_recording(self) -> None:
+        """Would end the recording."""
+
+
+class AnimationPlayer(Module):
+    """ALAnimationPlayer: names of animations in the log; the maker's files are not here."""
+
+    def __init__(self, log: Log) -> None:
+        super().__init__("ALAnimationPlayer")
+        self._log = log
+
+    def run(self, name: str) -> None:
+        """Returns at once: no animation moves the simulated robot."""
+        self._log(f"animation {name} is the maker's and not here: nothing moves")
+
+    def run_tag(self, *names: str) -> None:
+        """As `run`, of any animation with a tag."""
+        self.run(" ".join(names))
+
+    def add_tag_for_animations(self, _tags: Any) -> None:
+        """Takes tags."""
+
+    def declare_path_for_tags(self, _path: str) -> None:
+        """Takes a folder of animations."""
+
+    def reset(self) -> None:
+        """Forgets the tags."""
+
+
+class Notifications(Module):
+    """ALNotificationManager."""
+
+    def __init__(self) -> None:
+        super().__init__("ALNotificationManager")
+        self._numbers = itertools.count(1)
+        self._all: dict[int, dict[str, Any]] = {}
+
+    def add(self, notification: Any) -> int:
+        """Adds a notification, a dict or [[key, value], ...]; returns its number."""
+        try:
+            content = dict(notification)
+        except (TypeError, ValueError):
+            raise ValueError("a notification is [[key, value], ...]") from None
+        number = next(self._numbers)
+        self._all[number] = content | {"id": number}
+        return number
+
+    def remove(self, number: int) -> None:
+        """Removes a notification."""
+        self._all.pop(number, None)
+
+    def notifications(self) -> list[list[list[Any]]]:
+        """Returns all notifications."""
+        return [self.notification(number) for number in self._all]
+
+    def notification(self, number: int) -> list[list[Any]]:
+        """Returns a notification as [[key, value], ...]."""
+        if number not in self._all:
+            raise ValueError(f"there is no notification {number}")
+        return [[key, value] for key, value in self._all[number].items()]
+
+
+def topic_name(text: str) -> str:
+    """Returns the name of a topic: that in its text, or that of its file without the language."""
+    for line in text.splitlines():
+        if line.strip().startswith("topic:"):
+            return line.partition(":")[2].strip().lstrip("~").partition("(")[0].strip()
+    stem = PurePosixPath(text.strip()).stem
+    base, _, language = stem.rpartition("_")
+    return base if base and len(language) == 3 else stem

@@ -1,0 +1,39 @@
+"""The clients that move the robot: the last one wins, and the log says whose move it took."""
+
+from collections.abc import Callable, Iterable
+
+from pepper_drake.robot_server.wire.service import Caller
+
+_RECENT = 1.0
+"""Time after its last command during which a client still moves a joint [s]."""
+
+
+class Movers:
+    """Remembers which client moved which joint last."""
+
+    def __init__(self, log: Callable[[str], None], now: Callable[[], float]) -> None:
+        """Makes a memory without movers.
+
+        Args:
+            log: Takes a line, once for each pair of clients.
+            now: The robot's clock [s].
+        """
+        self._log = log
+        self._now = now
+        self._last: dict[str, tuple[Caller, float]] = {}
+        self._told: set[tuple[int, int]] = set()
+
+    def claim(self, caller: Caller, joints: Iterable[str]) -> None:
+        """Notes that a client moves joints."""
+        now = self._now()
+        for joint in joints:
+            before, time = self._last.get(joint, (caller, now))
+            self._last[joint] = (caller, now)
+            pair = (before.client, caller.client)
+            if before.client != caller.client and now - time < _RECENT and pair not in self._told:
+                self._told.add(pair)
+                self._log(f"{_name(caller)} moves {joint}, which {_name(before)} was moving")
+
+
+def _name(caller: Caller) -> str:
+    return f"client {caller.client}" + (f" ({caller.address})" if caller.address else "")

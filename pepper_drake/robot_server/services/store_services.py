@@ -1,0 +1,218 @@
+"""Preferences, packages, behaviours, laser, charging station: kept or empty."""
+
+from collections.abc import Callable
+from typing import Any
+
+from pepper_drake.robot_server.services.kept_settings import keep_settings
+from pepper_drake.robot_server.services.waiting import Module
+from pepper_drake.robot_server.wire.service import Caller
+from pepper_drake.robot_server.wire.signatures import with_caller
+
+
+class PreferenceManager(Module):
+    """ALPreferenceManager: values by domain and name, kept until the robot ends."""
+
+    def __init__(self) -> None:
+        super().__init__("ALPreferenceManager")
+        self._values: dict[str, dict[str, Any]] = {}
+
+    def set_value(self, domain: str, name: str, value: Any) -> None:
+        """Keeps a value."""
+        self._values.setdefault(domain, {})[name] = value
+
+    def get_value(self, domain: str, name: str) -> Any:
+        """Returns a value, None if there is none."""
+        return self._values.get(domain, {}).get(name)
+
+    def get_value_list(self, domain: str) -> list[list[Any]]:
+        """Returns the values of a domain as [[name, value], ...]."""
+        return [[name, value] for name, value in self._values.get(domain, {}).items()]
+
+    def get_domain_list(self) -> list[str]:
+        """Returns the domains."""
+        return sorted(self._values)
+
+    def remove_value(self, domain: str, name: str) -> None:
+        """Forgets a value."""
+        self._values.get(domain, {}).pop(name, None)
+
+    def remove_domain_values(self, domain: str) -> None:
+        """Forgets the values of a domain."""
+        self._values.pop(domain, None)
+
+    def update(self) -> None:
+        """Would fetch preferences from the maker."""
+
+
+class PackageManager(Module):
+    """PackageManager: nothing is installed."""
+
+    def __init__(self) -> None:
+        super().__init__("PackageManager")
+
+    def packages(self) -> list[Any]:
+        """Returns the packages: none."""
+        return []
+
+    packages2 = packages
+
+    get_packages = packages
+
+    def _not_installed(self, name: str, *_: Any) -> Any:
+        """Refuses: no package is installed."""
+        raise ValueError(f"package {name!r} is not installed, and none can be")
+
+    package = package2 = get_package = _not_installed
+    package_icon = get_package_icon = _not_installed
+    install = install_check_md5 = remove_pkg = _not_installed
+
+    def has_package(self, _name: str) -> bool:
+        """Returns whether a package is installed: none is."""
+        return False
+
+
+class BehaviorManager(Module):
+    """ALBehaviorManager: no behaviour is installed, so that none can be started."""
+
+    def __init__(self) -> None:
+        super().__init__("ALBehaviorManager")
+        self._defaults: list[str] = []
+
+    def _none(self, *_: Any) -> list[str]:
+        """Returns no behaviours."""
+        return []
+
+    get_behavior_names = _none
+    get_user_behavior_names = _none
+    get_system_behavior_names = _none
+    get_installed_behaviors = _none
+    get_behaviors_by_tag = _none
+    get_running_behaviors = _none
+    get_loaded_behaviors = _none
+    get_tag_list = _none
+    get_behavior_tags = _none
+
+    def _is_not(self, _name: str) -> bool:
+        """Returns that a behaviour is not there."""
+        return False
+
+    is_behavior_installed = _is_not
+    is_behavior_present = _is_not
+    is_behavior_running = _is_not
+    is_behavior_loaded = _is_not
+    remove_behavior = _is_not
+    preload_behavior = _is_not
+
+    def start_behavior(self, name: str) -> None:
+        """Refuses: there is no behaviour of that name, or of any."""
+        raise ValueError(f"behavior {name!r} is not installed")
+
+    def run_behavior(self, name: str) -> None:
+        """As `startBehavior`."""
+        self.start_behavior(name)
+
+    def stop_behavior(self, _name: str) -> None:
+        """Stops a behaviour; none runs."""
+
+    def stop_all_behaviors(self) -> None:
+        """Stops all behaviours; none runs."""
+
+    def add_default_behavior(self, name: str) -> None:
+        """Keeps the name of a behaviour to be started with the robot."""
+        self._defaults.append(name)
+
+    def remove_default_behavior(self, name: str) -> None:
+        """Forgets the name of a behaviour to be started with the robot."""
+        if name in self._defaults:
+            self._defaults.remove(name)
+
+    def get_default_behaviors(self) -> list[str]:
+        """Returns the behaviours to be started with the robot."""
+        return list(self._defaults)
+
+    def play_default_project(self) -> None:
+        """Would start them."""
+
+
+class Laser(Module):
+    """ALLaser: its settings; the values are ALMemory's, where they are simulated."""
+
+    def __init__(self) -> None:
+        super().__init__("ALLaser")
+        keep_settings(self, {"set_opening_angle": ("get_opening_angle", [])})
+        keep_settings(self, {"set_detecting_length": ("get_detecting_length", [])})
+
+    def laser_on(self) -> None:
+        """Switches the laser on."""
+
+    def laser_off(self) -> None:
+        """Switches the laser off."""
+
+
+class Recharge(Module):
+    """ALRecharge: there is no charging station to be found."""
+
+    def __init__(self, raise_event: Callable[[str, Any], None]) -> None:
+        super().__init__("ALRecharge")
+        self._raise_event = raise_event
+        keep_settings(self, {"set_use_tracker_searcher": ("get_use_tracker_searcher", True)})
+        keep_settings(self, {"set_max_number_of_tries": ("get_max_number_of_tries", 3)})
+
+    def look_for_station(self) -> list[Any]:
+        """Returns that no station was found, and no place of it."""
+        self._raise_event("ALRecharge/StationNotFound", True)
+        return [False, []]
+
+    def _not_found(self) -> int:
+        """Returns the error that no station was found."""
+        self._raise_event("ALRecharge/StationNotFound", True)
+        return 1
+
+    move_in_front_of_station = _not_found
+    dock_on_station = _not_found
+    go_to_station = _not_found
+    leave_station = _not_found
+
+    def get_status(self) -> int:
+        """Returns that nothing is going on."""
+        return 0
+
+    def get_station_position(self) -> list[float]:
+        """Returns where the station is: unknown."""
+        return []
+
+    def stop_all(self) -> None:
+        """Stops what it does: nothing."""
+
+
+class Navigation(Module):
+    """ALNavigation: moves of the base; the simulated one does not go around what is in the way."""
+
+    def __init__(self, moves: Any) -> None:
+        """Makes the service.
+
+        Args:
+            moves: ALMotion.
+        """
+        super().__init__("ALNavigation")
+        self._moves = moves
+        self.move_to = moves.move_to
+        self.move = moves.move
+        self.move_toward = moves.move_toward
+        keep_settings(self, {"set_security_distance": ("get_security_distance", 0.4)})
+
+    @with_caller
+    async def navigate_to(self, caller: Caller, x: float, y: float, *rest: Any) -> bool:
+        """Moves straight to a place relative to the base [m, rad]; returns whether it got there."""
+        theta = next((value for value in rest if isinstance(value, int | float)), 0.0)
+        return bool(await self._moves.move_to(caller, x, y, theta))
+
+    def stop_navigate_to(self) -> None:
+        """Brakes."""
+        self._moves.stop_move()
+
+    def stop_exploration(self) -> None:
+        """Stops an exploration; none is under way."""
+
+    def stop_localization(self) -> None:
+        """Stops localising itself in a map; it has none."""

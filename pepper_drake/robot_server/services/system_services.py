@@ -1,0 +1,370 @@
+"""Resources, networks, modules, logs and preferences of the robot's system."""
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+from pepper_drake.robot_server.services.extractors import Extractor
+from pepper_drake.robot_server.services.kept_settings import keep_settings
+from pepper_drake.robot_server.services.waiting import VERSION, Module
+
+Log = Callable[[str], None]
+
+
+class System(Module):
+    """ALSystem."""
+
+    def __init__(self) -> None:
+        super().__init__("ALSystem")
+        keep_settings(self, {"set_robot_name": ("robot_name", "Pepper")}, True)
+        keep_settings(self, {"set_timezone": ("timezone", "Europe/Paris")}, True)
+
+    def system_version(self) -> str:
+        """Returns the version of NAOqi."""
+        return VERSION
+
+    def previous_system_version(self) -> str:
+        """Returns the version before: there was none."""
+        return ""
+
+    def total_memory(self) -> int:
+        """Returns the memory of the machine that simulates the robot [kB]."""
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 1024
+
+    def free_memory(self) -> int:
+        """Returns the free memory of the machine that simulates the robot [kB]."""
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_AVPHYS_PAGES") // 1024
+
+    def robot_icon(self) -> bytes:
+        """Returns a picture of the robot: none."""
+        return b""
+
+    def _refused(self, *_: Any) -> None:
+        """Refuses: the simulated robot is started and ended where it runs."""
+        raise ValueError("a simulated robot is started and ended where it runs, not from afar")
+
+    reboot = _refused
+    shutdown = _refused
+    upgrade = _refused
+    factory_reset = _refused
+    change_password = _refused
+
+
+class Sensors(Extractor):
+    """ALSensors: who wants events of the bumpers and buttons, which come in any case."""
+
+    def __init__(self) -> None:
+        super().__init__("ALSensors", keys=("LeftBumperPressed", "RightBumperPressed"))
+
+    def run(self) -> None:
+        """Does nothing: the events come by themselves."""
+
+
+class ResourceManager(Module):
+    """ALResourceManager: who owns what, by names; it keeps nobody from using anything."""
+
+    def __init__(self) -> None:
+        super().__init__("ALResourceManager")
+        self._parents = dict.fromkeys(_RESOURCES, "")
+        self._owners: dict[str, str] = {}
+
+    def create_resource(self, name: str, parent: str) -> None:
+        """Makes a resource, within another or ""."""
+        if name in self._parents:
+            raise ValueError(f"the resource {name} is there already")
+        if parent:
+            self._known(parent)
+        self._parents[name] = parent
+
+    def create_resources_list(self, names: list[str], parent: str) -> None:
+        """Makes resources."""
+        for name in names:
+            self.create_resource(name, parent)
+
+    def delete_resource(self, name: str, children: bool) -> None:
+        """Forgets a resource, and those within it if they may be forgotten with it."""
+        self._known(name)
+        within = [child for child in self._parents if self.is_in_group(name, child)]
+        if len(within) > 1 and not children:
+            raise ValueError(f"the resource {name} has others within it")
+        for child in within:
+            del self._parents[child]
+            self._owners.pop(child, None)
+
+    def get_resources(self) -> list[str]:
+        """Returns the resources."""
+        return list(self._parents)
+
+    def owners_get(self) -> list[list[str]]:
+        """Returns [resource, owner] for each that is owned."""
+        return [[name, owner] for name, owner in self._owners.items()]
+
+    def is_in_group(self, group: str, name: str) -> bool:
+        """Returns whether a resource is another, or within it."""
+        self._known(name)
+        while name:
+            if name == group:
+                return True
+            name = self._parents[name]
+        return False
+
+    def is_resource_free(self, name: str) -> bool:
+        """Returns whether nobody owns a resource or what is within it."""
+        self._known(name)
+        return not any(
+            self.is_in_group(name, owned) or self.is_in_group(owned, name) for owned in self._owners
+        )
+
+    def are_resources_free(self, names: list[str]) -> bool:
+        """Returns whether nobody owns any of these."""
+        return all(self.is_resource_free(name) for name in names)
+
+    def check_state_resource_free(self, names: list[str]) -> bool:
+        """As `areResourcesFree`: no state hinders."""
+        return self.are_resources_free(names)
+
+    def are_resources_owned_by(self, names: list[str], owner: str) -> bool:
+        """Returns whether one owns all of these."""
+        return all(self._owners.get(name) == owner for name in names)
+
+    def acquire_resource(self, name: str, owner: str, _callback: str, _seconds: int) -> None:
+        """Gives a resource to an owner; refused while another has it."""
+        self.acquire_resources_tree([name], owner, "", 0)
+
+    def acquire_resources_tree(
+        self, names: list[str], owner: str, _callback: str, _seconds: int
+    ) -> None:
+        """Gives resources to an owner; refused while another has one of them."""
+        taken = [
+            name
+            for name in names
+            if not self.is_resource_free(name) and self._owners.get(name) != owner
+        ]
+        if taken:
+            raise ValueError(f"{', '.join(taken)} belong to another")
+        self._owners |= dict.fromkeys(names, owner)
+
+    wait_for_resource = acquire_resource
+    wait_for_resources_tree = acquire_resources_tree
+
+    def wait_for_optional_resources_tree(
+        self, names: list[str], owner: str, callback: str, seconds: int, optional: list[str]
+    ) -> list[str]:
+        """Gives resources to an owner, and the optional ones that are free; returns these."""
+        self.acquire_resources_tree(names, owner, callback, seconds)
+        free = [name for name in optional if self.is_resource_free(name)]
+        self._owners |= dict.fromkeys(free, owner)
+        return free
+
+    def release_resource(self, name: str, owner: str) -> None:
+        """Takes a resource from its owner."""
+        self.release_resources([name], owner)
+
+    def release_resources(self, names: list[str], owner: str) -> None:
+        """Takes resources from their owner."""
+        for name in names:
+            self._known(name)
+            if self._owners.get(name) == owner:
+                del self._owners[name]
+
+    def enable_state_resource(self, name: str, _enabled: bool) -> None:
+        """Switches whether a state counts as a resource."""
+        self._known(name)
+
+    def _known(self, name: str) -> None:
+        if name not in self._parents:
+            raise ValueError(f"there is no resource {name!r}")
+
+
+_RESOURCES = ("All motors", "Head", "LArm", "RArm", "Leg", "Wheels", "All leds", "TTS", "Standing")
+
+
+class ConnectionManager(Module):
+    """ALConnectionManager: the simulated robot is in the network of the machine that it runs on."""
+
+    def __init__(self) -> None:
+        super().__init__("ALConnectionManager")
+        keep_settings(self, {"set_country": ("country", "FR")})
+
+    def state(self) -> str:
+        """Returns that there is a network."""
+        return "ready"
+
+    def scan(self, _technology: str = "") -> None:
+        """Looks for networks; there is one."""
+
+    def services(self) -> list[list[list[Any]]]:
+        """Returns the networks, each as [[name, value], ...]."""
+        return [self.service(_NETWORK)]
+
+    def service(self, name: str) -> list[list[Any]]:
+        """Returns a network as [[name, value], ...]."""
+        if name != _NETWORK:
+            raise ValueError(f"there is no network {name!r}")
+        about = {"ServiceId": name, "Name": "Wired", "Type": "ethernet", "State": "online"}
+        return [[key, value] for key, value in {**about, "Favorite": True}.items()]
+
+    def technologies(self) -> list[str]:
+        """Returns the kinds of network that it has."""
+        return ["ethernet"]
+
+    def interfaces(self) -> list[list[str]]:
+        """Returns names and addresses of its network cards: none that is to be told."""
+        return []
+
+    def countries(self) -> list[str]:
+        """Returns the countries that can be set."""
+        return ["DE", "FR", "GB", "JP", "US"]
+
+    def get_tethering_enable(self, _technology: str) -> bool:
+        """Returns whether it shares its network: it does not."""
+        return False
+
+    def _refused(self, *_: Any) -> None:
+        """Refuses: the network is the machine's."""
+        raise ValueError("the network is that of the machine on which the robot is simulated")
+
+    connect = _refused
+    disconnect = _refused
+    forget = _refused
+    set_service_configuration = _refused
+    set_service_input = _refused
+    enable_tethering = _refused
+    disable_tethering = _refused
+    tethering_name = _refused
+    tethering_passphrase = _refused
+
+
+_NETWORK = "ethernet_simulated"
+
+
+class Launcher(Module):
+    """ALLauncher: which modules there are; it starts nothing."""
+
+    def __init__(self, modules: Callable[[], list[str]]) -> None:
+        super().__init__("ALLauncher")
+        self._modules = modules
+
+    def is_module_present(self, name: str) -> bool:
+        """Returns whether there is a module."""
+        return name in self._modules()
+
+    def get_global_module_list(self) -> list[str]:
+        """Returns the modules."""
+        return self._modules()
+
+    def _refused(self, name: str, *_: Any) -> None:
+        """Refuses: what a program names is not on the simulated robot."""
+        raise ValueError(f"{name!r} is not on the simulated robot, and nothing is started")
+
+    launch_local = _refused
+    launch_executable = _refused
+    launch_script = _refused
+    launch_python_module = _refused
+
+
+class ServiceManager(Module):
+    """ALServiceManager: nothing is installed that could be started."""
+
+    def __init__(self) -> None:
+        super().__init__("ALServiceManager")
+
+    def services(self) -> list[Any]:
+        """Returns the services that packages brought: none."""
+        return []
+
+    def _is_not(self, _name: str) -> bool:
+        """Returns that there is no such service."""
+        return False
+
+    start_service = _is_not
+    restart_service = _is_not
+    stop_service = _is_not
+    is_service_running = _is_not
+
+
+class Logger(Module):
+    """ALLogger: what modules of clients say stands in the robot's log."""
+
+    def __init__(self, log: Log) -> None:
+        super().__init__("ALLogger")
+        self._log = log
+        keep_settings(self, {"set_verbosity": ("verbosity_name", "info")})
+
+    def verbosity(self) -> int:
+        """Returns how much is told, from 0 to 6."""
+        name = self.verbosity_name()  # type: ignore[attr-defined]
+        return _LEVELS.index(name) if name in _LEVELS else _LEVELS.index("info")
+
+    def _say(self, module: str, text: str) -> None:
+        """Puts a line into the log."""
+        self._log(f"{module}: {text}")
+
+    fatal = error = warn = info = _say
+
+    def _quiet(self, *_: Any) -> None:
+        """Leaves out what is too small to be told, or where it would be told."""
+
+    debug = low_debug = low_info = _quiet
+    log_in_file = log_in_forwarder = log_in_std = log_in_sys = _quiet
+    remove_handler = separator = set_filter = _quiet
+
+
+_LEVELS = ("silent", "fatal", "error", "warning", "info", "verbose", "debug")
+
+
+class Preferences(Module):
+    """ALPreferences: preferences of former programs by the name of their file, until the end."""
+
+    def __init__(self) -> None:
+        super().__init__("ALPreferences")
+        self._files: dict[str, Any] = {}
+
+    def read_pref_file(self, name: str, _save: bool) -> Any:
+        """Returns the preferences of a file, an empty list if there is none."""
+        return self._files.get(name, [])
+
+    def write_pref_file(self, name: str, preferences: Any, _ignore: bool) -> None:
+        """Keeps preferences."""
+        self._files[name] = preferences
+
+    def remove_pref_file(self, name: str) -> None:
+        """Forgets preferences."""
+        self._files.pop(name, None)
+
+    def save_to_memory(self, _preferences: Any) -> bool:
+        """Returns whether they could be put into ALMemory: they are not."""
+        return False
+
+
+class Store(Module):
+    """ALStore: there is no shop to fetch programs from."""
+
+    def __init__(self) -> None:
+        super().__init__("ALStore")
+
+    def update(self) -> None:
+        """Refuses: there is no shop."""
+        raise ValueError("the simulated robot has no shop to fetch programs from")
+
+    def stop_update(self) -> None:
+        """Stops an update; none is under way."""
+
+    def status(self) -> list[Any]:
+        """Returns what is being fetched: nothing."""
+        return []
+
+
+class Diagnosis(Module):
+    """ALDiagnosis: every part of the simulated robot is in order."""
+
+    def __init__(self) -> None:
+        super().__init__("ALDiagnosis")
+        keep_settings(self, {"set_enable_notification": ("is_notification_enabled", True)})
+
+    def get_diagnosis_status(self) -> list[Any]:
+        """Returns the worst error, 0 for none, and which devices have it."""
+        return [0, []]
+
+    get_active_diagnosis = get_diagnosis_status
+    get_passive_diagnosis = get_diagnosis_status

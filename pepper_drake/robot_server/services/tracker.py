@@ -1,0 +1,243 @@
+"""ALTracker: looks and points at a place. It follows no target: nothing is recognised."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.naoqi.constants import CHAINS, FRAME_ROBOT, FRAME_TORSO, FRAME_WORLD, JOINTS
+from pepper_drake.perception.cameras.camera import CAMERA_TOP
+from pepper_drake.perception.gaze.head_aiming import aim_head, clamp_head
+from pepper_drake.robot_server.robot.robot_model import clip_to_limits, kinematics
+from pepper_drake.robot_server.services.kept_settings import keep_settings
+from pepper_drake.robot_server.services.motion import Motion
+from pepper_drake.robot_server.services.motion_arguments import fraction, numbers
+from pepper_drake.robot_server.services.waiting import Module
+
+Vector = npt.NDArray[np.float64]
+
+_ROUNDS = 6
+"""Corrections until the hand is on the line to the place; each takes off most of the error."""
+
+_ORIGIN = (0.0, 0.0, 0.0)
+
+_SHOULDER = {"LArm": "LShoulderPitch", "RArm": "RShoulderPitch"}
+
+
+class Tracker(Module):
+    """ALTracker."""
+
+    def __init__(self, motion: Motion, log: Callable[[str], None]) -> None:
+        super().__init__("ALTracker")
+        self._log = log
+        self._motion = motion
+        self._effector = "None"
+        self._mode = "Head"
+        self._timeout = 0
+        self._range = 0.0
+        self._search = False
+        self._relative: Any = []
+        self._targets: dict[str, Any] = {}
+        keep_settings(
+            self,
+            {
+                "set_maximum_velocity": ("get_maximum_velocity", 0.35),
+                "set_maximum_acceleration": ("get_maximum_acceleration", 0.3),
+                "set_search_fraction_max_speed": ("get_search_fraction_max_speed", 0.2),
+                "set_move_config": ("get_move_config", []),
+                "set_target_coordinates": ("get_target_coordinates", []),
+            },
+        )
+
+    async def look_at(self, position: Any, *arguments: Any) -> None:
+        """Turns the head so that the top camera looks at a place [m].
+
+        Args:
+            position: The place (3,) in a frame.
+            arguments: The frame (0 torso, 1 world, 2 robot; left out: torso), fraction of the
+                largest speed, and whether the whole body helps, which Pepper's does not.
+        """
+        frame, share = (FRAME_TORSO, arguments[0]) if len(arguments) == 2 else arguments[:2]
+        p_T = self._in_torso(numbers(position, 3, "the position"), frame)
+        yaw, pitch = clamp_head(aim_head(CAMERA_TOP, p_T)).tolist()
+        targets = {"HeadYaw": yaw, "HeadPitch": pitch}
+        await self._motion.go_to(targets, fraction(share), "lookAt")
+
+    async def point_at(self, effector: str, position: Any, *arguments: Any) -> None:
+        """Points with an arm, straight from the shoulder, at a place [m].
+
+        Args:
+            effector: "LArm", "RArm" or "Arms": the nearer one.
+            position: The place (3,) in a frame.
+            arguments: The frame (left out: torso) and the fraction of the largest speed.
+        """
+        frame, share = (FRAME_TORSO, arguments[0]) if len(arguments) == 1 else arguments[:2]
+        p_T = self._in_torso(numbers(position, 3, "the position"), frame)
+        if effector == "Arms":
+            effector = "LArm" if p_T[1] > 0 else "RArm"
+        if effector not in _SHOULDER:
+            raise ValueError(f"there is no effector {effector!r}; it must be LArm, RArm or Arms")
+        targets = _point(effector, p_T)
+        await self._motion.go_to(targets, fraction(share), "pointAt")
+
+    def get_robot_position(self) -> list[float]:
+        """Returns the base's pose in the world: x, y [m], theta [rad]."""
+        return list(self._motion.state.base_pose)
+
+    def is_active(self) -> bool:
+        """Returns whether a target is followed: none is."""
+        return False
+
+    def is_new_target_detected(self) -> bool:
+        """Returns whether a target was seen: none is."""
+        return False
+
+    def is_target_lost(self) -> bool:
+        """Returns whether the target is out of sight: there is none to see."""
+        return True
+
+    def get_active_target(self) -> str:
+        """Returns the target that is followed: none."""
+        return ""
+
+    def get_supported_targets(self) -> list[str]:
+        """Returns the targets that the robot can recognise: none."""
+        return []
+
+    def get_target_position(self, _frame: int = FRAME_TORSO) -> list[float]:
+        """Returns where the target is: it is not seen."""
+        return []
+
+    def get_registered_targets(self) -> list[str]:
+        """Returns the targets that were registered."""
+        return sorted(self._targets)
+
+    def register_target(self, target: str, parameters: Any) -> None:
+        """Keeps a target; to follow it is refused."""
+        self._targets[target] = parameters
+
+    def unregister_target(self, target: str) -> None:
+        """Forgets a target."""
+        self._targets.pop(target, None)
+
+    def unregister_targets(self, targets: list[str]) -> None:
+        """Forgets targets."""
+        for target in targets:
+            self._targets.pop(target, None)
+
+    def unregister_all_targets(self) -> None:
+        """Forgets all targets."""
+        self._targets.clear()
+
+    get_target_names = get_supported_targets
+    get_managed_targets = get_registered_targets
+    add_target = register_target
+    remove_target = unregister_target
+    remove_targets = unregister_targets
+    remove_all_targets = unregister_all_targets
+
+    def track(self, target: str) -> None:
+        """Would follow a target; it is lost, as `isTargetLost` says: nothing is recognised."""
+        if target not in self._targets:
+            raise ValueError(f"target {target!r} was not registered")
+        self._log(f"ALTracker is to follow {target}; nothing is recognised, and it stays lost")
+
+    def track_event(self, event: str) -> None:
+        """Would follow what an event tells: nothing is recognised."""
+        self._log(f"ALTracker is to follow {event}; nothing is recognised")
+
+    def stop_tracker(self) -> None:
+        """Stops looking and pointing."""
+        self._motion.tasks.kill_where(lambda task: task.name in ("lookAt", "pointAt"))
+
+    def set_effector(self, effector: str) -> None:
+        """Sets the arm that would follow a target."""
+        if effector not in ("None", "Arms", *_SHOULDER):
+            raise ValueError(f"there is no effector {effector!r}")
+        self._effector = effector
+
+    def get_effector(self) -> str:
+        """Returns the arm that would follow a target."""
+        return self._effector
+
+    def set_mode(self, mode: str) -> None:
+        """Sets what would follow a target."""
+        if mode not in self.get_available_modes():
+            raise ValueError(f"there is no mode {mode!r}")
+        self._mode = mode
+
+    def get_mode(self) -> str:
+        """Returns what would follow a target."""
+        return self._mode
+
+    def get_available_modes(self) -> list[str]:
+        """Returns what may follow a target."""
+        return ["Head", "BodyRotation", "WholeBody", "Move", "Navigate"]
+
+    def toggle_search(self, search: bool) -> None:
+        """Sets whether a lost target would be searched."""
+        self._search = search
+
+    def is_search_enabled(self) -> bool:
+        """Returns whether a lost target would be searched."""
+        return self._search
+
+    def set_time_out(self, milliseconds: int) -> None:
+        """Sets after what time a target would be lost [ms]."""
+        self._timeout = milliseconds
+
+    def get_time_out(self) -> int:
+        """Returns after what time a target would be lost [ms]."""
+        return self._timeout
+
+    def set_maximum_distance_detection(self, distance: float) -> None:
+        """Sets how far a target would be followed [m]."""
+        self._range = distance
+
+    def get_maximum_distance_detection(self) -> float:
+        """Returns how far a target would be followed [m]."""
+        return self._range
+
+    def initialize(self) -> None:
+        """Sets all settings to what they are at first."""
+        self._targets.clear()
+        self._effector, self._mode = "None", "Head"
+
+    def set_relative_position(self, position: Any) -> None:
+        """Sets where the robot would stand to a target."""
+        self._relative = position
+
+    def get_relative_position(self) -> Any:
+        """Returns where the robot would stand to a target."""
+        return self._relative
+
+    def _in_torso(self, position: list[float], frame: int) -> Vector:
+        if frame not in (FRAME_TORSO, FRAME_WORLD, FRAME_ROBOT):
+            raise ValueError(f"frame is {frame}; it must be 0 (torso), 1 (world) or 2 (robot)")
+        state = self._motion.state
+        X_FT = kinematics().transform("Torso", frame, state.positions, state.base_pose)
+        return X_FT.inverse() @ np.array(position)
+
+
+def _point(arm: str, p_T: Vector) -> dict[str, float]:
+    """Returns the arm's angles [rad], within limits, that stretch it towards a place."""
+    place = np.zeros(len(JOINTS))
+    names = CHAINS[arm][:5]
+    pitch, roll = (JOINTS.index(name) for name in names[:2])
+    p_TS = kinematics().transform(_SHOULDER[arm], FRAME_TORSO, place, _ORIGIN).translation()
+    wanted = _pitch_and_roll(p_T - p_TS)
+    for _ in range(_ROUNDS):
+        X_TH = kinematics().transform(arm, FRAME_TORSO, clip_to_limits(place), _ORIGIN)
+        pointed = _pitch_and_roll(X_TH.translation() - p_TS)
+        place[pitch] += math.remainder(wanted[0] - pointed[0], 2 * math.pi)
+        place[roll] += wanted[1] - pointed[1]
+        place = clip_to_limits(place)
+    return {name: float(place[JOINTS.index(name)]) for name in names}
+
+
+def _pitch_and_roll(direction: Vector) -> tuple[float, float]:
+    """Returns the angles of a direction down from ahead and out to the left [rad]."""
+    x, y, z = direction
+    return math.atan2(-z, x), math.atan2(y, math.hypot(x, z))

@@ -1,0 +1,62 @@
+"""The speed before space that was not seen lately: what stops in time, what may touch."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.separation import (
+    SeparationParams,
+    StaleSpace,
+    changed_speed,
+    speed_share,
+)
+from tests.planning.reach.scripted_planner import NO_DETOUR, STALE, on_its_way
+
+PARAMS = SeparationParams()
+STEP = 0.01
+
+
+@given(time=st.floats(0.0, 3.0), fastest=st.floats(0.0, 1.5))
+def test_an_arm_that_keeps_to_its_share_stands_before_the_space_or_touches_gently(time, fastest):
+    speed = speed_share(StaleSpace((0.0, 0.0, 0.0), time, fastest), PARAMS)
+    assert 0.0 < speed <= 1.0
+    passed = speed * PARAMS.reaction
+    while speed * fastest > PARAMS.touch_speed + 1e-9 and speed > PARAMS.slowest:
+        passed += speed * STEP
+        speed = changed_speed(speed, 0.0, STEP, PARAMS)
+        if passed > time + 1.5 * STEP:
+            pytest.fail("it is too fast where it cannot see")
+
+
+def test_space_that_was_seen_slows_nothing_down_and_more_time_never_slows_down():
+    assert speed_share(StaleSpace(), PARAMS) == 1.0
+    times = np.linspace(0.0, 1.0, 50)
+    shares = [speed_share(StaleSpace((0.0, 0.0, 0.0), t, 0.5), PARAMS) for t in times]
+    assert np.all(np.diff(shares) >= 0.0)
+    assert shares[0] == pytest.approx(PARAMS.touch_speed / 0.5)
+    assert shares[-1] == 1.0
+
+
+def test_the_supervisor_slows_the_arm_down_and_counts_the_movements_own_time():
+    one = on_its_way()
+    one.planner.stale = STALE._replace(time=0.4)
+    begun = one.look().state.performed
+    speeds = [one.step().speed for _ in range(12)]
+    assert np.all(np.diff(speeds) <= 0.0)
+    assert speeds[-1] < 0.3
+    assert one.state.performed - begun < 0.4
+    one.planner.stale = StaleSpace()
+    one.look().advance(0.3)
+    assert one.state.speed == 1.0
+    assert one.state.mode == ReachMode.REACHING
+
+
+def test_a_retreat_is_not_slowed_down():
+    one = on_its_way(ahead=0.0, detour=NO_DETOUR)
+    one.planner.stale = STALE._replace(time=0.0)
+    one.image_time = None
+    one.advance(1.0)
+    assert one.state.suspended_plan is not None
+    assert one.state.speed == 1.0
