@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup reach faults test lint docs bench clean
+.PHONY: help setup reach faults test lint docs bench speed clean
 
 help: ## List the targets.
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -42,7 +42,10 @@ docs: $(STAMP) ## Build the docs site in out/site; a warning fails it.
 	@$(BIN)/mkdocs build --strict --quiet
 	@echo "out/site/index.html"
 
-bench: $(STAMP) ## Measure speed, as ratios within one run.
+bench: $(STAMP) ## Many scenes, methods side by side. ARGS="--gate": is anything worse than before?
+	@$(BIN)/python apps/benchmark.py $(ARGS)
+
+speed: $(STAMP) ## Measure speed, as ratios within one run.
 	@$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only $(ARGS)
 
 clean: ## Remove what the targets made.

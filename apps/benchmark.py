@@ -7,6 +7,7 @@
   benchmark.py --methods d,own.py:plan        a planner of your own beside ours
   benchmark.py --scene table --scenes 20      one scene, twenty seeds of the noise
   benchmark.py --replay d:17                  one run again, to look at: recording.html
+  benchmark.py --gate                         is anything worse than benchmarks/baseline.json?
 
 A run that is in the output folder is not run again: interrupt it and go on later, or add scenes and
 methods. Give another folder after changing the code. Results: benchmark.html, the page to look at,
@@ -17,13 +18,16 @@ file for each run in results/, and for each scene in scenes/, which others can r
 import contextlib
 import sys
 from argparse import ArgumentParser, Namespace
+from pathlib import Path
 
 from tqdm import tqdm
 
 from pepper_drake import cli
+from pepper_drake.benchmarking.baseline import Baseline
 from pepper_drake.benchmarking.batch import Task, run_tasks
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import DiagramReach
+from pepper_drake.benchmarking.gate import gate_tasks, measure_gate
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.methods import METHODS, get_method
 from pepper_drake.cli_robot import add_robot_options
@@ -34,6 +38,7 @@ from pepper_drake.optimization.parallel import dask_cluster
 from pepper_drake.reporting.benchmark_report import record_failures, replay_folder, save_benchmark
 from pepper_drake.systems.faults.fault import parse_faults
 
+_BASELINE = Path(__file__).resolve().parents[1] / "benchmarks" / "baseline.json"
 _TABLE = "table"
 """Family of the random scenes that have no other."""
 
@@ -87,6 +92,23 @@ def make_parser() -> ArgumentParser:
     )
     parser.add_argument(
         "--recordings", action="store_true", help="record each run that failed, for the page"
+    )
+    parser.add_argument(
+        "--gate",
+        action="store_true",
+        help="some minutes of seeded runs of ours; what is worse than the baseline fails",
+    )
+    parser.add_argument(
+        "--baseline",
+        type=Path,
+        default=_BASELINE,
+        metavar="FILE",
+        help="of --gate (default: benchmarks/baseline.json of the repository)",
+    )
+    parser.add_argument(
+        "--update-baseline",
+        metavar="REASON",
+        help="run --gate and write what it measures to the baseline, with the reason",
     )
     parser.add_argument(
         "--replay", metavar="METHOD:SEED", help="run one again and record it, as d:17"
@@ -181,10 +203,35 @@ def replay(options: Namespace) -> int:
     return cli.EXIT_DONE if result.outcome == "reached" else cli.EXIT_FAILED
 
 
+def gate(options: Namespace) -> int:
+    """Measures what the baseline is about, and compares, or writes it anew."""
+    reason = options.update_baseline
+    if reason is not None and not reason.strip():
+        raise InputError("--update-baseline has no reason; say in a sentence why numbers change")
+    baseline = Baseline.load(options.baseline) if reason is None else None
+    options.output.mkdir(parents=True, exist_ok=True)
+    hidden = options.quiet or not sys.stderr.isatty()
+    with tqdm(total=len(gate_tasks()), unit="run", disable=hidden) as bar:
+        measured = measure_gate(options.output, jobs=options.jobs, progress=lambda _: bar.update())
+    if not options.quiet:
+        for name, metric in measured.items():
+            print(f"{name}: {metric.value:.4g} {metric.unit}")
+    if baseline is None:
+        Baseline(measured, reason).save(options.baseline)
+        print(f"{options.baseline} is written anew")
+        return cli.EXIT_DONE
+    failures = baseline.failures(measured)
+    for line in failures:
+        print(f"worse: {line}", file=sys.stderr)
+    return cli.EXIT_FAILED if failures else cli.EXIT_DONE
+
+
 def main() -> int:
     """Runs the app."""
     options = cli.parse(make_parser())
     cli.quiet_libraries()
+    if options.gate or options.update_baseline is not None:
+        return gate(options)
     if options.replay is not None:
         return replay(options)
     tasks = make_tasks(options)

@@ -3,7 +3,7 @@
 It injects each sensible pair of signal and kind (see reach.py --fault), from the start on and from
 the moment when the arm starts, and writes a table.
 
-  faults.py                               the table of docs/faults.md: takes about an hour
+  faults.py --jobs 2                      the table of docs/faults.md: takes about an hour
   faults.py --scenes table,shelf,clutter  in three scenes
   faults.py --signals depth,cloud --starts reach
 
@@ -15,6 +15,9 @@ ended by an exception; 2: bad input.
 import json
 import sys
 from argparse import ArgumentParser, Namespace
+from collections.abc import Generator, Sequence
+from concurrent.futures import as_completed
+from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 
@@ -30,7 +33,9 @@ from pepper_drake.evaluation.fault_table import (
     markdown_table,
     run_fault,
 )
+from pepper_drake.files import write_atomically
 from pepper_drake.models.scene import load_scene
+from pepper_drake.optimization.parallel import processes
 from pepper_drake.systems.faults.fault import SIGNALS, parse_fault
 
 
@@ -54,6 +59,9 @@ def make_parser() -> ArgumentParser:
         default=",".join(STARTS),
         metavar="TIMES",
         help='starts of the faults, with commas between: s, or "reach" (default: %(default)s)',
+    )
+    parser.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="runs at a time (default: %(default)s)"
     )
     return parser
 
@@ -97,6 +105,20 @@ def load_results(path: Path) -> dict[FaultCase, FaultResult]:
     return {FaultCase(row.fault, row.scene, row.seed): row for row in results}
 
 
+def run_missing(cases: Sequence[FaultCase], jobs: int) -> Generator[FaultResult]:
+    """Yields what comes of each case, as it comes.
+
+    Raises:
+        InputError: The number of jobs is not positive.
+    """
+    with processes(jobs) as executor:
+        if executor is None:
+            yield from map(run_fault, cases)
+        else:
+            for future in as_completed([executor.submit(run_fault, case) for case in cases]):
+                yield future.result()
+
+
 def main() -> int:
     """Runs the app."""
     options = cli.parse(make_parser())
@@ -105,14 +127,20 @@ def main() -> int:
     options.output.mkdir(parents=True, exist_ok=True)
     path = options.output / "faults.json"
     done = load_results(path)
-    with cli.stop_on_interrupt() as should_stop:
-        for case in tqdm(cases, disable=options.quiet or not sys.stderr.isatty(), unit=" run"):
+    missing = [case for case in cases if case not in done]
+    hide = options.quiet or not sys.stderr.isatty()
+    with (
+        cli.stop_on_interrupt() as should_stop,
+        closing(run_missing(missing, options.jobs)) as results_as_they_come,
+        tqdm(total=len(cases), initial=len(cases) - len(missing), disable=hide, unit=" run") as bar,
+    ):
+        for result in results_as_they_come:
+            done[FaultCase(result.fault, result.scene, result.seed)] = result
+            rows = [asdict(row) for row in done.values()]
+            write_atomically(path, json.dumps(rows, indent=1) + "\n")
+            bar.update()
             if should_stop():
                 return cli.EXIT_INTERRUPTED
-            if case in done:
-                continue
-            done[case] = run_fault(case)
-            path.write_text(json.dumps([asdict(row) for row in done.values()], indent=1) + "\n")
     results = [done[case] for case in cases]
     (options.output / "faults.md").write_text(markdown_table(results))
     unsafe = [result for result in results if not result.is_safe]

@@ -224,7 +224,10 @@ def _perceive_with_robot(options: Namespace) -> int:
         if report["goal_position"]:
             x, y, z = report["goal_position"]
             spread = 1000 * report["goal_spread"]
-            print(f"  goal    at ({x:.3f}, {y:.3f}, {z:.3f}) m, +- {spread:.1f} mm")
+            print(
+                f"  goal    at ({x:.3f}, {y:.3f}, {z:.3f}) m, within {spread:.1f} mm in "
+                f"{len(view.goal_positions)} looks"
+            )
         else:
             print("  goal    not seen")
         print(f"  cloud   {len(view.cloud)} points")

@@ -94,7 +94,6 @@ SIMULATED_ONLY: dict[str, object] = {
     "goal_motion": None,
     "moving": False,
     "push": None,
-    "tasks": None,
     "no_avoidance": False,
     "unvetted": False,
     "live": False,

@@ -160,6 +160,11 @@ def open_folder(options: Namespace) -> tuple[SessionFolder, SessionFolder | None
     goes_on = folder.exists()
     name = options.lesson or folder.record.lesson
     lesson = find_lesson(name) if name else None
+    if lesson is not None and options.no_cameras and set(lesson.record.offsets) - {"goal"}:
+        raise InputError(
+            f"--no-cameras: in the lesson {name} Pepper has to see what stands in its way;"
+            " leave --no-cameras out, or the lesson"
+        )
     start = folder.record if goes_on else lesson.record if lesson is not None else SessionRecord()
     wanted = SessionRecord(
         lesson=options.lesson or "",

@@ -11,6 +11,7 @@ from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.package_coupling import PackageCoupling
 from pepper_drake.benchmarking.planned_reach import (
     PlannedReach,
+    barrier_motions,
     optimized_motions,
     roboplan_motions,
     rrt_motions,
@@ -60,7 +61,7 @@ class Method:
 
     @property
     def label(self) -> str:
-        """What it is called in tables and figures."""
+        """Its name in tables and figures."""
         return f"{self.letter.rpartition('/')[2]}: {self.name}"
 
     def check(self) -> None:
@@ -131,6 +132,15 @@ METHODS: tuple[Method, ...] = (
         "no dynamics",
         PlannedReach(roboplan_motions, prepare=roboplan_model),
         needs="roboplan",
+        knows_all=True,
+    ),
+    Method(
+        "i",
+        "Pink's barriers",
+        "Pink's differential inverse kinematics with barriers to all collision pairs, reactive; "
+        "perfect knowledge, no dynamics",
+        PlannedReach(barrier_motions, reactive=True),
+        needs="pink",
         knows_all=True,
     ),
 )

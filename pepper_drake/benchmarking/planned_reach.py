@@ -28,6 +28,7 @@ from pepper_drake.benchmarking.goal_search import goal_postures
 from pepper_drake.benchmarking.known_scene import GroundTruthScene
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.metrics import demonstration_distance, path_length, rms_jerk
+from pepper_drake.benchmarking.pink_barriers import barrier_motion
 from pepper_drake.benchmarking.planned_reach_page import record_motion
 from pepper_drake.benchmarking.roboplan_rrt import roboplan_rrt
 from pepper_drake.benchmarking.rrt_connect import rrt_connect, seed_ompl
@@ -83,6 +84,11 @@ def roboplan_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> It
         yield motion
 
 
+def barrier_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
+    """The one motion of a reactive policy, which nothing random drives."""
+    yield barrier_motion(known, base_pose)
+
+
 def optimized_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
     """One motion by trajectory optimisation to each goal posture."""
     for goal in goal_postures(known, base_pose, np.random.default_rng(seed)):
@@ -96,11 +102,13 @@ class PlannedReach:
     Attributes:
         motions: The planner.
         prepare: Makes its model of the scene, whose time is not counted.
+        reactive: Whether it plans nothing ahead: it moves after the time of one step.
         options: None: `reach.py` does not do this.
     """
 
     motions: Motions
     prepare: Callable[[GroundTruthScene], object] = lambda known: None
+    reactive: bool = False
     options: None = None
 
     def __call__(self, case: Case) -> MethodResult:
@@ -155,11 +163,12 @@ class PlannedReach:
         begin = time.process_time()
         for motion in self.motions(known, place, seed):
             seconds = time.process_time() - begin
+            counted = seconds / len(motion) if self.reactive else seconds
             error, _ = pose_error(known.hand_poses(motion[-1:], place)[0], known.X_WG)
             for waiting in np.arange(0.0, known.quiet_after + _PATIENCE, _PATIENCE):
                 clearance, _ = known.clearance(_whole(known, motion, waiting), place)
                 if error <= POSITION_TOLERANCE and clearance > 0.0:
-                    return _Found(motion, float(waiting), place, seconds)
+                    return _Found(motion, float(waiting), place, counted)
             known.set_time(moment)
             begin = time.process_time() - seconds
         return None

@@ -115,7 +115,7 @@ def roboplan_scene(known: GroundTruthScene, base_pose: Array) -> Any:
 
 
 def _middle(shape: Shape) -> Array:
-    """Where the middle of its box is in a mesh's frame [m]; others have theirs at the origin."""
+    """Middle of its box in a mesh's frame [m]; others have theirs at the origin."""
     if not isinstance(shape, Convex):
         return np.zeros(3)
     corners = _corners(shape)

@@ -21,7 +21,7 @@ Array = npt.NDArray[np.float64]
 FORMAT = "pepper arena scene"
 VERSION = 1
 POSITION_TOLERANCE = 0.010
-"""Of the hand at its goal [m]; a run counts as reached within it."""
+"""Tolerance of the hand at its goal [m]; a run counts as reached within it."""
 _PATH_STEP = 0.02
 """Between the rows of a path [s]."""
 

@@ -165,7 +165,7 @@ HEADER = (
     "planning latency: simulated / measured 99 % [ms]",
     *("path length [m]", "jerk [m/s³]", "to the taught path, eq. 4.1 [m]", "clearance [mm]"),
 )
-"""Of the columns of `table_rows`."""
+"""Titles of the columns of `table_rows`."""
 
 
 def table_rows(summaries: Sequence[MethodSummary]) -> list[list[str]]:

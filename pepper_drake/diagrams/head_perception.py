@@ -308,7 +308,11 @@ class HeadPerception(Diagram):
         def constant(name: str, source: System) -> OutputPort:
             return builder.AddNamedSystem(name, source).get_output_port()
 
-        zero = constant("zero", ConstantVectorSource([0.0]))
+        # A constant source depends on time, and with it each command that is computed of it.
+        zero = constant("zero", ZeroOrderHold(station.config.camera_period, 1))
+        builder.Connect(
+            constant("nothing", ConstantVectorSource([0.0])), zero.get_system().get_input_port()
+        )
         one = constant("one", ConstantVectorSource([1.0]))
         nothing = constant("no_obstacles", ConstantValueSource(Value(PointCloud())))
         builder.ExportOutput(one, "goal_valid")

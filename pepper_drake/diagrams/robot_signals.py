@@ -17,7 +17,7 @@ from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.robot.base_velocity_controller import BaseVelocityController
 from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
-from pepper_drake.systems.robot.measurement_guard import MeasurementGuard
+from pepper_drake.systems.robot.measurement_guard import MeasurementAges, MeasurementGuard
 from pepper_drake.systems.robot.worn_joints import CommandLatency, JointBacklash
 
 STATION_SIGNALS = ("top", "bottom", "depth", "stamps", "encoders", "base_pose")
@@ -258,7 +258,7 @@ def add_measurements(
         ages.append(guard.GetOutputPort("age"))
         missing = guard.GetOutputPort("missing") if missing is None else missing
         builder.ExportOutput(ports[name], name)
-    both = builder.AddNamedSystem("measurement_age", Multiplexer([1, 1]))
+    both = builder.AddNamedSystem("measurement_age", MeasurementAges())
     for k, age in enumerate(ages):
         builder.Connect(age, both.get_input_port(k))
     builder.ExportOutput(both.get_output_port(), "measurement_age")

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 from pydrake.systems.framework import DiagramBuilder, System
-from pydrake.systems.primitives import Adder
+from pydrake.systems.primitives import Adder, ZeroOrderHold
 
 from pepper_drake.diagrams.robot_signals import export_triggers
 from pepper_drake.models.control_model import (
@@ -164,7 +164,10 @@ class SafetyLayer(Diagram):
         )
         builder.Connect(wanted["position"], monitor.GetInputPort("joint_position_command"))
         connect(builder, driver, body_watch, "base_velocity_command")
-        connect(builder, driver, monitor, held="base_held")
+        # The base's pose changes with every step of a plant; commands are computed at the ticks.
+        held = add("base_held", ZeroOrderHold(control_period, 1))
+        builder.Connect(driver.GetOutputPort("held"), held.get_input_port())
+        builder.Connect(held.get_output_port(), monitor.GetInputPort("base_held"))
         if minimum_clearance is not None:
             connect(builder, arm_watch, monitor, approach_clearance="clearance")
             connect(builder, body_watch, monitor, approach_clearance="body_clearance")

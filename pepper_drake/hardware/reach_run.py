@@ -29,6 +29,7 @@ _LOGGED = (
     "joint_position",
     "joint_command",
     "base_pose",
+    "hand_opening",
     "hand_position",
     "desired_position",
     "goal_position",
@@ -139,8 +140,15 @@ class _Progress:
         if is_slowed and not self._was_slowed:
             self._run.say(f"{self._seconds():6.2f} s  arm_slowed: {LINK_FAULTS['arm_slowed']}")
         self._was_slowed = self._was_slowed or is_slowed
-        is_done = mode in (ReachMode.DONE, ReachMode.FAILED)
-        return is_done or self._seconds() > LONGEST
+        is_done = mode == ReachMode.DONE and self._is_finished()
+        return is_done or mode == ReachMode.FAILED or self._seconds() > LONGEST
+
+    def _is_finished(self) -> bool:
+        """Returns whether no task is left to do after what is done."""
+        sequencer, root = self._reaching.sequencer, self._simulator.get_context()
+        return sequencer is None or (
+            sequencer.progress(sequencer.GetMyContextFromRoot(root)).finished
+        )
 
     def _seconds(self) -> float:
         return self._simulator.get_context().get_time()
@@ -180,7 +188,7 @@ class _Progress:
             report.believed_position_error = float(np.linalg.norm(last))
         if robot.fault is not None:
             report.reason, report.message = robot.fault.word, str(robot.fault)
-        elif self._mode == ReachMode.DONE:
+        elif self._mode == ReachMode.DONE and self._is_finished():
             # The robot's own belief: nobody measured where the object truly was.
             report.outcome = "reached"
         elif self._mode == ReachMode.FAILED:

@@ -29,6 +29,7 @@ from pepper_drake.models.motion import path_trajectory
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.models.scene import GoalObject, HandMarker, Marker, Obstacle, Scene
 from pepper_drake.models.shapes import mesh_path
+from pepper_drake.short_repr import short_repr
 
 GOAL_OBJECT = "goal_object"
 """Name of the goal object's body, whose frame is O."""
@@ -69,6 +70,8 @@ class SceneModels:
     goal_model: ModelInstanceIndex | None
     moving: tuple[MovingObject, ...]
     """Models that need a desired state, on `plant.get_desired_state_input_port(moving.model)`."""
+
+    __repr__ = short_repr
 
 
 NO_SCENE = SceneModels((), (), "", None, ())

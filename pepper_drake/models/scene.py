@@ -21,6 +21,7 @@ from pepper_drake.models.pepper import (
 )
 from pepper_drake.models.shapes import PlacedShape, convex_hull, distances, mesh_path, overlaps
 from pepper_drake.models.typed_yaml import line_of_field, load_yaml, save_yaml
+from pepper_drake.short_repr import short_repr
 
 SCENES_DIR = MODELS_DIR / "scenes"
 SCENES = ("table", "shelf", "clutter", "free", "teach")
@@ -128,6 +129,8 @@ class GoalObject:
     pre_grasp: HandPose = field(default_factory=HandPose)  # Left out: the arm's usual one.
     path: list[list[float]] = field(default_factory=list)  # Rows time [s], x, y, z offset [m].
 
+    __repr__ = short_repr
+
     def pose(self) -> RigidTransform:
         """Returns X_WO at the start."""
         return make_pose(self.position, [0.0, 0.0, self.yaw])
@@ -145,6 +148,8 @@ class Obstacle:
     rpy: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # [rad]
     color: list[float] = field(default_factory=lambda: [0.7, 0.6, 0.5, 1.0])  # RGBA.
     path: list[list[float]] = field(default_factory=list)  # Rows time [s], x, y, z offset [m].
+
+    __repr__ = short_repr
 
     def pose(self) -> RigidTransform:
         """Returns its pose in the world at the start."""
@@ -189,6 +194,8 @@ class Scene:
     goal: GoalObject = field(default_factory=GoalObject)
     obstacles: list[Obstacle] = field(default_factory=list)
     hand_marker: HandMarker | None = None  # None for none.
+
+    __repr__ = short_repr
 
     def check(self) -> None:
         """Raises InputError, in one sentence that names the field, if the scene makes no sense."""

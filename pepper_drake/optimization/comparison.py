@@ -1,5 +1,7 @@
 """Several methods on the same problem, over several seeds."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +12,7 @@ import numpy.typing as npt
 from pepper_drake.optimization.methods import make_optimizer
 from pepper_drake.optimization.problem import Problem
 from pepper_drake.optimization.search import search
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -25,6 +28,8 @@ class Comparison:
 
     rollouts: Array
     costs: dict[str, Array]
+
+    __repr__ = short_repr
 
     def summary(self) -> dict[str, dict[str, float]]:
         """Returns the quartiles of the last costs by method."""

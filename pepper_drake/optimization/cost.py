@@ -12,6 +12,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.models.typed_yaml import line_of_field, load_yaml
 from pepper_drake.optimization.cost_terms import TERMS, Task
 from pepper_drake.optimization.outcome import Outcome
+from pepper_drake.short_repr import short_repr
 from pepper_drake.user_code import load_object
 
 Array = npt.NDArray[np.float64]
@@ -87,6 +88,8 @@ class CostFunction:
 
     path: Path
     name: str
+
+    __repr__ = short_repr
 
     def __call__(self, outcome: Outcome, task: Task) -> Array:
         """Returns what the function gives: (S,), or (S, N) of each step."""

@@ -5,6 +5,8 @@ is; so the sum over the steps is the cost, and what is left of it from a step on
 search wants to know.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,6 +16,7 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.optimization.outcome import Outcome
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -43,6 +46,8 @@ class Task:
     obstacles: PointCloudDistance | None = None
     clearance: float = 0.02
     hand_radius: float = HAND_RADIUS
+
+    __repr__ = short_repr
 
 
 Term = Callable[[Outcome, Task], Array]

@@ -1,5 +1,7 @@
 """Rollouts of the equations alone: thousands a second, the hand as a point or a sphere."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +13,7 @@ from pepper_drake.optimization.cost import Cost, terms_of
 from pepper_drake.optimization.cost_terms import Task
 from pepper_drake.optimization.outcome import Outcome
 from pepper_drake.optimization.parameters import MovementParameters
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -30,6 +33,8 @@ class FastRollouts:
     task: Task
     cost: Cost
     time_step: float = 0.01
+
+    __repr__ = short_repr
 
     @property
     def at_once(self) -> int:

@@ -1,5 +1,7 @@
 """History of a search, which is its whole state, in one file."""
 
+from __future__ import annotations
+
 import io
 import json
 import time
@@ -14,6 +16,7 @@ from pepper_drake.array_files import read_npz
 from pepper_drake.errors import InputError
 from pepper_drake.files import parse_json, write_atomically
 from pepper_drake.optimization.problem import total_costs
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -45,6 +48,8 @@ class History:
     means: list[Array] = field(default_factory=list)
     mean_costs: list[float] = field(default_factory=list)
     pending: dict[int, dict[int, Array]] = field(default_factory=dict)
+
+    __repr__ = short_repr
 
     @property
     def updates(self) -> int:

@@ -1,5 +1,7 @@
 """From a demonstration or a primitive, and a task, to a problem that any method can search."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

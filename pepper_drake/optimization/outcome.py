@@ -1,5 +1,7 @@
 """Outcome of performing several movements: all that a cost may depend on."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from functools import cached_property
 

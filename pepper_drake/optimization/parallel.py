@@ -1,5 +1,7 @@
 """Costs of many parameters, on one core, on several, or on a cluster: the same numbers."""
 
+from __future__ import annotations
+
 import pickle
 import signal
 from collections.abc import Callable, Iterator
@@ -25,7 +27,7 @@ def evaluate_all(
     samples: Array,
     executor: Executor | None = None,
     known: dict[int, Array] | None = None,
-    progress: Callable[[int], object] = lambda count: None,
+    progress: Callable[[int], object] | None = None,
 ) -> Array:
     """Returns the costs (S,) or (S, T) of samples (S, n).
 
@@ -43,10 +45,12 @@ def evaluate_all(
     known = {} if known is None else known
     chunks = {k: samples[k : k + problem.chunk] for k in range(0, len(samples), problem.chunk)}
     missing = {k: chunk for k, chunk in chunks.items() if k not in known}
-    progress(sum(len(chunks[k]) for k in known))
+    if progress is not None:
+        progress(sum(len(chunks[k]) for k in known))
     for k, costs in _results(problem.evaluate, missing, executor):
         known[k] = costs
-        progress(len(chunks[k]))
+        if progress is not None:
+            progress(len(chunks[k]))
     return np.concatenate([known[k] for k in chunks])
 
 

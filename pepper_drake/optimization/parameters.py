@@ -18,6 +18,7 @@ from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.learning.dmp.rollout import response_matrix
 from pepper_drake.learning.dmp.scaling import scaled, scaling_matrix, unscaled
 from pepper_drake.learning.phase import gate, phase_at
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -47,6 +48,8 @@ class MovementParameters:
     directions: Array
     end_state: bool = True
     posture: Array | None = None
+
+    __repr__ = short_repr
 
     @property
     def rows(self) -> int:

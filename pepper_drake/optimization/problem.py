@@ -1,10 +1,14 @@
 """The one interface of all searches: numbers in, costs out."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -33,6 +37,8 @@ class Problem:
     evaluate: Evaluate
     chunk: int = 1
     features: Callable[[int], Array] | None = None
+
+    __repr__ = short_repr
 
 
 def total_costs(costs: Array) -> Array:

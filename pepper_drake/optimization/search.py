@@ -1,5 +1,7 @@
 """The loop of every search: ask, evaluate, tell."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from concurrent.futures import Executor
 
@@ -24,8 +26,8 @@ def search(
     executor: Executor | None = None,
     evaluate_means: bool = True,
     target: float = -np.inf,
-    progress: Callable[[int], object] = lambda count: None,
-    on_update: Callable[[History], object] = lambda history: None,
+    progress: Callable[[int], object] | None = None,
+    on_update: Callable[[History], object] | None = None,
 ) -> History:
     """Minimises a cost.
 
@@ -63,7 +65,8 @@ def search(
         history.costs.append(costs)
         history.pending.pop(history.updates - 1)
         _add_mean(history, problem, optimizer, evaluate_means)
-        on_update(history)
+        if on_update is not None:
+            on_update(history)
     return history
 
 

@@ -1,5 +1,7 @@
 """Accuracy of a cloud against the true surfaces of the scene."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays, ray_lengths
 from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -36,6 +39,8 @@ class TrueSurfaces:
     solids: Sequence[Solid]
     poses: Sequence[RigidTransform]
     triangles: Array
+
+    __repr__ = short_repr
 
     def closest(self, points: npt.NDArray[np.floating]) -> tuple[Array, Array]:
         """Finds the closest point on any surface.
@@ -90,6 +95,8 @@ class CloudReport:
     outlier_share: float
     robot_points: int
     goal_points: int
+
+    __repr__ = short_repr
 
 
 def evaluate_cloud(

@@ -89,7 +89,9 @@ def save_benchmark(
     }
     with whole_results(output, _NAMES) as folder:
         (folder / "benchmark.md").write_text(f"# Reaching: {scenes}\n\n{text}")
-        (folder / "benchmark.json").write_text(json.dumps(content, indent=2) + "\n")
+        # JSON has no NaN: what is not known is null.
+        finite = json.loads(json.dumps(content), parse_constant=lambda _: None)
+        (folder / "benchmark.json").write_text(json.dumps(finite, indent=2) + "\n")
         draw_benchmark(summaries, results).savefig(folder / "benchmark.png", dpi=110)
         figure = (folder / "benchmark.png").read_bytes()
         page = leaderboard_page(

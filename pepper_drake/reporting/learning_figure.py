@@ -54,6 +54,21 @@ def draw_learning(
     return figure
 
 
+def draw_primitive(primitive: MovementPrimitive) -> Figure:
+    """Draws the path that a primitive performs with its own start, goal and duration."""
+    path = primitive.rollout()
+    figure = Figure(figsize=(11, 6), layout="constrained")
+    figure.suptitle(
+        f"{primitive.name}: {primitive.approximator} with {primitive.num_basis} basis functions,"
+        f" {primitive.duration:.2f} s"
+    )
+    grid = figure.add_gridspec(3, 2, width_ratios=(3, 2))
+    _draw_space(figure.add_subplot(grid[:, 0], projection="3d"), primitive, (), path)
+    for k, name in enumerate(AXES):
+        _draw_axis(figure.add_subplot(grid[k, 1]), k, name, primitive, (), path)
+    return figure
+
+
 def _draw_space(
     axes: Any,
     primitive: MovementPrimitive,
@@ -66,7 +81,9 @@ def _draw_space(
     axes.plot(*path.positions.T, color="k", lw=1.5, label="performed")
     axes.plot(*primitive.start[:, None], "o", color="tab:orange", label="start")
     axes.plot(*primitive.goal[:, None], "*", color="tab:purple", ms=12, label="goal")
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title="hand path: shown and performed")
+    axes.set(
+        xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=_title("hand path", demonstrations)
+    )
     axes.set_aspect("equal")
     # Few ticks on short axes, where they would overlap.
     extent = np.ptp(path.positions, axis=0)
@@ -76,6 +93,10 @@ def _draw_space(
         axis.set_major_locator(MaxNLocator(max(1, round(6 * float(share)))))
         axis.labelpad = 10
     axes.legend(loc="upper left", fontsize=9)
+
+
+def _title(name: str, demonstrations: Sequence[Demonstration], mark: str = "") -> str:
+    return f"{name}: shown{mark} and performed" if demonstrations else f"{name}: performed"
 
 
 def _draw_axis(
@@ -91,7 +112,7 @@ def _draw_axis(
     axes.plot(path.times, path.positions[:, k], color=_COLORS[k], lw=1.2)
     axes.set(xlabel="time [s]", ylabel=f"{name} [m]")
     if k == 0:
-        axes.set_title("position: shown (gray) and performed", fontsize=10)
+        axes.set_title(_title("position", demonstrations, mark=" (gray)"), fontsize=10)
     axes.grid(alpha=0.3)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,6 +14,8 @@ from pydrake.perception import PointCloud
 
 from pepper_drake.evaluation.perception_evaluation import CloudStudy, GoalSample
 from pepper_drake.perception.cloud_evaluation import COVERED_WITHIN
+
+Points = npt.NDArray[np.floating]
 
 _SIDE_BY_SIDE = 1.6
 """Distance between the clouds that are shown beside each other [m]."""
@@ -55,13 +58,8 @@ def save_clouds_figure(studies: Mapping[str, CloudStudy], folder: Path) -> Path:
     axes = figure.subplots(2, len(studies), squeeze=False)
     for column, (name, study) in enumerate(studies.items()):
         points, report = study.surface.positions, study.report
-        for row, (across, up) in enumerate(((0, 1), (0, 2))):
-            each = axes[row, column]
-            each.plot(*study.visible[:, [across, up]].T, ".", color="0.8", ms=1, label="truth")
-            each.plot(*points[:, [across, up]].T, ".", color="tab:blue", ms=1.2, label=name)
-            each.set_xlabel(f"{'xyz'[across]} [m]")
-            each.set_ylabel(f"{'xyz'[up]} [m]")
-            each.set_aspect("equal")
+        _plot_points(axes[:, column], study.visible, color="0.8", ms=1, label="truth")
+        _plot_points(axes[:, column], points, color="tab:blue", ms=1.2, label=name)
         axes[0, column].set_title(
             f"{name}: {report.points} points, rms {1000 * report.rms_error:.1f} mm,\n"
             f"{100 * report.coverage:.1f} % of the visible surface within "
@@ -69,6 +67,21 @@ def save_clouds_figure(studies: Mapping[str, CloudStudy], folder: Path) -> Path:
         )
         axes[0, column].legend(loc="upper left", markerscale=6)
     return _save(figure, folder / "clouds.png")
+
+
+def draw_points(points: Points, title: str) -> Figure:
+    """Draws points (N, 3) [m] from above and from the side."""
+    figure = Figure(figsize=(11, 5), layout="constrained")
+    figure.suptitle(title)
+    _plot_points(figure.subplots(1, 2), points, color="tab:blue", ms=1.2)
+    return figure
+
+
+def _plot_points(pair: npt.NDArray[np.object_], points: Points, **style: Any) -> None:
+    """Plots points into axes (2,): from above, and from the side."""
+    for axes, (across, up) in zip(pair, ((0, 1), (0, 2)), strict=True):
+        axes.plot(points[:, across], points[:, up], ".", **style)
+        axes.set(xlabel=f"{'xyz'[across]} [m]", ylabel=f"{'xyz'[up]} [m]", aspect="equal")
 
 
 def save_goal_figure(samples: Sequence[GoalSample], folder: Path) -> Path:

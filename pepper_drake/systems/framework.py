@@ -10,6 +10,7 @@ What Drake calls to compute an output or a cache entry is kept in C++, where the
 look at all. So functions are handed over with weak references to their system.
 """
 
+import inspect
 import weakref
 from collections.abc import Callable
 from functools import cache, partial
@@ -27,7 +28,21 @@ class _Collectable(type(framework.LeafSystem)):  # type: ignore[misc]
         cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any
     ) -> "_Collectable":
         namespace.setdefault("__slots__", ())
+        if "_construct" in namespace:
+            # Drake makes the constructor of a system for a scalar type, `(*args, **kwargs)`.
+            namespace["__signature__"] = _constructor_signature(namespace["_construct"])
         return super().__new__(cls, name, bases, namespace, **options)
+
+
+def _constructor_signature(construct: FunctionType) -> inspect.Signature:
+    """The signature of what a user gives: neither the instance nor the framework's converter."""
+    whole = inspect.signature(construct)
+    given = [
+        parameter
+        for name, parameter in whole.parameters.items()
+        if name not in ("self", "converter")
+    ]
+    return whole.replace(parameters=given)
 
 
 class CacheEntry:

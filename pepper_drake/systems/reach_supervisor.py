@@ -1,5 +1,7 @@
 """The supervision of a reach as a LeafSystem: ports around `reach_state_machine.step`."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -47,7 +49,7 @@ class _Shared:
 
     planner: Planner
 
-    def __deepcopy__(self, memo: dict) -> "_Shared":
+    def __deepcopy__(self, memo: dict) -> _Shared:
         return self
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from pepper_drake import cli
+from pepper_drake.benchmarking.baseline import HIGHER, LOWER, Metric
 from pepper_drake.benchmarking.batch import Task
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import DiagramReach
@@ -107,6 +108,9 @@ def test_the_page_needs_no_network_and_says_what_failed(tmp_path):
     recording.parent.mkdir(parents=True)
     recording.write_text("seen")
     save_benchmark(tasks, results, tmp_path)
+    numbers = (tmp_path / "benchmark.json").read_text()
+    assert "NaN" not in numbers  # Which no other reader of JSON takes.
+    assert json.loads(numbers)["methods"][0]["medians"]["jerk"] is None
     page = Page((tmp_path / "benchmark.html").read_text())
     links = [address for address in page.addresses if not address.startswith("data:image/png")]
     assert links == ["replay/free_seed_0_d/recording.html"]
@@ -155,3 +159,34 @@ def test_families_are_drawn_side_by_side(options, names, app, monkeypatch, tmp_p
     )
     tasks = app.make_tasks(cli.parse(app.make_parser()))
     assert [task.case.name for task in tasks if task.method == "a"] == names
+
+
+MEASURED = {
+    "still.reached of 4": Metric(4, "1", HIGHER, 0.0),
+    "reach.median jerk": Metric(6.0, "m/s³", LOWER, 1.0),
+}
+
+
+def test_the_gate_fails_with_a_line_for_each_metric_that_is_worse(run, app, tmp_path, monkeypatch):
+    file = tmp_path / "baseline.json"
+    options = ("--baseline", file, "--output", tmp_path / "out")
+    monkeypatch.setattr(app, "measure_gate", lambda *args, **kwargs: MEASURED)
+    code, _, error = run("--gate", *options)
+    assert code == cli.EXIT_BAD_INPUT
+    assert "there is no baseline" in error
+    code, _, error = run("--update-baseline", " ", *options)
+    assert code == cli.EXIT_BAD_INPUT
+    assert "no reason" in error
+    assert run("--update-baseline", "the first", *options)[0] == cli.EXIT_DONE
+    assert json.loads(file.read_text())["reason"] == "the first"
+    code, output, error = run("--gate", *options)
+    assert (code, error) == (cli.EXIT_DONE, "")
+    assert "reach.median jerk: 6 m/s³" in output
+    worse = {
+        "still.reached of 4": Metric(3, "1", HIGHER, 0.0),
+        "reach.median jerk": Metric(7.5, "m/s³", LOWER, 1.0),
+    }
+    monkeypatch.setattr(app, "measure_gate", lambda *args, **kwargs: worse)
+    code, _, error = run("--gate", *options)
+    assert code == cli.EXIT_FAILED
+    assert [line.split(":")[1].strip() for line in error.splitlines()] == list(worse)

@@ -75,3 +75,9 @@ def test_bad_arguments_are_told_before_anything_is_built(monkeypatch, capsys, ar
         cli.run(main)
     assert end.value.code == cli.EXIT_BAD_INPUT
     assert words in capsys.readouterr().err
+
+
+def test_a_lesson_about_an_obstacle_needs_eyes(run_app, tmp_path):
+    result = run_app("teach", "--lesson", "first", "--no-cameras", "--output", tmp_path)
+    assert result.returncode == 2
+    assert "in the lesson first Pepper has to see" in result.stderr

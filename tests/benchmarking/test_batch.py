@@ -117,4 +117,4 @@ def test_a_method_whose_package_is_missing_says_how_to_get_it():
 
 
 def test_letters_are_different_and_the_briefs_methods_are_there():
-    assert [method.letter for method in methods.METHODS] == list("abcdefgh")
+    assert [method.letter for method in methods.METHODS] == list("abcdefghi")

@@ -2,11 +2,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.planning import RobotCollisionType
 
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.goal_search import goal_postures
 from pepper_drake.benchmarking.known_scene import GroundTruthScene
 from pepper_drake.benchmarking.methods import get_method
+from pepper_drake.benchmarking.pink_barriers import barrier_motion, pinocchio_models
 from pepper_drake.benchmarking.planned_reach import (
     PlannedReach,
     optimized_motions,
@@ -175,6 +177,46 @@ def test_roboplan_plans_in_the_same_scene(table):
 def test_roboplan_reaches_a_free_goal():
     pytest.importorskip("roboplan", reason="RoboPlan is in the bench extra")
     check_reached(PlannedReach(roboplan_motions)(Case(0, "free")))
+
+
+def test_pinks_barriers_keep_the_padding_where_there_is_a_way(free, place):
+    pytest.importorskip("pink", reason="Pink is in the bench extra")
+    motion = barrier_motion(free, place)
+    error = free.hand_poses(motion[-1:], place)[0].translation() - free.X_WG.translation()
+    assert np.linalg.norm(error) < 0.01
+    assert free.clearance(motion, place)[0] > free.padding - 0.002
+    limits = shared_control_model().command_limits(
+        arm_joints("right"), speed_fraction=DifferentialIkParams().speed_fraction
+    )
+    assert np.all(np.abs(np.diff(motion, axis=0)) / 0.01 <= 1.001 * limits.velocity)
+
+
+def test_pink_measures_distances_as_drake_does(table):
+    pytest.importorskip("pink", reason="Pink is in the bench extra")
+    import pinocchio as pin
+
+    base_pose = next(table.candidate_base_poses())
+    model, geometry = pinocchio_models(table, base_pose)
+    solids = {name for name, _, _ in table.solids()}
+    rng, own, drakes = np.random.default_rng(0), [], []
+    for joints in rng.uniform(table.lower, table.upper, (20, 5)):
+        data, geometry_data = model.createData(), pin.GeometryData(geometry)
+        pin.computeDistances(model, data, geometry, geometry_data, joints)
+        pairs = zip(geometry.collisionPairs, geometry_data.distanceResults, strict=True)
+        own.append(
+            min(
+                result.min_distance
+                for pair, result in pairs
+                if geometry.geometryObjects[pair.second].name in solids
+            )
+        )
+        clearance = table.arm_checker.CalcRobotClearance(table.positions(joints, base_pose), 0.3)
+        kinds = np.array(clearance.collision_types())
+        outside = kinds == RobotCollisionType.kEnvironmentCollision
+        drakes.append(clearance.distances()[outside].min() + table.padding)
+    apart = np.array(drakes) > 0.002
+    assert apart.sum() >= 10
+    np.testing.assert_allclose(np.array(own)[apart], np.array(drakes)[apart], atol=1e-3)
 
 
 def test_what_cannot_be_reached_is_refused(tmp_path):

@@ -159,9 +159,9 @@ def test_a_movement_that_is_slowed_down_keeps_to_its_path():
         rig = Rig("right")
         rig.perform(Movement(rig.primitive, id=1), goal_of(rig.primitive))
         hands = []
-        for speed in wanted:
+        for k, speed in enumerate(wanted):
             rig.fix("speed", [speed])
-            rig.commands(2)
+            rig.simulator.AdvanceTo((k + 0.5) * rig.time_step)
             hands.append(np.concatenate((rig.value("desired_position"), rig.value("phase"))))
         paths.append(np.array(hands))
     full, slowed = paths

@@ -22,6 +22,8 @@ The contract of a model `f`, in words:
 - `to_data` returns only dict, list, str, int, float, bool: what YAML can say.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, Self, runtime_checkable
@@ -31,6 +33,7 @@ import numpy.typing as npt
 
 from pepper_drake.learning.phase import fade_out as fade_out
 from pepper_drake.registry import registered
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -63,6 +66,8 @@ class ForcingData:
     lengths: tuple[int, ...]
     alpha_x: float
     alpha_z: float
+
+    __repr__ = short_repr
 
 
 @runtime_checkable

@@ -4,6 +4,8 @@
 about; what cannot be right is refused by `refusals`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -14,6 +16,7 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.learning.demonstrations.arm_chain import arm_chain, arm_of
 from pepper_drake.learning.demonstrations.conditioning import measure_noise
+from pepper_drake.short_repr import short_repr
 
 if TYPE_CHECKING:
     from pepper_drake.learning.demonstrations.demonstration import Demonstration
@@ -62,6 +65,8 @@ class DemonstrationReport:
     read_as: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default=())
 
+    __repr__ = short_repr
+
     def to_data(self) -> dict[str, Any]:
         """Returns the report as plain data."""
         data = asdict(self)
@@ -78,7 +83,7 @@ class DemonstrationReport:
         return out + [f"{self.name}: warning: {warning}" for warning in self.warnings]
 
 
-def examine(demonstration: "Demonstration", where: Where | None = None) -> DemonstrationReport:
+def examine(demonstration: Demonstration, where: Where | None = None) -> DemonstrationReport:
     """Measures a demonstration.
 
     Args:
@@ -134,7 +139,7 @@ def _warn_times(steps: Array, step: float, label: Where) -> list[str]:
 
 
 def _warn_motion(
-    demonstration: "Demonstration", far: Array, length: float, speeds: Array, label: Where
+    demonstration: Demonstration, far: Array, length: float, speeds: Array, label: Where
 ) -> list[str]:
     warnings = []
     beyond = np.flatnonzero(far > length + 0.01)
@@ -166,7 +171,7 @@ def _warn_motion(
     return warnings
 
 
-def refuse_out_of_reach(demonstration: "Demonstration", name: str) -> None:
+def refuse_out_of_reach(demonstration: Demonstration, name: str) -> None:
     """Refuses a motion for an arm to perform of which no sample is within its reach.
 
     Raises:

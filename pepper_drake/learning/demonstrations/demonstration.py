@@ -1,5 +1,7 @@
 """A recorded motion of the hand, and what is done to it before learning."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -17,7 +19,7 @@ from pepper_drake.learning.demonstrations.conditioning import (
     interpolant,
     strays,
 )
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import figure_view, short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -53,6 +55,7 @@ class Demonstration:
     """
 
     __repr__ = short_repr
+    _repr_html_ = figure_view
 
     times: Array
     positions: Array
@@ -67,7 +70,7 @@ class Demonstration:
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def load(cls, path: str | Path, **said: Any) -> "Demonstration":
+    def load(cls, path: str | Path, **said: Any) -> Demonstration:
         """Reads a demonstration, or what another tool recorded; see `demonstration_files`.
 
         Args:

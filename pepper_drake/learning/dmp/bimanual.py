@@ -16,6 +16,8 @@ the relative position (as Gams, Nemec, Ijspeert, Ude, "Coupling Movement Primiti
 Transactions on Robotics 30, 2014, do with a learned force); told this way it is solved exactly.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -33,6 +35,7 @@ from pepper_drake.learning.dmp.coupling import Coupling, get_coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.primitive import DEFAULT_APPROXIMATOR, MovementPrimitive, Path3D
 from pepper_drake.learning.spring import NODES, advance, make_step
+from pepper_drake.short_repr import short_repr
 from pepper_drake.yaml_files import read_yaml
 
 Array = npt.NDArray[np.float64]
@@ -67,6 +70,8 @@ class BimanualPrimitive:
     absolute: MovementPrimitive
     relative: MovementPrimitive
     hold_rate: float = 60.0
+
+    __repr__ = short_repr
 
     @classmethod
     def fit(

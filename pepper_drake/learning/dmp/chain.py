@@ -16,6 +16,8 @@ with a velocity by a moving target; the correction here does it without changing
 motion. Saveriano, Franzel, Lee 2019 (DOI 10.1109/ICRA.2019.8793786) compare ways of joining.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -34,6 +36,7 @@ from pepper_drake.learning.dmp.blending import (
 )
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.learning.dmp.rollout_arguments import vector
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -62,6 +65,8 @@ class Step:
     stop: bool = True
     goal_rotation: npt.ArrayLike | None = None
     via: tuple[tuple[float, npt.ArrayLike], ...] = ()
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +109,8 @@ class Chain:
     time_step: float
     blend: float
 
+    __repr__ = short_repr
+
     @property
     def joins(self) -> Array:
         """(L,) times at which a movement ends [s]."""
@@ -140,7 +147,7 @@ class Chain:
             derivation="exact",
         )
 
-    def replanned(self, time: float, leg: int, goal: npt.ArrayLike) -> "Chain":
+    def replanned(self, time: float, leg: int, goal: npt.ArrayLike) -> Chain:
         """Returns the sequence with another goal of a movement, from a time on.
 
         What was performed until then stays; position, velocity and acceleration do not jump. Legs
@@ -182,7 +189,7 @@ class Chain:
         own = self.legs[leg]
         return own.positions[0], own.velocities[0], own.accelerations[0]
 
-    def _followed_from(self, leg: int) -> "Chain":
+    def _followed_from(self, leg: int) -> Chain:
         """Returns the sequence with the legs from one on beginning where the last ones end.
 
         The first one with a goal of its own is the last that changes.

@@ -21,6 +21,8 @@ sliding and phase stopping: it cancels only the excess of inward acceleration, a
 ahead, does not depend on how dense the cloud is, and is silent otherwise.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,6 +33,7 @@ import numpy.typing as npt
 
 from pepper_drake.learning.dmp.arithmetic import arithmetic
 from pepper_drake.registry import registered
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -179,6 +182,8 @@ class BarrierCoupling:
     largest_acceleration: float = 15.0
     reach: float = 0.3
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    __repr__ = short_repr
 
     def clearance(self, field: Field, goal: Array) -> float:
         """Returns rho_g = min(rho0, d(g) - goal_margin) [m]."""

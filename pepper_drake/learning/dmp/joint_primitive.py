@@ -34,6 +34,7 @@ from pepper_drake.learning.dmp.transformation import (
     learn_attractor,
 )
 from pepper_drake.learning.phase import ALPHA_Z
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -87,6 +88,8 @@ class JointPrimitive:
     duration: float
     approximator: str = DEFAULT_APPROXIMATOR
     name: str = "primitive"
+
+    __repr__ = short_repr
 
     @classmethod
     def fit(

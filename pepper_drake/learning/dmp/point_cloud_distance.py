@@ -1,5 +1,7 @@
 """Distance to what a point cloud shows, and the direction away from it."""
 
+from __future__ import annotations
+
 import math
 from functools import cached_property
 from typing import Any

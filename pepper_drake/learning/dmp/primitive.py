@@ -1,5 +1,7 @@
 """Movement primitives: learn a motion from demonstrations, perform it anywhere."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -39,7 +41,7 @@ from pepper_drake.learning.dmp.transformation import (
     learn_attractor,
 )
 from pepper_drake.learning.phase import ALPHA_Z, phase_at, relative_time_at
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import figure_view, short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -118,6 +120,7 @@ class MovementPrimitive:
     """
 
     __repr__ = short_repr
+    _repr_html_ = figure_view
 
     translation: TransformationModel
     duration: float
@@ -397,7 +400,7 @@ class MovementPrimitive:
         write_primitive(self, Path(path))
 
     @classmethod
-    def load(cls, path: str | Path) -> "MovementPrimitive":
+    def load(cls, path: str | Path) -> MovementPrimitive:
         """Reads a primitive; its rollouts are bit for bit those of the one that was saved.
 
         Raises:

@@ -9,6 +9,8 @@ Ijspeert, Nakanishi, Hoffmann, Pastor, Schaal, "Dynamical Movement Primitives", 
 The spring pulls the hand into a limit cycle around g from wherever it is.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -28,6 +30,7 @@ from pepper_drake.learning.dmp.primitive import Path3D
 from pepper_drake.learning.least_squares import ridge_solver
 from pepper_drake.learning.phase import ALPHA_Z
 from pepper_drake.learning.spring import NODES, acceleration, advance, make_step
+from pepper_drake.short_repr import short_repr
 from pepper_drake.yaml_files import read_yaml
 
 Array = npt.NDArray[np.float64]
@@ -59,6 +62,8 @@ class RhythmicPrimitive:
     alpha_z: float = ALPHA_Z
     rotation_weights: Array | None = None
     rotation_centre: Array | None = None
+
+    __repr__ = short_repr
 
     def forcing(self, phases: npt.ArrayLike) -> Array:
         """Returns f (N, 3) at phases (N,) [rad], for an amplitude of one."""

@@ -3,6 +3,8 @@
 See `stepping` for motions among obstacles and to goals that move.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -78,7 +80,7 @@ class PathBatch:
         self._derivative = derivative
 
     @classmethod
-    def of(cls, motion: Motion) -> "PathBatch":
+    def of(cls, motion: Motion) -> PathBatch:
         """Returns a motion with a leading axis as a batch."""
         return cls(
             motion.times,

@@ -5,6 +5,8 @@ Tsagarakis, Caldwell, "Statistical dynamical systems for skills acquisition in h
 Humanoids 2012, DOI 10.1109/HUMANOIDS.2012.6651539.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,6 +23,7 @@ from pepper_drake.learning.probabilistic.tp_gmm import (
     fit_points,
 )
 from pepper_drake.learning.spring import NODES, acceleration, advance, make_step
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -46,6 +49,8 @@ class DsGmr:
     attractors: TaskParameterizedMixture
     duration: float
     alpha_z: float = ALPHA_Z
+
+    __repr__ = short_repr
 
     def attractor(self, frames: Sequence[TaskFrame], relative_times: npt.ArrayLike) -> Regression:
         """Returns attractors (N, 3) [m] and their covariances at s, time / duration."""

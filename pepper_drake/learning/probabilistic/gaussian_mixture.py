@@ -5,6 +5,8 @@ behind them are Dempster, Laird, Rubin (1977) and Calinon, Guenter, Billard, "On
 Representing and Generalizing a Task in a Humanoid Robot" (2007).
 """
 
+from __future__ import annotations
+
 import warnings
 from dataclasses import dataclass
 from typing import Literal
@@ -14,6 +16,7 @@ import numpy.typing as npt
 from scipy.cluster.vq import kmeans2
 
 from pepper_drake.errors import InputError
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -45,6 +48,8 @@ class GaussianMixture:
     means: Array
     covariances: Array
 
+    __repr__ = short_repr
+
     @property
     def num_components(self) -> int:
         """K."""
@@ -72,13 +77,13 @@ class GaussianMixture:
         """Returns h_ki = p(k | v_i), equation A.4, shape (N, K), for data of shape (N, D)."""
         return soft_maximum(self.log_joint(data))[1]
 
-    def marginal(self, num_dims: int) -> "GaussianMixture":
+    def marginal(self, num_dims: int) -> GaussianMixture:
         """Returns the mixture of the first `num_dims` coordinates."""
         return GaussianMixture(
             self.priors, self.means[:, :num_dims], self.covariances[:, :num_dims, :num_dims]
         )
 
-    def transformed(self, matrices: Array, offsets: Array) -> "GaussianMixture":
+    def transformed(self, matrices: Array, offsets: Array) -> GaussianMixture:
         """Returns the mixture of A v + b for A of shape (E, D) or (K, E, D), b (E,) or (K, E)."""
         means = (matrices @ self.means[:, :, None])[:, :, 0] + offsets
         covariances = matrices @ self.covariances @ np.swapaxes(matrices, -1, -2)

@@ -19,6 +19,7 @@ from pepper_drake.learning.probabilistic.gaussian_mixture import (
     GaussianMixture,
     fit_gaussian_mixture,
 )
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -46,6 +47,8 @@ class ModulatedSystem:
     alpha: float
     beta: float
     alpha_m: float
+
+    __repr__ = short_repr
 
     def modulation(self, times: npt.ArrayLike) -> Array:
         """Returns gamma at times [s], the solution of its equation in closed form."""

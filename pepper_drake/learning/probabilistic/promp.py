@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -35,6 +36,8 @@ class ProMP:
     covariance: Array
     noise: float
     duration: float
+
+    __repr__ = short_repr
 
     @property
     def num_basis(self) -> int:

@@ -4,6 +4,8 @@ Calinon, "A tutorial on task-parameterized movement learning and retrieval", Int
 Robotics 9 (2016), DOI 10.1007/s11370-015-0187-9.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,6 +17,7 @@ from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.probabilistic.gaussian_mixture import GaussianMixture
 from pepper_drake.learning.probabilistic.shared_mixture import fit_shared_mixtures
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -30,6 +33,8 @@ class TaskFrame:
 
     rotation: Array
     position: Array
+
+    __repr__ = short_repr
 
     def to_frame(self, positions: Array) -> Array:
         """Returns positions (N, 3) in T as seen from this frame."""
@@ -58,6 +63,8 @@ class TaskParameterizedMixture:
     """
 
     mixtures: tuple[GaussianMixture, ...]
+
+    __repr__ = short_repr
 
     def in_frames(self, frames: Sequence[TaskFrame]) -> GaussianMixture:
         """Returns the mixture of (s, y) in T for frames that are where they are now.

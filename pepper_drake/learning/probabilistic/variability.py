@@ -10,6 +10,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.probabilistic.tp_gmm import TaskFrame, fit_points
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -27,6 +28,8 @@ class Spread:
     times: Array
     means: Array
     covariances: Array
+
+    __repr__ = short_repr
 
     @property
     def standard_deviations(self) -> Array:

@@ -66,6 +66,10 @@ class CameraIntrinsics:
     near: float = 0.05
     far: float = 10.0
 
+    def __repr__(self) -> str:
+        """Short, as signatures have cameras as defaults."""
+        return f"CameraIntrinsics({self.width} x {self.height}, focal length {self.focal_x:.1f})"
+
     def __post_init__(self) -> None:
         # As a tuple, so that a camera can be hashed.
         object.__setattr__(self, "distortion", _checked_distortion(self.distortion))
@@ -362,6 +366,10 @@ class HeadCamera:
     p_HeadC: tuple[float, float, float]
     tilt: float
     misalignment: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __repr__(self) -> str:
+        """Short, as signatures have cameras as defaults."""
+        return f"HeadCamera({self.name})"
 
     @property
     def frame_name(self) -> str:

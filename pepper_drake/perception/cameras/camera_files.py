@@ -6,6 +6,8 @@ lengths and principal point one by one (Kalibr, EuRoC, RealSense, ORB-SLAM), and
 camera and resolution with their fields of view.
 """
 
+from __future__ import annotations
+
 import difflib
 import math
 import re
@@ -27,6 +29,7 @@ from pepper_drake.perception.cameras.camera import (
     CAMERA_TOP,
     CameraIntrinsics,
 )
+from pepper_drake.short_repr import short_repr
 from pepper_drake.yaml_files import compose, construct
 
 _MATRIX_NAMES = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "K", "k", "mtx")
@@ -405,6 +408,8 @@ class StereoCalibration:
     left: CameraIntrinsics
     right: CameraIntrinsics
     X_RL: RigidTransform
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if (self.left.width, self.left.height) != (self.right.width, self.right.height):

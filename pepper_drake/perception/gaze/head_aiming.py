@@ -4,6 +4,8 @@ Head angles are (HeadYaw, HeadPitch), rad. HeadYaw turns about the torso's z at 
 HeadPitch about y; positive pitch looks down.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """From one colour image to one measurement of where the goal object is."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +28,7 @@ from pepper_drake.perception.goal.marker import (
     refine_poses,
 )
 from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.short_repr import short_repr
 
 _SYSTEMATIC_SHARE = 0.003
 """Standard deviation along the line of sight of what errs alike in every image (the sampling of
@@ -51,12 +54,14 @@ class MarkedObject:
     solids: tuple[Solid, ...] = ()
     dictionary: str = MARKER_DICTIONARY
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         check_marker(self.dictionary, self.marker_id)
         check_side(self.marker_size)
 
     @classmethod
-    def from_scene(cls, goal: GoalObject) -> "MarkedObject":
+    def from_scene(cls, goal: GoalObject) -> MarkedObject:
         """Returns a scene's goal object: a cylinder with its marker on a plate."""
         X_OM = goal.marker.pose()
         edge, thickness = plate_size(goal.marker.size), 0.004

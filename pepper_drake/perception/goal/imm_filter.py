@@ -18,6 +18,8 @@ import numpy.typing as npt
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
+from pepper_drake.short_repr import short_repr
+
 Vector = npt.NDArray[np.float64]
 _REST, _MOVING = 0, 1
 
@@ -64,6 +66,8 @@ class GoalFilterParameters:
     publish_angle: float = 0.035
     hand_on_improvement: float = 0.7
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True)
 class GoalMeasurement:
@@ -80,11 +84,13 @@ class GoalMeasurement:
     """
 
     time: float
-    p_WM: Vector
+    p_WM: "Vector"
     R_WO: RotationMatrix
-    position_covariance: Vector
+    position_covariance: "Vector"
     rotation_variance: float
-    systematic_covariance: Vector = field(default_factory=lambda: np.zeros((3, 3)))
+    systematic_covariance: "Vector" = field(default_factory=lambda: np.zeros((3, 3)))
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True)
@@ -155,6 +161,8 @@ class GoalState:
     published: RigidTransform | None = None
     handed_on_sigma: float = np.inf
 
+    __repr__ = short_repr
+
     def __deepcopy__(self, memo: dict) -> "GoalState":
         """Returns itself: Drake copies the state at each event, and this never changes."""
         return self
@@ -169,11 +177,11 @@ class GoalState:
 
 
 def update_goal(
-    state: GoalState,
-    measurement: GoalMeasurement,
-    p_OM: Vector,
-    parameters: GoalFilterParameters,
-) -> GoalState:
+    state: "GoalState",
+    measurement: "GoalMeasurement",
+    p_OM: "Vector",
+    parameters: "GoalFilterParameters",
+) -> "GoalState":
     """Takes in one measurement.
 
     Args:

@@ -1,5 +1,7 @@
 """Markers in a single photo: poses, or their identities if not those that were looked for."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,6 +22,7 @@ from pepper_drake.perception.goal.marker import (
     is_better,
     refine_poses,
 )
+from pepper_drake.short_repr import short_repr
 
 DICTIONARIES = (
     "DICT_ARUCO_ORIGINAL",
@@ -49,6 +52,8 @@ class MarkerSighting:
     detection: Detection
     pose: MarkerPose
     other: MarkerPose | None
+
+    __repr__ = short_repr
 
 
 def find_in_photo(

@@ -15,6 +15,7 @@ from pydrake.perception import BaseField, Fields, PointCloud
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays, ray_lengths
 from pepper_drake.perception.mapping.solids import Solid, near_solids
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
@@ -61,6 +62,8 @@ class CloudParameters:
     largest_object_lag: float = 0.06
     robot_margin: float = 0.02
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True)
 class SurfacePoints:
@@ -73,6 +76,8 @@ class SurfacePoints:
 
     positions: Array
     normals: Array
+
+    __repr__ = short_repr
 
     def select(self, mask: Mask) -> "SurfacePoints":
         """Returns those of a mask (N,)."""

@@ -11,8 +11,10 @@ from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.mapping.cloud import depth_in_metres, to_point_cloud
 from pepper_drake.perception.mapping.depth_validity import DepthFault, depth_fault, image_fault
 from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
+    DynamicObstacleTracker,
     reset_while_driving,
     update_tracker,
+    without_object,
 )
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters, update_obstacles
@@ -21,6 +23,8 @@ from pepper_drake.perception.mapping.solids import ExcludedSolids, RobotSolids, 
 
 _MOVED, _TURNED = 0.002, 0.004
 """A frame has moved when it moved or turned by this, m and rad."""
+_POSES = 5
+"""Poses of the goal object between two in which it was seen."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,7 @@ class DepthImageMapper:
             # The goal object stands on the table.
             table = -np.inf if X_WO is None else float(X_WO.translation()[2])
             watch, voxels = update_tracker(
-                memory.watch, voxels, view, excluded, self.parameters, table
+                self._without_object(memory, X_WO), voxels, view, excluded, self.parameters, table
             )
         surface = voxels.surface()
         return replace(
@@ -122,6 +126,20 @@ class DepthImageMapper:
             watch=watch,
             space=memory.space.with_view(view, voxels),
         )
+
+    def _without_object(
+        self, memory: ObstacleMemory, X_WO: RigidTransform | None
+    ) -> DynamicObstacleTracker:
+        """What moves, without the goal object if it is known by now to have moved itself."""
+        before, solids = memory.X_WO, self.object_solids
+        if before is None or X_WO is None or not solids or not has_moved(before, X_WO):
+            return memory.watch
+        step = X_WO.translation() - before.translation()
+        poses = [
+            RigidTransform(X_WO.rotation(), before.translation() + share * step)
+            for share in np.linspace(0.0, 1.0, _POSES)
+        ]
+        return without_object(memory.watch, solids, poses, self.parameters.cloud.object_margin)
 
     def _excluded(self, image: DepthImage, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
         """The robot and the goal object, where they are in the image."""

@@ -1,10 +1,13 @@
 """One step of watching for what moves: a depth image and the map that it left."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 
 from pepper_drake.perception.mapping.depth_holes import HoleMemory
 from pepper_drake.perception.mapping.dynamic_obstacles import (
@@ -22,8 +25,15 @@ from pepper_drake.perception.mapping.near_field_occlusion import (
     unexplained_holes,
 )
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
-from pepper_drake.perception.mapping.solids import ExcludedSolids
+from pepper_drake.perception.mapping.solids import ExcludedSolids, Solid, near_solids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
+from pepper_drake.short_repr import short_repr
+
+Keys = npt.NDArray[np.int64]
+Points = npt.NDArray[np.float64]
+
+_MOST = 0.5
+"""A thing with this share of its points at the goal object is the object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +46,7 @@ class DynamicObstacleTracker:
         seen: The map's voxels that the last image showed: their keys and places (S, 3), in W [m].
         behind: (B, 3) what would be seen if nothing hid it, in W [m].
         things: What moves.
-        visitors: Keys of the map's voxels that came where nothing had been.
+        transient_keys: Keys of the map's voxels that came where nothing had been.
         hidden: (H, 3) where something too near to be measured was lately, in W, m, and when (H,),
             s.
         expected: (Q, 3) where what moves may be soon, in W [m].
@@ -44,18 +54,18 @@ class DynamicObstacleTracker:
     """
 
     views: tuple[DepthFrame, ...] = ()
-    keys: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    seen: tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]] = field(
+    keys: Keys = field(default_factory=lambda: np.zeros(0, np.int64))
+    seen: tuple[Keys, npt.NDArray[np.float32]] = field(
         default_factory=lambda: (np.zeros(0, np.int64), np.zeros((0, 3), np.float32))
     )
-    behind: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    behind: Points = field(default_factory=lambda: np.zeros((0, 3)))
     things: tuple[TrackedObstacle, ...] = ()
-    transient_keys: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    hidden: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] = field(
-        default_factory=lambda: (np.zeros((0, 3)), np.zeros(0))
-    )
-    expected: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    transient_keys: Keys = field(default_factory=lambda: np.zeros(0, np.int64))
+    hidden: tuple[Points, Points] = field(default_factory=lambda: (np.zeros((0, 3)), np.zeros(0)))
+    expected: Points = field(default_factory=lambda: np.zeros((0, 3)))
     holes: HoleMemory = field(default_factory=HoleMemory.empty)
+
+    __repr__ = short_repr
 
 
 def update_tracker(
@@ -149,6 +159,36 @@ def update_tracker(
         predict_occupancy(things, hidden, view, memory, approach),
         holes,
     ), voxels
+
+
+def without_object(
+    watch: DynamicObstacleTracker,
+    solids: Sequence[Solid],
+    poses: Sequence[RigidTransform],
+    margin: float,
+) -> DynamicObstacleTracker:
+    """Tracker state without the goal object, which moved before it was known where to.
+
+    Until its marker is seen again, an object that is lifted or carried looks like something that
+    came. What has most of its points where the object was since is the object.
+
+    Args:
+        watch: What was known before.
+        solids: The object's shapes.
+        poses: Poses X_WO of the object, from the last one known to the one of now.
+        margin: Points closer than this belong to it [m].
+    """
+
+    def is_object(points: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+        near = np.zeros(len(points), dtype=bool)
+        for pose in poses:
+            near |= near_solids(points, solids, [pose] * len(solids), margin)
+        return near
+
+    things = tuple(one for one in watch.things if np.mean(is_object(one.points)) < _MOST)
+    points, times = watch.hidden
+    other = ~is_object(points)
+    return replace(watch, things=things, hidden=(points[other], times[other]))
 
 
 def reset_while_driving(

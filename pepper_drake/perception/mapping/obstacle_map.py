@@ -32,6 +32,7 @@ from pepper_drake.perception.mapping.voxel_map import (
     carve_free_space,
     prune,
 )
+from pepper_drake.short_repr import short_repr
 
 
 @dataclass(unsafe_hash=True)
@@ -60,16 +61,18 @@ class ObstacleParameters:
     treat_holes_as_near: bool = True
     projector_baseline: float = 0.075
 
+    __repr__ = short_repr
+
 
 def update_obstacles(
-    voxels: VoxelMap,
-    image: npt.NDArray[np.generic],
-    time: float,
-    X_WC: RigidTransform,
-    intrinsics: CameraIntrinsics,
-    ignored: Sequence[ExcludedSolids],
-    parameters: ObstacleParameters,
-) -> VoxelMap:
+    voxels: "VoxelMap",
+    image: "npt.NDArray[np.generic]",
+    time: "float",
+    X_WC: "RigidTransform",
+    intrinsics: "CameraIntrinsics",
+    ignored: "Sequence[ExcludedSolids]",
+    parameters: "ObstacleParameters",
+) -> "VoxelMap":
     """Takes one depth image into the memory.
 
     Args:

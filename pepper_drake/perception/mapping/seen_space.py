@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
+from pepper_drake.short_repr import short_repr
 
 Points = npt.NDArray[np.floating]
 
@@ -45,6 +46,8 @@ class SeenSpace:
     voxels: VoxelMap
     views: tuple[DepthFrame, ...] = ()
     parameters: VoxelMapParameters = field(default_factory=VoxelMapParameters)
+
+    __repr__ = short_repr
 
     def __deepcopy__(self, memo: dict) -> "SeenSpace":
         """Returns itself: Drake copies the state at each event, and this never changes."""

@@ -15,6 +15,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 
 from pepper_drake.errors import InputError
+from pepper_drake.short_repr import short_repr
 
 Points = npt.NDArray[np.floating]
 Mask = npt.NDArray[np.bool_]
@@ -31,6 +32,8 @@ class Solid:
 
     shape: Shape
     X_FS: RigidTransform
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if not isinstance(self.shape, Box | Cylinder | Sphere | Capsule):
@@ -93,6 +96,8 @@ class ExcludedSolids:
     poses: Sequence[RigidTransform]
     margin: float
     keep_known_voxels: bool = False
+
+    __repr__ = short_repr
 
 
 class SolidSet:

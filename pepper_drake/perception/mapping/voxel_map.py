@@ -17,6 +17,7 @@ from pydrake.math import RigidTransform
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.mapping.cloud import SurfacePoints
+from pepper_drake.short_repr import figure_view, short_repr
 
 _KEY_BITS = 21
 _KEY_OFFSET = 1 << (_KEY_BITS - 1)
@@ -73,12 +74,15 @@ class VoxelMap:
         hit_times: (N,) when last hit [s].
     """
 
-    keys: npt.NDArray[np.int64]
-    positions: npt.NDArray[np.float32]
-    normals: npt.NDArray[np.float32]
-    weights: npt.NDArray[np.float32]
-    scores: npt.NDArray[np.int16]
-    hit_times: npt.NDArray[np.float64]
+    keys: "npt.NDArray[np.int64]"
+    positions: "npt.NDArray[np.float32]"
+    normals: "npt.NDArray[np.float32]"
+    weights: "npt.NDArray[np.float32]"
+    scores: "npt.NDArray[np.int16]"
+    hit_times: "npt.NDArray[np.float64]"
+
+    __repr__ = short_repr
+    _repr_html_ = figure_view
 
     @classmethod
     def empty(cls) -> "VoxelMap":

@@ -91,7 +91,15 @@ class CompiledIk:
             position: (3,) asked of the hand, p_TH [m]; see `feedforward_pose`.
             rotation: (4,) likewise, unit quaternion w, x, y, z.
         """
-        found: Vector = _velocity(joints, nominal, position, rotation, self._chain, self._weights)
+        # Copies: compiled anew it would be for arrays that may not be written or have gaps.
+        found: Vector = _velocity(
+            np.array(joints),
+            np.array(nominal),
+            np.array(position),
+            np.array(rotation),
+            self._chain,
+            self._weights,
+        )
         return found
 
 

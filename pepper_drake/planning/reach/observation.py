@@ -1,5 +1,7 @@
 """Everything that planning and supervision know at one moment."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -106,6 +108,14 @@ class Observation:
         return f"no depth image got into the cloud of obstacles for {self.cloud_age:.1f} s"
 
     @property
+    def cloud_is_of_map(self) -> bool:
+        """False if the cloud is not the one of the map at the same image: stuck, or changed."""
+        space = self.space
+        if space is None or not space.views or space.views[-1].time != self.cloud_time:
+            return True
+        return np.array_equal(self.cloud.astype(np.float32), space.voxels.positions)
+
+    @property
     def image_message(self) -> str:
         """Which colour camera gave no image that could be looked at, as a sentence."""
         age, camera = float(self.image_ages.max()), int(np.argmax(self.image_ages))
@@ -141,14 +151,14 @@ class Observation:
         """The cloud, for the question which points of a later one are new."""
         return cKDTree(self.cloud)
 
-    def with_cloud(self, cloud: Vector) -> "Observation":
+    def with_cloud(self, cloud: Vector) -> Observation:
         """Returns the same with this cloud (P, 3) [m] in place of all obstacles."""
         return replace(self, cloud=cloud, predicted_cloud=np.zeros((0, 3)))
 
-    def with_arm(self, arm: ArmState) -> "Observation":
+    def with_arm(self, arm: ArmState) -> Observation:
         """Returns the same with the arm's command somewhere else."""
         return replace(self, arm=arm)
 
-    def from_base_pose(self, base_pose: Vector) -> "Observation":
+    def from_base_pose(self, base_pose: Vector) -> Observation:
         """Returns the same as if the base stood at a pose (3,) [m, rad]."""
         return replace(self, base_pose=base_pose)

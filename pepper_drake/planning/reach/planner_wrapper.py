@@ -4,6 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+import numpy as np
+import numpy.typing as npt
+
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
@@ -69,10 +72,14 @@ class PlannerWrapper:
             lambda asked: self.planner.remaining_clearance(plan, asked),
         )
 
-    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+    def stale_space(
+        self, plan: ReachPlan, observation: Observation, newcomers: npt.NDArray[np.float64]
+    ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
         return self._answer(
-            "stale_space", observation, lambda asked: self.planner.stale_space(plan, asked)
+            "stale_space",
+            observation,
+            lambda asked: self.planner.stale_space(plan, asked, newcomers),
         )
 
     def _answer(self, name: str, observation: Observation, ask: Callable[[Observation], T]) -> T:

@@ -9,6 +9,7 @@ from pepper_drake.planning.reach.steadiness import SteadinessParams
 from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from pepper_drake.planning.trajectories.adaptation_params import AdaptationParams
+from pepper_drake.short_repr import short_repr
 
 
 @dataclass
@@ -126,6 +127,8 @@ class ReachPlannerParams:
     places_searched: int = 40
     """Base placements that are ranked, where none of the usual ones will do."""
 
+    __repr__ = short_repr
+
 
 @dataclass
 class PlanningLatency:
@@ -187,7 +190,7 @@ class ReachTiming:
     reach_timeout: float = 35.0
     """Longest time from the arm's first start to its arrival, whatever was replanned [s]."""
     blocked_timeout: float = 20.0
-    """Time after its first start up to which the arm waits for an obstacle to leave [s]."""
+    """Time for which the arm waits for obstacles to leave, in all its retreats [s]."""
     detour_delay: float = 4.0
     """Time for which the arm waits for a new obstacle to leave before a detour is planned [s]."""
     clearance_lost: float = 0.003

@@ -1,5 +1,7 @@
 """Questions to the reach planner, and its answers."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple, Protocol
@@ -174,8 +176,16 @@ class Planner(Protocol):
         """Returns distances of the rest of a plan's path to obstacles."""
         ...
 
-    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
-        """Returns space that the arm passes soon and that was not seen lately."""
+    def stale_space(
+        self, plan: ReachPlan, observation: Observation, newcomers: Vector
+    ) -> StaleSpace:
+        """Returns space that the arm passes soon and that was not seen lately.
+
+        Args:
+            plan: What is performed.
+            observation: What is known.
+            newcomers: (N, 3) what came since the arm started, in W [m].
+        """
         ...
 
 

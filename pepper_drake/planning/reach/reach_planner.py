@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
+from scipy.spatial import cKDTree
 
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.control_model import CommandLimits
@@ -35,6 +36,8 @@ __all__ = ["PlanStatus", "ReachPlan", "ReachPlanner", "ReachPlannerParams"]
 
 Vector = npt.NDArray[np.float64]
 
+_NEXT_IMAGE = 0.2
+"""Time until the next depth image [s]."""
 _AROUND_CAMERA = ("Head", "Neck")
 """Links that turn with the depth camera, and hide nothing from it."""
 
@@ -118,26 +121,39 @@ class ReachPlanner:
         """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
         return remaining_clearance(self._evaluator, plan, observation)
 
-    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
+    def stale_space(
+        self, plan: ReachPlan, observation: Observation, newcomers: Vector
+    ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
-        params = self.params.unseen
-        if plan.joint_path is None or observation.space is None:
+        params, space = self.params.unseen, observation.space
+        if plan.joint_path is None:
             return StaleSpace()
         soon = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1]
-        lately = replace(params, oldest=params.recent)
         stride = _stride(plan.time_step, params)
         duration = stride * plan.time_step
-        unseen = self._unseen(
-            soon, plan.time_step, observation, observation.space, lately, stride=duration
-        )
-        if not unseen.regions:
-            return StaleSpace()
-        first = min(unseen.first)
-        x, y, z = unseen.regions[unseen.first.index(first)].mean(axis=0)
         centers = self._evaluator.kinematics.sphere_centers_at(soon[::stride])
+        place, first = StaleSpace().place, len(centers)
+        if space is not None:
+            lately = replace(params, oldest=params.recent)
+            unseen = self._unseen(soon, plan.time_step, observation, space, lately, stride=duration)
+            if unseen.regions:
+                first = min(unseen.first)
+                x, y, z = unseen.regions[unseen.first.index(first)].mean(axis=0)
+                place = (x, y, z)
+        # Of what came, the distance counts to where the arm is by the next image, too.
+        near = centers[: round(_NEXT_IMAGE / duration) + 1].reshape(-1, 3)
+        distance = np.inf
+        if len(newcomers):
+            X_WT = self._evaluator.scenes.torso_pose(observation)
+            near_W = near @ X_WT.rotation().matrix().T + X_WT.translation()
+            radius = float(np.max(self._evaluator.kinematics.spheres.radii))
+            distance = float(np.min(cKDTree(newcomers).query(near_W)[0])) - radius
+        if first == len(centers) and not len(newcomers):
+            return StaleSpace()
         ways = np.linalg.norm(np.diff(centers[: first + 2], axis=0), axis=2)
         fastest = float(ways.max(initial=0.0)) / duration
-        return StaleSpace((x, y, z), first * duration, fastest)
+        time = first * duration if first < len(centers) else np.inf
+        return StaleSpace(place, time, fastest, distance)
 
     def simulate_taught(self, observation: Observation) -> ReachPlan:
         """Returns the plan of the movement as it was taught, coupling included, not adapted."""

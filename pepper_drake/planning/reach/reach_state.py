@@ -73,12 +73,14 @@ class ReachState:
         checked: When the reach was last planned from where the robot stands, or a detour was last
             sought in vain [s].
         planned_with: The observation that the movement was planned with.
+        started_with: The observation that the first movement was planned with.
         suspended_plan: While the arm has retreated: the plan that is taken up again later.
         arrived: When the base last arrived where it was sent [s].
         started: When the arm first started [s].
         speed: The share of its speed at which the movement is performed.
         performed: Time of the movement that is over, at its full speed [s].
         stale: Space ahead that was not seen lately, its time as that of the movement.
+        waited: Time for which it waited for obstacles to leave, in all [s].
         blind: Time for which the arm waited because depth images did not come [s].
         may_drive: Whether the base may be sent to another place.
         look_at: Place in W that was not seen, or not lately, and that the arm is going to pass [m];
@@ -102,12 +104,14 @@ class ReachState:
     cloud_time: float = np.nan
     checked: float = np.nan
     planned_with: Observation | None = None
+    started_with: Observation | None = None
     suspended_plan: ReachPlan | None = None
     arrived: float = np.nan
     started: float = np.nan
     speed: float = 1.0
     performed: float = 0.0
     stale: StaleSpace = field(default_factory=StaleSpace)
+    waited: float = 0.0
     blind: float = 0.0
     may_drive: bool = True
     look_at: tuple[float, float, float] = (np.nan, np.nan, np.nan)

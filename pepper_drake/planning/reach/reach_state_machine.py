@@ -146,7 +146,8 @@ class _Supervision:
             return moving.with_plan(plan, time, result.suspended_plan)
         if result.effect == Effect.CHECK:
             if plan.status == PlanStatus.CLEAR:
-                return replace(state, plan=plan, planned_with=result.observation)
+                seen = result.observation
+                return replace(state, plan=plan, planned_with=seen, started_with=seen)
             if plan.status == PlanStatus.NOT_SEEN and not self._looked_long(state):
                 x, y, z = plan.unseen.mean(axis=0)
                 return replace(state, plan=None, look_at=(x, y, z))
@@ -286,7 +287,8 @@ class _Supervision:
         timing, time = self._timing, self._time
         tolerance, following = self._planner.params.tolerance, self._planner.params.following
         if state.suspended_plan is not None:
-            if time - state.started > timing.blocked_timeout:
+            state = replace(state, waited=state.waited + timing.time_step)
+            if state.waited > timing.blocked_timeout:
                 message = "something came in the way and has not gone"
                 return self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
             return state

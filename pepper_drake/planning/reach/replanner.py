@@ -15,10 +15,13 @@ from pepper_drake.planning.trajectories.retreat import (
     MOVING_SIDE,
     dilate_new_points,
     extrude_new_points_down,
+    new_points,
 )
 
 Vector = npt.NDArray[np.float64]
 
+_FEWEST = 10
+"""Fewer new points are at the edges of what was known [-]."""
 _STILL = 0.1
 """Joint speed below which the arm is at rest [rad/s]."""
 
@@ -51,6 +54,7 @@ class ReachReplanner:
         plan, time, latency = state.plan, observation.time, self.timing.latency
         assert plan is not None
         has_waited = self._has_waited(state, time)
+        state = self._watching_newcomer(state, observation)
         if has_waited and not len(observation.predicted_cloud):
             # An obstacle that has stood there for so long is not new any more.
             known = observation if state.planned_with is None else state.planned_with
@@ -59,10 +63,10 @@ class ReachReplanner:
         is_under_way = state.suspended_plan is None
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
-        stale = self.planner.stale_space(reach, observation)
-        state = replace(state, look_at=stale.place)
+        stale = self.planner.stale_space(reach, observation, self._newcomers(state, observation))
         if is_under_way:
-            state = replace(state, stale=stale._replace(time=state.performed + stale.time))
+            stale = stale._replace(time=state.performed + stale.time)
+            state = replace(state, look_at=stale.place, stale=stale)
         is_free = rest.least >= self._enough(reach)
         if is_free and is_under_way and not state.braking:
             return state
@@ -86,6 +90,22 @@ class ReachReplanner:
                 return state.later(Pending(due, Effect.MOVEMENT, detour))
             state = replace(state, checked=time)
         return self._retreat(state, plan, reach, seen.with_arm(start), due)
+
+    def _watching_newcomer(self, state: ReachState, observation: Observation) -> ReachState:
+        """Has the head look at what the arm waits for: unseen, it would not be seen to leave."""
+        new = self._newcomers(state, observation)
+        if state.suspended_plan is None or not len(new):
+            return state
+        x, y, z = new.mean(axis=0)
+        return replace(state, look_at=(x, y, z))
+
+    def _newcomers(self, state: ReachState, observation: Observation) -> Vector:
+        """Returns the points (N, 3) near the goal at which nothing was when the arm started [m]."""
+        began = state.started_with
+        if began is None:
+            return np.zeros((0, 3))
+        new = new_points(observation.cloud, began.cloud_tree, observation.p_WO)
+        return new if len(new) >= _FEWEST else new[:0]
 
     def _enough(self, plan: ReachPlan) -> float:
         """Returns the clearance below which a movement is planned anew [m]."""

@@ -1,4 +1,8 @@
-"""Steadiness of what is measured while the arm reaches: a jumping signal ends the reach."""
+"""Steadiness of what is measured while the arm reaches: a jumping signal ends the reach.
+
+So does a cloud that is not the one of the map: on a still scene the cloud may be the same for long,
+so that only this tells one that is stuck from one that is right.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -24,6 +28,8 @@ class SteadinessParams:
     base: float = 0.0015
     """Mean jump of the base, which should stand [m]. Measured: 0.0001, and 0.0026 with noise of
     0.1 m/s on its commands."""
+    other_clouds: int = 3
+    """Clouds in a row that are not those of the map at their images; none is, if all is well."""
     cloud: float = 0.004
     """Mean jump of the median point of the cloud [m]. Measured: 0.0001, and 0.013 with noise of
     20 mm."""
@@ -37,6 +43,7 @@ class Steadiness:
         goal: Of the goal object [m].
         base: Of the base [m].
         cloud: Median distance of the cloud's points to the cloud before [m].
+        other_clouds: Number of clouds in a row that are not those of the map.
         last: The observation before; None at the start.
         last_cloud: The observation with the cloud before.
     """
@@ -44,6 +51,7 @@ class Steadiness:
     goal: float = 0.0
     base: float = 0.0
     cloud: float = 0.0
+    other_clouds: int = 0
     last: Observation | None = None
     last_cloud: Observation | None = None
 
@@ -62,7 +70,8 @@ class Steadiness:
             )
         if last_cloud is not None and observation.cloud_time == last_cloud.cloud_time:
             return following
-        following = replace(following, last_cloud=observation)
+        other = 0 if observation.cloud_is_of_map else self.other_clouds + 1
+        following = replace(following, last_cloud=observation, other_clouds=other)
         if last_cloud is None or not (len(last_cloud.cloud) and len(observation.cloud)):
             return following
         share = (observation.time - last_cloud.time) / params.memory
@@ -81,6 +90,9 @@ class Steadiness:
         ):
             if jump > limit:
                 return f"{name}_unsteady", f"{words} jumps about, by {1000 * jump:.1f} mm at a time"
+        if self.other_clouds >= params.other_clouds:
+            words = "the cloud of obstacles is not that of the map: it is stuck or comes changed"
+            return "cloud_wrong", words
         return None
 
 

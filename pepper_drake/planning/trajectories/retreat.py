@@ -51,7 +51,7 @@ def extrude_new_points_down(cloud: Vector, known: cKDTree, around: Vector) -> Ve
     Returns:
         (Q, 3), the cloud first.
     """
-    new = _new_points(cloud, known, around)
+    new = new_points(cloud, known, around)
     depths = np.arange(1, round(NEWCOMER_DEPTH / 0.02) + 1) * 0.02
     below = new - np.multiply.outer(depths, np.array([0.0, 0.0, 1.0]))[:, None]
     return np.concatenate((cloud, below.reshape(-1, 3)))
@@ -74,13 +74,19 @@ def dilate_new_points(
     Returns:
         (Q, 3), the cloud first.
     """
-    new = _new_points(cloud, known, around)
+    new = new_points(cloud, known, around)
     steps = side * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
     return np.concatenate((cloud, (new + steps[:, None]).reshape(-1, 3)))
 
 
-def _new_points(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
-    """The points (N, 3) of a cloud that are near a place and were not there before."""
+def new_points(cloud: Vector, known: cKDTree, around: Vector) -> Vector:
+    """Returns the points (N, 3) of a cloud that are near a place and were not there before.
+
+    Args:
+        cloud: (P, 3) what is seen now [m].
+        known: Of what was seen before, (K, 3) [m].
+        around: (3,) only what is near this is held against it [m].
+    """
     near = cloud[np.sum((cloud - around) ** 2, axis=1) < _NEAR**2]
     if not len(near):
         return near

@@ -89,6 +89,9 @@ class GamepadVelocity(LeafSystem):
 
     `gamepad` is a GamepadState; `velocity_command` (6) angular and linear velocity in the axes of
     T [rad/s, m/s]. No state.
+
+    Args:
+        params: Speeds, dead zone and curve of the sticks; the defaults if left out.
     """
 
     def __init__(self, params: GamepadParams | None = None) -> None:

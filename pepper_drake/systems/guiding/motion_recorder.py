@@ -30,6 +30,9 @@ class MotionSampler(LeafSystem):
 
     `hand_pose` is X_TH (RigidTransform), `joint_position` (J) [rad]; `sample` (7 + J) is position
     [m], unit quaternion w, x, y, z, joints.
+
+    Args:
+        num_joints: Number J of joints.
     """
 
     def __init__(self, num_joints: int) -> None:

@@ -73,6 +73,9 @@ class ScriptedGuide(LeafSystem):
         - guide_velocity
 
     `guide_pose` is X_WG (RigidTransform), `guide_velocity` V_WG (SpatialVelocity).
+
+    Args:
+        path: Pose over time.
     """
 
     def __init__(self, path: GuidePath) -> None:

@@ -74,6 +74,11 @@ def CanonicalSystem_(T: type) -> type:
         after each step of the integrator. In continuous time, derivatives exist for Expression as
         well.
 
+        Args:
+            primitive: An example of what is performed.
+            duration: Nominal tau [s]; the demonstration's if left out.
+            time_step: [s]; 0 for a continuous phase.
+
         Examples:
             >>> from pydrake.systems.analysis import Simulator
             >>> from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
@@ -96,14 +101,6 @@ def CanonicalSystem_(T: type) -> type:
             time_step: float = 0.01,
             converter: Any = None,
         ) -> None:
-            """Makes the system.
-
-            Args:
-                primitive: An example of what is performed.
-                duration: Nominal tau [s]; the demonstration's if left out.
-                time_step: [s]; 0 for a continuous phase.
-                converter: For the framework.
-            """
             super().__init__(converter)
             self._primitive = primitive
             self._duration = duration

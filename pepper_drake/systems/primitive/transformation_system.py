@@ -79,6 +79,13 @@ def TransformationSystem_(T: type) -> type:
         approximator has any; with AutoDiffXd, gradients by them follow. They are used while the
         movement's primitive is the one that the system was made with.
 
+        Args:
+            primitive: An example of what is performed.
+            time_step: [s]; 0 for a continuous state.
+            start_moving: Whether the motion starts with the demonstration's velocity, as a rollout
+                does, or from rest, as a hand does. With it, `velocity` has that start velocity
+                already at rest.
+
         Examples:
             >>> from pydrake.systems.analysis import Simulator
             >>> from pydrake.systems.framework import DiagramBuilder
@@ -111,16 +118,6 @@ def TransformationSystem_(T: type) -> type:
             start_moving: bool = False,
             converter: Any = None,
         ) -> None:
-            """Makes the system.
-
-            Args:
-                primitive: An example of what is performed.
-                time_step: [s]; 0 for a continuous state.
-                start_moving: Whether the motion starts with the demonstration's velocity, as a
-                    rollout does, or from rest, as a hand does. With it, `velocity` has that start
-                    velocity already at rest.
-                converter: For the framework.
-            """
             super().__init__(converter)
             self._primitive = primitive
             self._time_step = time_step

@@ -159,6 +159,10 @@ class BasePositionController(LeafSystem):
     should be than it ever is by itself.
     State: the reference's pose and velocity in W, the command, and whether the reference is known
     (10), at `time_step`.
+
+    Args:
+        motion: Limits and gains; those of Pepper if left out.
+        time_step: Period of the update [s].
     """
 
     def __init__(self, motion: BaseMotion | None = None, *, time_step: float = 0.02) -> None:

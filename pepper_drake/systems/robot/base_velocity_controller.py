@@ -31,6 +31,14 @@ class BaseVelocityController(LeafSystem):
     It is the limiter of the base's commands: what is beyond the rated speeds is cut to them, one
     that is not finite brakes, and the velocity in B changes by no more than the accelerations
     allow [m/s^2, rad/s^2], whatever is asked for.
+
+    Args:
+        start_pose: x, y, yaw (3,) in W [m, rad].
+        time_step: Period of the update [s].
+        speed: Largest speed along each axis of B [m/s].
+        turning_speed: [rad/s].
+        acceleration: Largest along each axis of B [m/s^2].
+        turning_acceleration: [rad/s^2].
     """
 
     def __init__(

@@ -1,5 +1,7 @@
 """Measurements that cannot be are caught where they enter."""
 
+from __future__ import annotations
+
 import numpy as np
 import numpy.typing as npt
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
@@ -86,3 +88,31 @@ class MeasurementGuard(LeafSystem):
         measured = self.measured_input.Eval(context)
         last = context.get_discrete_state(self._state).value()[: self._size]
         output.SetFromVector(np.where(self._can_be(measured), measured, last))
+
+
+class MeasurementAges(LeafSystem):
+    """Puts the ages of measurements side by side, anew only where one changes.
+
+    Drake's Multiplexer depends on time as well, and with it all that is computed of the ages.
+
+    .. pydrake_system::
+
+        name: MeasurementAges
+        input_ports:
+        - age_0
+        - age_1
+        output_ports:
+        - age
+
+    Inputs: `age_0` and `age_1` (1), as of `MeasurementGuard` [s]. Output: `age` (2) [s].
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._ages: list[InputPort] = [self.DeclareVectorInputPort(f"age_{k}", 1) for k in range(2)]
+        self.DeclareVectorOutputPort(
+            "age", 2, self._calc_age, prerequisites_of_calc={port.ticket() for port in self._ages}
+        )
+
+    def _calc_age(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector([port.Eval(context)[0] for port in self._ages])

@@ -1,5 +1,7 @@
 """The last system before the robot: only commands that it may be given pass."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

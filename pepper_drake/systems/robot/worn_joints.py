@@ -1,5 +1,7 @@
 """Latency and backlash between a command and the joint of a used robot."""
 
+from __future__ import annotations
+
 import numpy as np
 import numpy.typing as npt
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort

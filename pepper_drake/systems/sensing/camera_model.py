@@ -1,5 +1,7 @@
 """A camera as the robot has it: its own rate, lens, noise, and a time stamp on every image."""
 
+from __future__ import annotations
+
 import functools
 from dataclasses import dataclass
 from typing import Any
@@ -54,7 +56,7 @@ class Frame:
     X_WC: RigidTransform
     position: npt.NDArray[np.float64]
 
-    def __deepcopy__(self, memo: dict) -> "Frame":
+    def __deepcopy__(self, memo: dict) -> Frame:
         """Returns itself: Drake copies the state at each event, and a frame never changes."""
         return self
 
@@ -66,7 +68,7 @@ class _Frames:
     out: Frame
     captured: Frame
 
-    def __deepcopy__(self, memo: dict) -> "_Frames":
+    def __deepcopy__(self, memo: dict) -> _Frames:
         return self
 
 

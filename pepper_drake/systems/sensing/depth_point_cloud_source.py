@@ -1,5 +1,7 @@
 """The obstacles that the depth camera has seen, as a cloud in the world and the torso frame."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -39,6 +39,9 @@ class PoseGuard(LeafSystem):
 
     Input and output: `pose`, a RigidTransform; `age` (1), time since the pose was finite at a tick
     [s], 0 while it is. State: the last finite pose (abstract) and its age, at `time_step`.
+
+    Args:
+        time_step: Period of the update [s].
     """
 
     def __init__(self, *, time_step: float = 0.05) -> None:
@@ -113,6 +116,9 @@ class CloudGuard(LeafSystem):
 
     Inputs and outputs: `cloud` in W and `cloud_torso` in T (PointCloud); `time_stamp` (1) [s].
     State: the last that made sense (abstract), at `time_step`.
+
+    Args:
+        time_step: Period of the update [s].
     """
 
     def __init__(self, *, time_step: float = 0.05) -> None:

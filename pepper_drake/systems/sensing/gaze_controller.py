@@ -1,5 +1,7 @@
 """The head follows the goal object, and the camera that sees it best is switched on."""
 
+from __future__ import annotations
+
 import functools
 import math
 from collections.abc import Callable, Sequence
@@ -128,11 +130,11 @@ class GazeController(LeafSystem):
     enabled: whichever sees it first finds it.
 
     With a `secondary_camera` the head does not bring the object to the middle of the image, but as
-    near to the middle of the companion's as it goes while a camera still sees the object well. An
+    near to the middle of the other's as it goes while a camera still sees the object well. An
     object that moves, by its `velocity` (3; m/s), is brought to the middle all the same; one that
     was missed, by its `age` (1; s since it was last seen), is looked for with all cameras above and
     below where it was. While it is `scan_enabled` (1; not zero) and the object at rest, the head
-    glances between two looks at the object at what the companion did not see for longest, near the
+    glances between two looks at the object at what the other did not see for longest, near the
     object and on the reaching arm's `side` of it above all, and where something stands or hangs in
     the `cloud` (PointCloud in W): it may move. See `perception.outlook`. While `look_at` (3, in W,
     m) is finite, it glances there instead.
@@ -145,7 +147,7 @@ class GazeController(LeafSystem):
         p_OP: The point on the object to look at (3,) [m]: its marker.
         cameras: The top and the bottom camera, in order of preference; the top one looks along
             with the depth camera.
-        companion: A camera that should see what is around the object, too: the depth camera.
+        secondary_camera: One that should see what is around the object, too: the depth camera.
         radius: Of what has to stay in view of the object then [m]: half its marker's diagonal.
         side: Of the reaching arm, 1 left or -1 right.
         search: Head angles (2,) [rad] of the search for the object, by the time [s] and `side`.

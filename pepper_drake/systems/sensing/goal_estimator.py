@@ -1,5 +1,7 @@
 """Estimator of the goal object's pose from the images of the head's colour cameras."""
 
+from __future__ import annotations
+
 import functools
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -41,7 +43,7 @@ class _Look:
         due: When that counts [s].
     """
 
-    measurement: "Future[GoalMeasurement | None]"
+    measurement: Future[GoalMeasurement | None]
     due: float
 
 
@@ -63,7 +65,7 @@ class _Memory:
     usable: Mapping[str, float] = field(default_factory=dict)
     looks: tuple[_Look, ...] = ()
 
-    def __deepcopy__(self, memo: dict) -> "_Memory":
+    def __deepcopy__(self, memo: dict) -> _Memory:
         """Returns itself: Drake copies the state at each event, and this never changes."""
         return self
 

@@ -35,6 +35,10 @@ class MovingMarker(LeafSystem):
 
     `geometry_pose` is the FramePoseVector of the marker's frame M (x right, y up, z out of the
     face) in the scene graph's world. No state: the path is a function of the time.
+
+    Args:
+        path: Pose of M over time.
+        frame: Of M in the scene graph.
     """
 
     def __init__(self, path: GuidePath, frame: FrameId) -> None:

@@ -1,5 +1,7 @@
 """Depth images from a pair of colour cameras."""
 
+from __future__ import annotations
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform

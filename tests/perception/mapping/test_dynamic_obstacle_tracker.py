@@ -1,4 +1,5 @@
 import numpy as np
+from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
@@ -7,9 +8,11 @@ from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
     DynamicObstacleTracker,
     reset_while_driving,
     update_tracker,
+    without_object,
 )
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters, update_obstacles
+from pepper_drake.perception.mapping.solids import Solid
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 
 CAMERA = CAMERA_DEPTH.intrinsics
@@ -115,3 +118,15 @@ def test_on_the_way_only_what_is_behind_all_is_learned():
     passing = reset_while_driving(watch, watch.views[-1], PARAMETERS)
     assert passing.things == passing.views == ()
     assert len(passing.behind) > 0
+
+
+def test_an_object_that_was_lifted_before_it_was_seen_there_has_not_come():
+    disc = image(800)
+    watch, _ = shown((image(), 0.0, X_WC), (disc, 0.2, X_WC), (disc, 0.4, X_WC))
+    assert watch.things
+    ball = Solid(Sphere(0.08), RigidTransform())
+    there = RigidTransform([0.0, 0.0, 0.82])
+    before = RigidTransform([0.0, -0.3, 0.82])
+    assert without_object(watch, [ball], [before, there], 0.015).things == ()
+    # What is beside the object is not it.
+    assert without_object(watch, [ball], [before, before], 0.015).things == watch.things

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from pepper_drake.diagrams.factory import make_primitive
@@ -85,6 +86,7 @@ class ScriptedPlanner:
         ahead: Least distance of the rest of a path, from `ahead_from` on [m].
         ahead_from: Time from now at which the path is as near as that [s].
         stale: Space on the path that was not seen lately.
+        stale_after_a_visit: The same once something came in the way.
         asked: Name and observation of each question.
     """
 
@@ -97,6 +99,7 @@ class ScriptedPlanner:
     ahead: float = 0.02
     ahead_from: float = 1.0
     stale: StaleSpace = field(default_factory=StaleSpace)
+    stale_after_a_visit: StaleSpace = field(default_factory=StaleSpace)
     asked: list[tuple[str, Observation]] = field(default_factory=list)
     demonstrated: Movement = DEMONSTRATED
     params: ReachPlannerParams = field(default_factory=ReachPlannerParams)
@@ -130,8 +133,10 @@ class ScriptedPlanner:
             np.array([self.ahead if self.ahead_from == 0.0 else far, self.ahead]),
         )
 
-    def stale_space(self, plan: ReachPlan, observation: Observation) -> StaleSpace:
-        return self.stale
+    def stale_space(
+        self, plan: ReachPlan, observation: Observation, newcomers: npt.NDArray[np.float64]
+    ) -> StaleSpace:
+        return self.stale_after_a_visit if len(newcomers) else self.stale
 
     def questions(self) -> list[str]:
         """Names of the questions that were asked."""

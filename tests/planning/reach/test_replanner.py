@@ -299,3 +299,15 @@ def test_an_arm_that_withdraws_to_where_something_is_predicted_seeks_another_pla
     assert one.planner.questions().count("plan_retreat") > retreats
     assert one.state.active_movement > 2
     assert one.state.mode == ReachMode.REACHING
+
+
+def test_the_head_looks_at_what_the_arm_waits_for():
+    one = on_its_way(ahead=0.0, detour=NO_DETOUR)
+    one.planner.stale = STALE
+    one.set(cloud=np.concatenate((CLOUD, BESIDE + 0.005 * np.eye(3).repeat(4, axis=0))))
+    one.image_time = None
+    one.advance(1.0)
+    assert one.state.suspended_plan is not None
+    np.testing.assert_allclose(one.state.look_at, BESIDE, atol=0.01)
+    one.set(cloud=CLOUD).advance(0.2)
+    np.testing.assert_allclose(one.state.look_at, BESIDE, atol=0.01)

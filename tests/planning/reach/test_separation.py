@@ -10,9 +10,10 @@ from pepper_drake.planning.reach.separation import (
     SeparationParams,
     StaleSpace,
     changed_speed,
+    separated_speed,
     speed_share,
 )
-from tests.planning.reach.scripted_planner import NO_DETOUR, STALE, on_its_way
+from tests.planning.reach.scripted_planner import BESIDE, CLOUD, NO_DETOUR, STALE, on_its_way
 
 PARAMS = SeparationParams()
 STEP = 0.01
@@ -60,3 +61,26 @@ def test_a_retreat_is_not_slowed_down():
     one.advance(1.0)
     assert one.state.suspended_plan is not None
     assert one.state.speed == 1.0
+
+
+def test_the_speed_near_what_came_keeps_the_separation_distance():
+    for distance in np.linspace(0.15, 1.0, 30):
+        v = separated_speed(distance, PARAMS)
+        braking = v / PARAMS.deceleration
+        person = PARAMS.approach_speed * (PARAMS.reaction + braking)
+        robot = v * PARAMS.reaction + v * braking / 2.0
+        assert person + robot + PARAMS.intrusion == pytest.approx(distance)
+    assert separated_speed(0.0, PARAMS) == 0.0
+    assert separated_speed(np.inf, PARAMS) == np.inf
+
+
+def test_near_what_came_the_arm_is_as_slow_as_a_touch_may_be():
+    one = on_its_way()
+    near = StaleSpace(fastest=0.5, distance=0.05)
+    one.planner.stale_after_a_visit = near
+    one.image_time = None
+    one.advance(0.5)
+    assert one.state.speed == 1.0
+    one.set(cloud=np.concatenate((CLOUD, BESIDE + 0.005 * np.eye(3).repeat(4, axis=0))))
+    one.advance(0.5)
+    assert one.state.speed == pytest.approx(PARAMS.touch_speed / near.fastest)

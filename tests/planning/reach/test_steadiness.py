@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.seen_space import SeenSpace
+from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_state_machine import step
@@ -87,3 +91,41 @@ def test_a_stop_is_explained_by_the_signal_that_jumps_about():
     assert "the arm went too close" in state.message
     asked = replace(one.seen, time=one.time, stop_reason=StopReason.REQUESTED)
     assert step(unsteady, asked, ScriptedPlanner(), TIMING).reason == "requested"
+
+
+def mapped(count, stuck_from=None, shift=0.0):
+    """Steadiness after clouds of a map whose points move a little with each image."""
+    first, steadiness = Supervised().seen, Steadiness()
+    camera = CAMERA_DEPTH.intrinsics
+    depth = np.ones((camera.height, camera.width), np.float32)
+    rng = np.random.default_rng(0)
+    sent = np.zeros((0, 3), np.float32)
+    for k in range(count):
+        positions = (np.eye(3) + rng.normal(0.0, 1e-4, (3, 3))).astype(np.float32)
+        if stuck_from is None or k < stuck_from:
+            sent = positions
+        voxels = replace(VoxelMap.empty(), positions=positions)
+        view = DepthFrame(depth, RigidTransform(), 0.2 * k, camera)
+        observation = replace(
+            first,
+            time=0.2 * k + 0.05,
+            cloud_time=0.2 * k,
+            cloud=sent.astype(float) + shift,
+            space=SeenSpace(voxels, (view,)),
+        )
+        steadiness = steadiness.advanced(observation, PARAMS)
+    return steadiness
+
+
+def test_a_cloud_that_is_stuck_on_a_still_scene_is_told_by_the_map():
+    assert mapped(20).complaint(PARAMS) is None
+    assert mapped(4 + PARAMS.other_clouds - 1, stuck_from=4).complaint(PARAMS) is None
+    complaint = mapped(4 + PARAMS.other_clouds, stuck_from=4).complaint(PARAMS)
+    assert complaint is not None
+    assert complaint[0] == "cloud_wrong"
+
+
+def test_a_cloud_that_comes_shifted_is_told_by_the_map():
+    complaint = mapped(10, shift=0.05).complaint(PARAMS)
+    assert complaint is not None
+    assert complaint[0] == "cloud_wrong"

@@ -1,11 +1,14 @@
 """Options of a recording that its file does not state."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
 import numpy as np
 
 from pepper_drake.errors import InputError
+from pepper_drake.short_repr import short_repr
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 """Units of length and what each is in metres."""
@@ -64,6 +67,8 @@ class ImportOptions:
     rate: float | None = None
     track: str | None = None
     drop_outliers: bool = False
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuses what is no choice."""

@@ -1,10 +1,14 @@
 """A motion as a file has it, before its units, order and frame are known."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 Lines = npt.NDArray[np.int64]
@@ -58,6 +62,8 @@ class Track:
     lines: Lines | None = None
     notes: tuple[str, ...] = ()
     absolute: bool = True
+
+    __repr__ = short_repr
 
     @property
     def num_samples(self) -> int:

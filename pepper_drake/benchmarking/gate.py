@@ -1,0 +1,140 @@
+"""A short, seeded run of everything whose numbers are defended; see `baseline`."""
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+
+import pepper_drake
+from pepper_drake.benchmarking.baseline import HIGHER, LOWER, Metric
+from pepper_drake.benchmarking.batch import Task, run_tasks
+from pepper_drake.benchmarking.case import Case
+from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
+from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.evaluation.approximator_comparison import compare
+from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
+from pepper_drake.models.scene import load_scene
+
+GROUPS: dict[str, tuple[Case, ...]] = {
+    "shipped": tuple(Case(0, scene) for scene in ("table", "shelf", "clutter")),
+    "still": tuple(Case(seed) for seed in (1001, 1002, 1003, 1004)),
+    "moving": tuple(Case(seed, moving=True) for seed in (1, 2, 3)),
+    "families": (Case(2, family="pickets"), Case(1, family="high_table")),
+}
+"""The scenes, each with our method."""
+_METHOD = "d"
+_APPROXIMATORS = ("trajectory", "lwr", "rbfn", "gmr", "lwpr")
+_STEPS, _ROUNDS = 200, 3
+"""Steps of the physics, 5 ms each, beside which the whole diagram is timed, and how often."""
+
+
+def gate_tasks() -> list[Task]:
+    """The runs."""
+    return [Task(_METHOD, case) for cases in GROUPS.values() for case in cases]
+
+
+def measure_gate(
+    output: Path, *, jobs: int = 1, progress: Callable[[MethodResult], object] = lambda _: None
+) -> dict[str, Metric]:
+    """Runs what has no result of this very code yet, and returns the metrics by name.
+
+    Args:
+        output: Folder for results; those of other code are in folders of their own.
+        jobs: How many runs at the same time.
+        progress: Called with each result.
+    """
+    folder = output / f"gate-{source_digest()}"
+    tasks = gate_tasks()
+    results = dict(zip(tasks, run_tasks(tasks, folder, jobs=jobs, progress=progress), strict=True))
+    metrics: dict[str, Metric] = {}
+    for group, cases in GROUPS.items():
+        metrics |= _outcomes(group, [results[Task(_METHOD, case)] for case in cases])
+    metrics |= _quality([result for result in results.values() if result.outcome == "reached"])
+    metrics |= _learning()
+    share = physics_share()  # Time is loose: processors differ in what they do fast.
+    metrics["time.physics alone, of the whole diagram"] = Metric(share, "1", HIGHER, 0.4 * share)
+    return metrics
+
+
+def source_digest() -> str:
+    """A word for the code that is run: other code gives another one."""
+    digest = hashlib.sha256()
+    root = Path(pepper_drake.__file__).parent
+    for file in sorted([*root.rglob("*.py"), *root.rglob("*.urdf"), *root.rglob("*.yaml")]):
+        digest.update(str(file.relative_to(root)).encode() + file.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _outcomes(group: str, results: Sequence[MethodResult]) -> dict[str, Metric]:
+    """Counts have no tolerance: the runs are seeded."""
+    counts = {o: sum(result.outcome == o for result in results) for o in ("reached", "touched")}
+    return {
+        f"{group}.reached of {len(results)}": Metric(counts["reached"], "1", HIGHER, 0.0),
+        f"{group}.touched of {len(results)}": Metric(counts["touched"], "1", LOWER, 0.0),
+    }
+
+
+def _quality(reached: Sequence[MethodResult]) -> dict[str, Metric]:
+    """Medians and extremes over the runs that reached; NaN, which never passes, if none did."""
+
+    def all_of(name: str) -> np.ndarray:
+        values = [getattr(result, name) for result in reached]
+        return np.array([value for value in values if value is not None] or [np.nan])
+
+    return {
+        "reach.largest position error": Metric(
+            float(all_of("position_error").max()), "m", LOWER, 0.001
+        ),
+        "reach.least clearance": Metric(float(all_of("clearance").min()), "m", HIGHER, 0.002),
+        "reach.median time to first motion": Metric(
+            float(np.median(all_of("first_motion_seconds"))), "s", LOWER, 0.02
+        ),
+        "reach.median jerk": Metric(float(np.median(all_of("jerk"))), "m/s³", LOWER, 1.0),
+        "reach.median distance to the taught path": Metric(
+            float(np.median(all_of("demonstration_distance"))), "m", LOWER, 0.05
+        ),
+    }
+
+
+def _learning() -> dict[str, Metric]:
+    """Equation 4.1 of each approximator on the demonstrations that everybody has."""
+    rows = compare(example_demonstrations(3), _APPROXIMATORS, (40,))
+    return {
+        f"learning.{row.approximator}, 40 basis functions": Metric(
+            row.position_distance, "m", LOWER, 0.02 * row.position_distance
+        )
+        for row in rows
+    }
+
+
+def physics_share() -> float:
+    """Time of the physics alone over that of the whole diagram without cameras, 1 at best.
+
+    Both simulate the same plant at the same steps, by turns in this process, so that the ratio
+    holds on any machine. The median of some rounds.
+    """
+    scene = load_scene("table")
+    config = ReachingConfig(station=StationConfig(cameras=False))
+    primitive = make_primitive(None, scene.arm)
+    reaching = Reaching(scene, primitive, make_coupling(scene.coupling), config)
+    simulator = Simulator(reaching)
+    simulator.Initialize()
+    plant, step = reaching.station.plant, config.station.time_step
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    state = plant.AllocateDiscreteVariables()
+    shares = []
+    for number in range(_ROUNDS + 1):  # The first round compiles and fills caches.
+        begin = time.process_time()
+        simulator.AdvanceTo((number + 1) * _STEPS * step)
+        between = time.process_time()
+        for _ in range(_STEPS):
+            plant.CalcForcedDiscreteVariableUpdate(context, state)
+            context.SetDiscreteState(state)
+        shares.append((time.process_time() - between) / (between - begin))
+    return float(np.median(shares[1:]))
