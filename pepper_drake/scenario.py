@@ -154,8 +154,10 @@ class Scenario:
         """
         self.scene.check()
         self.learning.check()
-        for checked in (self.planner.clearance, self.planner.tolerance, self.planner.following):
+        planner = self.planner
+        for checked in (planner.clearance, planner.tolerance, planner.following):
             checked.check()
+        self.perception.gaze.check()
         if self.push and len(self.push) != 3:
             raise InputError(f"push has {len(self.push)} numbers; give three, or none")
         for task in self.tasks:

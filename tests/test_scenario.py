@@ -74,6 +74,8 @@ def test_clearances_stay_in_their_order():
         (["scene.arm=both"], 'arm is "both"'),
         (["push=[1, 2]"], "push has 2 numbers"),
         (["seed=many"], 'seed is "many"; it must be a whole number'),
+        (["perception.gaze.search.period=0"], "gaze.search.period is 0; it must be positive"),
+        (["perception.gaze.search.first_yaw=2"], "must lie within gaze.search.sweep"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(settings, sentence):

@@ -1,6 +1,7 @@
 """THE perception: the goal object, the obstacles as clouds, and the head that looks there."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from pydrake.common.value import Value
@@ -24,6 +25,7 @@ from pepper_drake.perception.calibration.calibrated_cameras import (
     calibrated_cameras,
 )
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.gaze.gaze_params import GazeParams
 from pepper_drake.perception.gaze.head_aiming import head_search_pattern
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
@@ -103,10 +105,8 @@ class PerceptionConfig:
     """Time from an image's arrival to the estimate made of it [s]: detection takes 25 ms."""
     obstacles: ObstacleParameters = field(default_factory=ObstacleParameters)
     """Obstacle detection in the depth camera's images; a stereo pair has its own."""
-    head_velocity: float = 2.5
-    """Fastest motion of a head joint [rad/s], a third of the rated speed."""
-    head_acceleration: float = 8.0
-    """Largest acceleration of a head joint [rad/s²]."""
+    gaze: GazeParams = field(default_factory=GazeParams)
+    """Motion of the head, which follows the goal object and scans around it."""
 
 
 class HeadPerception(Diagram):
@@ -174,9 +174,8 @@ class HeadPerception(Diagram):
                 secondary_camera=CAMERA_DEPTH,
                 radius=marked.marker_size / np.sqrt(2),
                 side=1.0 if scene.arm == "left" else -1.0,
-                search=head_search_pattern,
-                max_velocity=config.head_velocity,
-                max_acceleration=config.head_acceleration,
+                search=partial(head_search_pattern, params=config.gaze.search),
+                params=config.gaze,
             ),
         )
         if self._has_cameras:
