@@ -158,6 +158,7 @@ class Scenario:
         for checked in (planner.clearance, planner.tolerance, planner.following):
             checked.check()
         self.perception.gaze.check()
+        self.perception.marker.check()
         if self.push and len(self.push) != 3:
             raise InputError(f"push has {len(self.push)} numbers; give three, or none")
         for task in self.tasks:

@@ -29,6 +29,7 @@ from pepper_drake.perception.gaze.gaze_params import GazeParams
 from pepper_drake.perception.gaze.head_aiming import head_search_pattern
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
+from pepper_drake.perception.goal.marker_params import MarkerParams
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.systems.faults.fault_memory import Role
@@ -101,6 +102,8 @@ class PerceptionConfig:
         # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
         default_factory=lambda: GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0)
     )
+    marker: MarkerParams = field(default_factory=MarkerParams)
+    """Detection of the goal's marker, and what its corners err."""
     goal_latency: float = 0.04
     """Time from an image's arrival to the estimate made of it [s]: detection takes 25 ms."""
     obstacles: ObstacleParameters = field(default_factory=ObstacleParameters)
@@ -233,6 +236,7 @@ class HeadPerception(Diagram):
                 top=cameras["camera_top"].intrinsics,
                 bottom=cameras["camera_bottom"].intrinsics,
                 parameters=self._config.goal,
+                marker=self._config.marker,
                 period=self._config.image_poll_period,
                 latency=self._config.goal_latency,
                 expects_noise=station.config.noise,
