@@ -155,10 +155,16 @@ class Scenario:
         self.scene.check()
         self.learning.check()
         planner = self.planner
-        for checked in (planner.clearance, planner.tolerance, planner.following):
+        for checked in (
+            planner.clearance,
+            planner.tolerance,
+            planner.following,
+            planner.retreat,
+            planner.new_obstacle,
+            self.perception.gaze,
+            self.perception.marker,
+        ):
             checked.check()
-        self.perception.gaze.check()
-        self.perception.marker.check()
         if self.push and len(self.push) != 3:
             raise InputError(f"push has {len(self.push)} numbers; give three, or none")
         for task in self.tasks:

@@ -9,6 +9,7 @@ from pepper_drake.planning.reach.steadiness import SteadinessParams
 from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from pepper_drake.planning.trajectories.adaptation_params import AdaptationParams
+from pepper_drake.planning.trajectories.retreat import NewObstacleParams, RetreatParams
 from pepper_drake.short_repr import short_repr
 
 
@@ -120,6 +121,12 @@ class ReachPlannerParams:
     close stops the arm: the setting in which some couplings were published."""
     adaptation: AdaptationParams = field(default_factory=AdaptationParams)
     """Parameters of that adaptation."""
+    retreat: RetreatParams = field(default_factory=RetreatParams)
+    """Way back from an obstacle."""
+    new_obstacle: NewObstacleParams = field(default_factory=NewObstacleParams)
+    """Points that count as new, and their unseen sides."""
+    shortest_detour: float = 0.8
+    """Least duration of a movement that is adapted on its way [s]."""
     slowest: float = 1.6
     """Duration, in those of the demonstration, up to which a plan is taken at once."""
     places_adapted: int = 4
@@ -193,6 +200,8 @@ class ReachTiming:
     """Time for which the arm waits for obstacles to leave, in all its retreats [s]."""
     detour_delay: float = 4.0
     """Time for which the arm waits for a new obstacle to leave before a detour is planned [s]."""
+    at_rest: float = 0.1
+    """Joint speed below which a whole new plan may be made for an arm that waits [rad/s]."""
     clearance_lost: float = 0.003
     """A plan with less than the clearance `replan` is made anew when it has lost this much [m]."""
     images_lost: float = 2.0
