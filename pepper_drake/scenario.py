@@ -10,6 +10,7 @@ import dataclasses
 import typing
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -163,6 +164,7 @@ class Scenario:
             planner.new_obstacle,
             self.perception.gaze,
             self.perception.marker,
+            self.station.stereo_pair.matching,
         ):
             checked.check()
         if self.push and len(self.push) != 3:
@@ -185,7 +187,7 @@ class Scenario:
             pushes = (ForcePulse((x, y, z), self.push_at, _PUSH_DURATION),)
         return ReachingConfig(
             station=StationConfig(
-                **dataclasses.asdict(self.station),
+                **{f.name: deepcopy(getattr(self.station, f.name)) for f in fields(self.station)},
                 seed=self.seed,
                 wear=RobotWear.draw(self.seed) if self.robot == "worn" else None,
                 calibration=calibration_of(self.calibration, self.robot, self.seed),

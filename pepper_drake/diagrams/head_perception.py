@@ -32,6 +32,7 @@ from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
 from pepper_drake.perception.goal.marker_params import MarkerParams
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.perception.stereo.matching import stereo_obstacle_parameters
 from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into
@@ -107,7 +108,9 @@ class PerceptionConfig:
     goal_latency: float = 0.04
     """Time from an image's arrival to the estimate made of it [s]: detection takes 25 ms."""
     obstacles: ObstacleParameters = field(default_factory=ObstacleParameters)
-    """Obstacle detection in the depth camera's images; a stereo pair has its own."""
+    """Obstacle detection in the depth camera's images ..."""
+    stereo_obstacles: ObstacleParameters = field(default_factory=stereo_obstacle_parameters)
+    """... and in those of a stereo pair in its place."""
     gaze: GazeParams = field(default_factory=GazeParams)
     """Motion of the head, which follows the goal object and scans around it."""
 
@@ -229,6 +232,8 @@ class HeadPerception(Diagram):
         """Adds what finds the goal and the obstacles in the cameras' images."""
         builder = self._builder
         cameras = HEAD_CAMERA_MODELS | calibrated_cameras(station.config.calibration)
+        stereo = station.config.stereo
+        obstacles = self._config.stereo_obstacles if stereo else self._config.obstacles
         estimator = builder.AddNamedSystem(
             "goal_estimator",
             GoalEstimator(
@@ -250,7 +255,7 @@ class HeadPerception(Diagram):
                 ),
                 marked,
                 intrinsics=station.depth_intrinsics,
-                parameters=station.obstacle_parameters(self._config.obstacles),
+                parameters=station.obstacle_parameters(obstacles),
                 period=self._config.image_poll_period,
             ),
         )
