@@ -75,12 +75,25 @@ class FollowingErrors:
 
 
 @dataclass
+class CauseParams:
+    """Observations that are named as the cause of a failed reach."""
+
+    base_moved: float = 0.03
+    """Displacement of the base during a reach [m]."""
+    torso_moved: float = 0.05
+    """The same for hip and knee [rad]."""
+    blind: float = 2.0
+    """Time for which the arm waited for depth images [s]."""
+
+
+@dataclass
 class ReachPlannerParams:
     """Criteria of a good reach, and how many candidates are tried."""
 
     clearance: ClearanceTable = field(default_factory=ClearanceTable)
     tolerance: GoalTolerances = field(default_factory=GoalTolerances)
     following: FollowingErrors = field(default_factory=FollowingErrors)
+    cause: CauseParams = field(default_factory=CauseParams)
     support_surface: SupportSurfaceParams = field(default_factory=SupportSurfaceParams)
     unseen: UnseenSpaceParams = field(default_factory=UnseenSpaceParams)
     hand_x: float = 0.26
@@ -121,6 +134,9 @@ class ReachPlannerParams:
     close stops the arm: the setting in which some couplings were published."""
     adaptation: AdaptationParams = field(default_factory=AdaptationParams)
     """Parameters of that adaptation."""
+    barrier_margin: float = 0.003
+    """Margin to the barrier's radius that a planned path allows [m]: the hand does not follow it
+    exactly."""
     retreat: RetreatParams = field(default_factory=RetreatParams)
     """Way back from an obstacle."""
     new_obstacle: NewObstacleParams = field(default_factory=NewObstacleParams)
