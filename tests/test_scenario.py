@@ -1,4 +1,5 @@
 import dataclasses
+from argparse import ArgumentParser
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,10 @@ from pepper_drake.planning.collision.clearance_table import ClearanceTable
 from pepper_drake.scenario import (
     METHODS,
     Scenario,
+    add_scenario_options,
     load_scenario,
     movement_and_config,
+    numbers_of,
     save_scenario,
     use_method,
 )
@@ -149,3 +152,22 @@ def test_methods_differ_in_what_they_are_said_to_differ_in():
 def test_a_wrong_way_to_learn_is_refused(setting, words):
     with pytest.raises(InputError, match=words):
         load_scenario(settings=[setting])
+
+
+def options(*words):
+    parser = ArgumentParser()
+    add_scenario_options(parser, only_numbers=True)
+    return parser.parse_args(words)
+
+
+def test_apps_with_a_scene_of_their_own_take_the_numbers_alone(tmp_path):
+    path = tmp_path / "scenario.yaml"
+    path.write_text("seed: 4\nrobot: worn\npush: [1, 0, 0]\nplanner:\n  hand_x: 0.25\n")
+    config = numbers_of(options("--scenario", str(path), "--set", "perception.gaze.dwell=0.4"))
+    assert config.planner.hand_x == 0.25
+    assert config.perception.gaze.dwell == 0.4
+    assert config.station.seed == 0
+    assert config.station.wear is None
+    assert config.compliance is None
+    with pytest.raises(InputError, match=r"--set scene\.arm: this app takes station"):
+        numbers_of(options("--set", "scene.arm=right"))
