@@ -86,7 +86,6 @@ ALLOWED = {
     "perception/mapping/depth_validity.py": {
         "format": "_NOTHING",
         "numeric": "_FLOOR_STRIDE",
-        "tuned": "_FLOOR_DEPTH _LEAST_SHOWN _SAME_SHARE",
     },
     "perception/mapping/dynamic_obstacle_tracker.py": {"tuned": "_MOST"},
     "perception/mapping/dynamic_obstacles.py": {
