@@ -24,6 +24,7 @@ from pepper_drake.diagrams.safety_layer import SafetyParams
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.hands import RELAXED
 from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.robot_wear import ROBOTS, RobotWear
 from pepper_drake.models.scene import Scene, load_scene
@@ -109,6 +110,21 @@ class TaskSettings:
             )
 
 
+def _check_tasks(tasks: Sequence[TaskSettings]) -> None:
+    """Raises InputError unless each task is one, and the arm moves with no open hand."""
+    opening = RELAXED
+    for task in tasks:
+        task.check()
+        if task.hand is not None:
+            opening = task.hand
+        elif not task.wait and opening > RELAXED:
+            raise InputError(
+                f"task {task.name!r}: the arm would move with its hand open to {opening:g}, whose "
+                f"fingers are not kept clear of obstacles; put {{hand: {RELAXED:g}}}, or less, "
+                "before it"
+            )
+
+
 @dataclass
 class _Tasks:
     """Content of a file of tasks."""
@@ -180,8 +196,7 @@ class Scenario:
             checked.check()
         if self.push and len(self.push) != 3:
             raise InputError(f"push has {len(self.push)} numbers; give three, or none")
-        for task in self.tasks:
-            task.check()
+        _check_tasks(self.tasks)
         if self.robot not in ROBOTS:
             raise InputError(f'robot is "{self.robot}"; it must be {" or ".join(ROBOTS)}')
         parse_faults(self.faults)
@@ -287,8 +302,7 @@ def load_tasks(path: Path) -> list[TaskSettings]:
     if not loaded.tasks:
         raise InputError(f"{path}: no tasks in it; list at least one")
     try:
-        for task in loaded.tasks:
-            task.check()
+        _check_tasks(loaded.tasks)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return loaded.tasks

@@ -89,7 +89,7 @@ def visible(
 
 
 def _in_image(camera: HeadCamera, p_C: Vector, border: float) -> npt.NDArray[np.bool_]:
-    """Which places (..., 3) of the camera's frame are in its image; `p_C` is changed."""
+    """Tells which places (..., 3) of the camera's frame are in its image; changes `p_C`."""
     # What is nearer to the axis by this is that much nearer to the middle of the image.
     p_C[..., :2] /= 1.0 - border
     return np.asarray((p_C[..., 2] > _NEAREST) & camera.intrinsics.sees(p_C))
@@ -153,7 +153,7 @@ def _grid_poses(camera: HeadCamera) -> Vector:
 def _shown(
     in_image: npt.NDArray[np.bool_], eyes: Vector, places: Vector, centers: Vector, squares: Vector
 ) -> npt.NDArray[np.bool_]:
-    """Which places (N, 3) some gaze has in its image (H, N), with no sphere before any of its eyes.
+    """Tells which places (N, 3) some gaze shows (H, N), with no sphere before any of its eyes.
 
     A place is hidden from an eye (of H, E, 3) by a sphere that the line between them meets, of a
     centre (S, 3) and a squared radius (S,). All in one frame [m].
