@@ -213,7 +213,9 @@ def _is_blank(
     floor = around[start::_FLOOR_STRIDE, start::_FLOOR_STRIDE].ravel()[on_floor]
     _, rows, columns = _in_view(known, X_WC, intrinsics)
     shown = np.concatenate((floor, around[rows, columns]))
-    return len(shown) >= parameters.least_expected and float(np.mean(shown)) < parameters.least_shown
+    return (
+        len(shown) >= parameters.least_expected and float(np.mean(shown)) < parameters.least_shown
+    )
 
 
 def lies_below_floor(
