@@ -10,7 +10,8 @@ import dataclasses
 import typing
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from copy import deepcopy
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,17 @@ from pepper_drake.systems.guiding.external_force import ForcePulse
 
 _PUSH_DURATION = 0.5
 """Time that the hand is pushed [s]."""
+NUMBERS = (
+    "station",
+    "perception",
+    "planner",
+    "planner_class",
+    "controller",
+    "supervisor",
+    "safety",
+    "contact",
+)
+"""Fields of a scenario that say how the loop works, in whatever scene and for whatever task."""
 _NOT_IN_FILES = ("seed", "wear", "calibration", "faults")
 """Fields of `StationConfig` that follow from other fields of a scenario."""
 
@@ -170,7 +182,17 @@ class Scenario:
         """
         self.scene.check()
         self.learning.check()
-        for checked in (self.planner.clearance, self.planner.tolerance, self.planner.following):
+        planner = self.planner
+        for checked in (
+            planner.clearance,
+            planner.tolerance,
+            planner.following,
+            planner.retreat,
+            planner.new_obstacle,
+            self.perception.gaze,
+            self.perception.marker,
+            self.station.stereo_pair.matching,
+        ):
             checked.check()
         if self.push and len(self.push) != 3:
             raise InputError(f"push has {len(self.push)} numbers; give three, or none")
@@ -191,7 +213,7 @@ class Scenario:
             pushes = (ForcePulse((x, y, z), self.push_at, _PUSH_DURATION),)
         return ReachingConfig(
             station=StationConfig(
-                **dataclasses.asdict(self.station),
+                **{f.name: deepcopy(getattr(self.station, f.name)) for f in fields(self.station)},
                 seed=self.seed,
                 wear=RobotWear.draw(self.seed) if self.robot == "worn" else None,
                 calibration=calibration_of(self.calibration, self.robot, self.seed),
@@ -321,13 +343,19 @@ def save_scenario(scenario: Scenario, path: Path) -> None:
     save_yaml(scenario, path)
 
 
-def add_scenario_options(parser: ArgumentParser) -> None:
-    """Adds `--scenario` and `--set`."""
+def add_scenario_options(parser: ArgumentParser, *, only_numbers: bool = False) -> None:
+    """Adds `--scenario` and `--set`.
+
+    Args:
+        parser: To add them to.
+        only_numbers: True for an app that reads them with `numbers_of`.
+    """
+    parts = f"its {', '.join(NUMBERS)}" if only_numbers else "scene, robot and every tuned number"
     parser.add_argument(
         "--scenario",
         type=Path,
         metavar="FILE",
-        help="scene, robot and every tuned number, as a YAML file such as a run's scenario.yaml; "
+        help=f"{parts}, as a YAML file such as a run's scenario.yaml; "
         "what it leaves out keeps its default, and other options come on top",
     )
     parser.add_argument(
@@ -338,6 +366,27 @@ def add_scenario_options(parser: ArgumentParser) -> None:
         help="set one field of the scenario, as in planner.clearance.want=0.02; may be given more "
         "than once",
     )
+
+
+def numbers_of(options: Namespace) -> ReachingConfig:
+    """Loads the numbers of the loop that the options of `add_scenario_options` name.
+
+    For apps with options of their own for scene, seed, movement and task: of a file, these count
+    for nothing.
+
+    Raises:
+        InputError: As `load_scenario`; or a setting is not one of `NUMBERS`.
+    """
+    for setting in options.set:
+        name = setting.partition("=")[0]
+        if name.partition(".")[0] not in NUMBERS:
+            raise InputError(
+                f"--set {name}: this app takes {', '.join(NUMBERS)} from a scenario; for all else "
+                "see its own options"
+            )
+    scenario = scenario_of(options)
+    given = {name: getattr(scenario, name) for name in NUMBERS}
+    return replace(Scenario(), **given).reaching_config()
 
 
 def scenario_of(options: Namespace) -> Scenario:
