@@ -114,8 +114,7 @@ def coupling_name(text: str) -> str:
 
 def make_parser() -> ArgumentParser:
     """Makes the parser of this app's options."""
-    parser = cli.make_parser("reach", __doc__)
-    parser.set_defaults(seed=None)  # That of the scenario.
+    parser = cli.make_parser("reach", __doc__, seed_of_scenario=True)
     add_scene_options(parser)
     add_scenario_options(parser)
     add_robot_options(parser, addresses=True)

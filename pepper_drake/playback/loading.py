@@ -166,7 +166,7 @@ def _object_positions(folder: Path, scene: Scene, offsets: Vector) -> dict[str, 
     if len(names) != offsets.shape[1]:
         raise InputError(
             f"{folder / LOG}: object_offset_m has {offsets.shape[1]} columns, but in {SCENE} "
-            f"{len(moving)} things have a path; record the run again"
+            f"{len(moving)} objects have a path; record the run again"
         )
     return dict(zip(names, offsets.T, strict=True))
 

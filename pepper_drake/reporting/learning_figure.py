@@ -119,7 +119,7 @@ def _draw_axis(
 def _draw_orientation(
     axes: Axes, primitive: MovementPrimitive, demonstrations: Sequence[Demonstration], path: Path3D
 ) -> None:
-    axes.set_title("orientation: shown (gray) and performed", fontsize=10)
+    axes.set_title("orientation: demonstrated (gray) and performed", fontsize=10)
     axes.set(xlabel="time [s]", ylabel="roll, pitch, yaw [degrees]")
     if path.rotations is None:
         axes.text(0.5, 0.5, "none was shown", ha="center", transform=axes.transAxes)
@@ -137,7 +137,7 @@ def _draw_orientation(
 def _draw_joints(
     axes: Axes, primitive: MovementPrimitive, demonstrations: Sequence[Demonstration], path: Path3D
 ) -> None:
-    axes.set_title("joints: shown (gray) and nominal", fontsize=10)
+    axes.set_title("joints: demonstrated (gray) and nominal", fontsize=10)
     axes.set(xlabel="time [s]", ylabel="joint position [degrees]")
     if path.joints is None or primitive.posture is None:
         axes.text(0.5, 0.5, "none were shown", ha="center", transform=axes.transAxes)
@@ -204,7 +204,7 @@ def _draw_speed(
         axes.plot(_times(demo, primitive), speed, color="0.7", lw=4)
     axes.plot(path.times, np.linalg.norm(path.velocities, axis=1), color="k", lw=1.2)
     axes.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0, None))
-    axes.set_title("speed: shown (gray) and performed", fontsize=10)
+    axes.set_title("speed: demonstrated (gray) and performed", fontsize=10)
     axes.grid(alpha=0.3)
 
 

@@ -117,7 +117,7 @@ def open_meshcat(
         with DrakePage(host) as shown:
             yield shown.meshcat, shown
     elif host is not None:
-        raise InputError("--host: no page is shown; give --live, too")
+        raise InputError("--host: there is no page; give --live, too")
     else:
         with offline_meshcat() as meshcat:
             yield meshcat, None

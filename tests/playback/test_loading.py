@@ -72,7 +72,7 @@ def _lacking(run, name):
         ),
         (
             lambda run: _with_log(run, object_offset_m=np.zeros((251, 6))),
-            r"object_offset_m has 6 columns, but in scene\.yaml 1 things have a path",
+            r"object_offset_m has 6 columns, but in scene\.yaml 1 objects have a path",
         ),
         (lambda run: _without(run, "scene.yaml"), r"the run lacks scene\.yaml"),
         (lambda run: _written(run, "scene.yaml", "goal: [}"), r"scene\.yaml line 1: not valid"),

@@ -46,7 +46,7 @@ FAULT_SENTENCES = {
     DepthFault.WRONG_SIZE: "the depth camera gives images of another size than its own",
     DepthFault.BLANK: "the depth camera's images show nothing at all",
     DepthFault.CONSTANT: "all pixels of the depth camera's images have the same value",
-    DepthFault.BELOW_FLOOR: "the depth camera's images show things below the floor",
+    DepthFault.BELOW_FLOOR: "the depth camera's images show points below the floor",
     DepthFault.CONTRADICTS_MAP: "the depth camera's images contradict what was seen before",
 }
 
