@@ -156,7 +156,7 @@ def open_folder(options: Namespace) -> tuple[SessionFolder, SessionFolder | None
     if options.script is not None or options.new:
         kept = folder.begin_anew()
         if kept is not None and not options.quiet:
-            print(f"The session before is kept in {kept}.")
+            print(f"The earlier session is kept in {kept}.")
     goes_on = folder.exists()
     name = options.lesson or folder.record.lesson
     lesson = find_lesson(name) if name else None
