@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
@@ -69,7 +69,8 @@ _SPARE = 0.012
 _SWING, _SWING_PERIOD = 0.4, 2.4
 """A missed object is looked for this much above and below where it was, rad, in that time [s]."""
 
-Vector = npt.NDArray[np.float64]
+Vector = NDArray[np.float64]
+Search = Callable[[float, float], Vector]
 
 
 def _is_enabled(index: int, state: Vector) -> Vector:
@@ -145,8 +146,8 @@ class GazeController(LeafSystem):
 
     Args:
         p_OP: The point on the object to look at (3,) [m]: its marker.
-        cameras: The top and the bottom camera, in order of preference; the top one looks along
-            with the depth camera.
+        cameras: In order of preference; Pepper's top and bottom camera if left out. The first looks
+            along with the depth camera.
         secondary_camera: One that should see what is around the object, too: the depth camera.
         radius: Of what has to stay in view of the object then [m]: half its marker's diagonal.
         side: Of the reaching arm, 1 left or -1 right.
@@ -158,20 +159,20 @@ class GazeController(LeafSystem):
 
     def __init__(
         self,
-        p_OP: npt.ArrayLike = (0.0, 0.0, 0.0),
+        p_OP: ArrayLike = (0, 0, 0),
         *,
-        cameras: Sequence[HeadCamera] = (CAMERA_TOP, CAMERA_BOTTOM),
+        cameras: Sequence[HeadCamera] | None = None,
         secondary_camera: HeadCamera | None = None,
         radius: float = 0.0,
-        side: float = 1.0,
-        search: Callable[[float, float], Vector] | None = None,
+        side: float = 1,
+        search: Search | None = None,
         time_step: float = 0.02,
         max_velocity: float = 1.0,
         max_acceleration: float = 4.0,
     ) -> None:
         super().__init__()
         self._p_OP = np.asarray(p_OP, dtype=float)
-        self._cameras = tuple(cameras)
+        self._cameras = (CAMERA_TOP, CAMERA_BOTTOM) if cameras is None else tuple(cameras)
         self._companion, self._radius, self._side = secondary_camera, radius, side
         self._search, self._time_step = search, time_step
         self._max_velocity = max_velocity
