@@ -146,8 +146,8 @@ class GazeController(LeafSystem):
 
     Args:
         p_OP: The point on the object to look at (3,) [m]: its marker.
-        cameras: In order of preference; Pepper's top and bottom camera if left out. The first looks
-            along with the depth camera.
+        cameras: The top and the bottom camera, in order of preference; Pepper's if left out. The
+            top one looks along with the depth camera.
         secondary_camera: One that should see what is around the object, too: the depth camera.
         radius: Of what has to stay in view of the object then [m]: half its marker's diagonal.
         side: Of the reaching arm, 1 left or -1 right.
