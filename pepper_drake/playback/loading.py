@@ -33,7 +33,7 @@ _REPRODUCTION_COLUMNS = {
 _FIGURES = {
     "hand to goal [mm]": ("final_position_error", 1000.0),
     "orientation error [deg]": ("final_orientation_error", float(np.degrees(1.0))),
-    "axis that counts [deg]": ("final_axis_error", float(np.degrees(1.0))),
+    "task axis error [deg]": ("final_axis_error", float(np.degrees(1.0))),
     "least clearance [mm]": ("minimum_clearance", 1000.0),
     "tracking error [mm]": ("tracking_error_rms", 1000.0),
 }

@@ -185,7 +185,7 @@ class ReachReport:
         if whole is None or axis is None or tolerance is None:
             return []
         return [
-            f"  axis that counts  {np.degrees(axis):6.1f}°"
+            f"  task axis error   {np.degrees(axis):6.1f}°"
             f"    (allowed {np.degrees(tolerance):.0f}°)",
             f"  whole orientation {np.degrees(whole):6.1f}°    (an arm of five joints cannot take "
             "every orientation at a position)",
