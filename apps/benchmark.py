@@ -124,7 +124,7 @@ def _families(text: str) -> tuple[str, ...]:
     for name in names:
         if name not in (_TABLE, *FAMILIES):
             raise InputError(
-                f'"{name}" is no family; there are {_TABLE}, {", ".join(FAMILIES)}, and all'
+                f'"{name}" is not a family; there are {_TABLE}, {", ".join(FAMILIES)}, and all'
             )
     return names
 

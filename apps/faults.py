@@ -100,7 +100,7 @@ def load_results(path: Path) -> dict[FaultCase, FaultResult]:
         results = [FaultResult(**row) for row in json.loads(path.read_text())]
     except (ValueError, TypeError) as error:
         raise InputError(
-            f"{path} is no table of this app ({error}); remove it or give another --output"
+            f"{path} is not a table of this app ({error}); remove it or give another --output"
         ) from error
     return {FaultCase(row.fault, row.scene, row.seed): row for row in results}
 

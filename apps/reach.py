@@ -108,7 +108,7 @@ def coupling_name(text: str) -> str:
     """Reads the name of a coupling from the command line."""
     if text not in COUPLINGS and not names_code(text):
         known = ", ".join(COUPLINGS)
-        raise ArgumentTypeError(f"'{text}' is no coupling; use one of {known}, or FILE.py:NAME")
+        raise ArgumentTypeError(f"'{text}' is not a coupling; use one of {known}, or FILE.py:NAME")
     return text
 
 

@@ -93,7 +93,7 @@ def positive(text: str) -> float:
     except ValueError:
         number = 0.0
     if not 0.0 < number < float("inf"):
-        raise ArgumentTypeError(f'"{text}" is no time; give a number of seconds above 0')
+        raise ArgumentTypeError(f'"{text}" is not a time; give a number of seconds above 0')
     return number
 
 

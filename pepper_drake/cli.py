@@ -38,7 +38,8 @@ def seed(text: str) -> int:
     """Reads a seed from the command line: a whole number of at least 0, which a file may hold."""
     if not (text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS):
         raise argparse.ArgumentTypeError(
-            f'"{text}" is no seed; give a whole number, 0 or above, of at most {MOST_DIGITS} digits'
+            f'"{text}" is not a seed; give a whole number, 0 or above, of at most {MOST_DIGITS}'
+            " digits"
         )
     return int(text)
 

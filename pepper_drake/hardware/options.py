@@ -103,7 +103,7 @@ def clock_rate(text: str) -> float:
     except ValueError:
         value = 0.0
     if not 0.01 <= value <= 1.0:
-        raise ArgumentTypeError(f'"{text}" is no rate; give a number from 0.01 to 1')
+        raise ArgumentTypeError(f'"{text}" is not a rate; give a number from 0.01 to 1')
     return value
 
 

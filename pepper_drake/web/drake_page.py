@@ -67,7 +67,7 @@ class DrakePage:
                 the page is for this computer only.
 
         Raises:
-            InputError: The host is no address of this computer, or no port is free.
+            InputError: The host is not an address of this computer, or no port is free.
         """
         access = Access.to(host)
         self.meshcat = _loopback_meshcat()

@@ -247,8 +247,8 @@ def _with_times(track: Track, options: ImportOptions, notes: list[str]) -> Track
         counted = len(times) >= 20 and bool(np.all(np.diff(times) == 1.0))
         if unit is None and counted and float(times[0]).is_integer():
             raise InputError(
-                f"{track.path}: the first column counts the samples and is no time in seconds; say"
-                " the samples a second (--rate HZ), or --time s if they are seconds"
+                f"{track.path}: the first column counts the samples and is not a time in seconds;"
+                " say the samples a second (--rate HZ), or --time s if they are seconds"
             )
     elif options.time is not None and track.time_unit not in (None, options.time):
         notes.append(f"times in {options.time}, as given; the file says {track.time_unit}")

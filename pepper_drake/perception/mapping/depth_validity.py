@@ -126,7 +126,7 @@ def image_fault(
     if last is not None and (moved or parameters.expects_noise):
         if last.ndim == 3 and last.shape[2] == 1:
             last = last[..., 0]
-        # NaN is no number, but the same bits.
+        # NaN is not a number, but the same bits.
         if last.dtype == image.dtype and last.shape == image.shape:
             floating = image.dtype.kind == "f"
             if bool(np.array_equal(image, last, equal_nan=floating)):
