@@ -1,4 +1,4 @@
-"""Many scenes, several ways to reach, side by side: how often, how soon, how near.
+"""Compare methods of reaching on many scenes: success rate, time, clearance.
 
   benchmark.py --scenes 20                    random scenes 0 to 19, all methods
   benchmark.py --scenes 300 --seed 1000 --methods d,f --jobs 2
@@ -9,9 +9,9 @@
   benchmark.py --replay d:17                  one run again, to look at: recording.html
   benchmark.py --gate                         is anything worse than benchmarks/baseline.json?
 
-A run that is in the output folder is not run again: interrupt it and go on later, or add scenes and
-methods. Give another folder after changing the code. Results: benchmark.html, the page to look at,
-with --recordings a recording of each failure, too; benchmark.md, benchmark.json, benchmark.png; one
+A run that is in the output folder is not repeated: interrupt it and continue later, or add scenes
+and methods. Give another folder after changing the code. Results: benchmark.html, the page to open,
+with --recordings also a recording of each failure; benchmark.md, benchmark.json, benchmark.png; one
 file for each run in results/, and for each scene in scenes/, which others can read: docs/arena.md.
 """
 
@@ -62,7 +62,7 @@ def make_parser() -> ArgumentParser:
         type=_families,
         metavar="NAME,...",
         help="so many random scenes of each family: "
-        f"{', '.join(FAMILIES)}; {_TABLE}, the default, is a table with loose things; or all",
+        f"{', '.join(FAMILIES)}; {_TABLE}, the default, is a table with loose objects; or all",
     )
     parser.add_argument(
         "--methods",
@@ -124,7 +124,7 @@ def _families(text: str) -> tuple[str, ...]:
     for name in names:
         if name not in (_TABLE, *FAMILIES):
             raise InputError(
-                f'"{name}" is no family; there are {_TABLE}, {", ".join(FAMILIES)}, and all'
+                f'"{name}" is not a family; there are {_TABLE}, {", ".join(FAMILIES)}, and all'
             )
     return names
 

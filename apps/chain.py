@@ -111,7 +111,7 @@ def parse() -> argparse.Namespace:
         type=float,
         default=BLEND,
         metavar="S",
-        help="time in which velocities are led over at the joins (default: %(default)s s)",
+        help="time over which velocities are blended at the joins (default: %(default)s s)",
     )
     add("--perform", action="store_true", help="perform it by the simulated arm, without cameras")
     add("--arm", choices=("left", "right"), default="right", help="default: %(default)s")

@@ -1,7 +1,7 @@
 """Compare the approximators: the report's table 4.1 and figure 4.5, on your demonstrations.
 
 Fits every demonstration with every approximator, performs it, and measures how far the motion is
-from what was shown (equation 4.1) and how long it took. Writes table.json, table.md and
+from the demonstration (equation 4.1) and how long it took. Writes table.json, table.md and
 comparison.png. Without demonstrations it takes ten made-up motions.
 """
 

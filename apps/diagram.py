@@ -56,7 +56,7 @@ def make_parser() -> ArgumentParser:
 
 def _depth(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
-        raise ArgumentTypeError(f'"{text}" is no depth; give a whole number, 1 or above')
+        raise ArgumentTypeError(f'"{text}" is not a depth; give a whole number, 1 or above')
     return int(text)
 
 

@@ -1,4 +1,4 @@
-"""Every fault in whole reaches, and what came of each.
+"""Inject every fault into whole reaches, and tabulate the outcomes.
 
 It injects each sensible pair of signal and kind (see reach.py --fault), from the start on and from
 the moment when the arm starts, and writes a table.
@@ -7,7 +7,7 @@ the moment when the arm starts, and writes a table.
   faults.py --scenes table,shelf,clutter  in three scenes
   faults.py --signals depth,cloud --starts reach
 
-What is done already in the folder is not done again. Results: faults.json, faults.md.
+Runs whose results are in the folder are not repeated. Results: faults.json, faults.md.
 Exit code 0: every outcome is safe; 1: a touch was too fast, a command outside its limits, or a run
 ended by an exception; 2: bad input.
 """
@@ -100,7 +100,7 @@ def load_results(path: Path) -> dict[FaultCase, FaultResult]:
         results = [FaultResult(**row) for row in json.loads(path.read_text())]
     except (ValueError, TypeError) as error:
         raise InputError(
-            f"{path} is no table of this app ({error}); remove it or give another --output"
+            f"{path} is not a table of this app ({error}); remove it or give another --output"
         ) from error
     return {FaultCase(row.fault, row.scene, row.seed): row for row in results}
 

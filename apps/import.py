@@ -1,4 +1,4 @@
-"""Make demonstrations of what other tools recorded, and say whether they can be right.
+"""Turn recordings of other tools into demonstrations, and check them.
 
 Reads tables (CSV, TSV, text) by the names of their columns, TUM, EuRoC, rostopic echo -p, OptiTrack
 Motive and Vicon exports, LASA .mat, dmpbbo trajectories, Choregraphe timelines, joint logs of

@@ -1,6 +1,6 @@
 """Learn a movement primitive from one or several demonstrations of the same motion.
 
-Writes primitive.yaml, learn.png (what was shown, what was learned and how it is performed) and
+Writes primitive.yaml, learn.png (the demonstration, what was learned, and how it is performed) and
 report.json. A demonstration is a folder with translation.txt, a text file of ten columns, a
 NAME_pose.txt, or what another tool recorded (see import.py): it is checked before it is learned.
 """

@@ -14,7 +14,7 @@
 
 The cost is a sum of terms with weights (as above, or in a YAML file), or a function in a Python
 file. Each update tries some variations and moves to what did well. Results: primitive.yaml (the
-cheapest movement found), cost.png (the cost of each update), ways.png, report.json, history.npz.
+cheapest movement found), cost.png (the cost of each update), paths.png, report.json, history.npz.
 Whatever ends it, what was tried until a second before is kept; the same command with --resume goes
 on, to the same result as if it had not been interrupted.
 """
@@ -71,7 +71,7 @@ from pepper_drake.results.folder import INTERRUPTED, whole_results
 from pepper_drake.scenario import add_scenario_options, numbers_of
 
 HISTORY = "history.npz"
-RESULTS = ("report.json", "primitive.yaml", HISTORY, "cost.png", "ways.png")
+RESULTS = ("report.json", "primitive.yaml", HISTORY, "cost.png", "paths.png")
 """The files that a search leaves."""
 
 DECAYING = ("algorithm3", "enac")
@@ -149,7 +149,7 @@ def make_parser() -> ArgumentParser:
         "--kernels",
         type=int,
         metavar="N",
-        help="search N smooth changes of the way in place of all weights one by one",
+        help="search N smooth changes of the path instead of every weight separately",
     )
     add("--target", type=float, default=-math.inf, metavar="COST", help="stop at this cost")
     add("--fixed-end", action="store_true", help="leave the end state as it is")
@@ -157,7 +157,7 @@ def make_parser() -> ArgumentParser:
     add("--dask", metavar="ADDRESS", help="a Dask cluster's scheduler: tcp://HOST:PORT")
     add("--compare", action="store_true", help="compare all methods on this problem instead")
     add("--seeds", type=int, default=20, metavar="N", help="to compare (default: %(default)s)")
-    add("--resume", action="store_true", help="go on with an interrupted search in --output")
+    add("--resume", action="store_true", help="continue an interrupted search in --output")
     return parser
 
 
@@ -305,7 +305,8 @@ def write_results(
     for name, value in measured.items():
         print(f"  {name:18} {value:.4g}")
     print(
-        f"wrote primitive.yaml, report.json, history.npz, cost.png and ways.png to {options.output}"
+        "wrote primitive.yaml, report.json, history.npz, cost.png and paths.png to"
+        f" {options.output}"
     )
 
 
@@ -361,7 +362,7 @@ def run_search(options: Namespace, problem: Problem, evaluate: MovementRollouts)
     if interrupted:
         print(
             f"interrupted after {history.updates} of {options.updates} updates; run the same "
-            "command with --resume to go on",
+            "command with --resume to continue",
             file=sys.stderr,
         )
         return cli.EXIT_INTERRUPTED

@@ -4,9 +4,9 @@
     python apps/preflight.py --robot tcp://192.168.1.10:9559 --measure
     python apps/preflight.py --robot tcps://192.168.1.10:9503 --password-file nao.txt --arm left
 
-Each line names a check, what was found, and the mend. --measure turns the head to and fro by 17
-degrees, if all else is well, and fits how late and how fast it follows. Exit code 0: ready; 1: not
-ready.
+Each line names a check, what was found, and how to fix it. --measure turns the head to and fro by
+17 degrees, if all else is well, and fits how late and how fast it follows. Exit code 0: ready;
+1: not ready.
 """
 
 import asyncio

@@ -108,14 +108,13 @@ def coupling_name(text: str) -> str:
     """Reads the name of a coupling from the command line."""
     if text not in COUPLINGS and not names_code(text):
         known = ", ".join(COUPLINGS)
-        raise ArgumentTypeError(f"'{text}' is no coupling; use one of {known}, or FILE.py:NAME")
+        raise ArgumentTypeError(f"'{text}' is not a coupling; use one of {known}, or FILE.py:NAME")
     return text
 
 
 def make_parser() -> ArgumentParser:
     """Makes the parser of this app's options."""
-    parser = cli.make_parser("reach", __doc__)
-    parser.set_defaults(seed=None)  # That of the scenario.
+    parser = cli.make_parser("reach", __doc__, seed_of_scenario=True)
     add_scene_options(parser)
     add_scenario_options(parser)
     add_robot_options(parser, addresses=True)

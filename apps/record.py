@@ -89,13 +89,13 @@ def main() -> int:
         "--way",
         choices=tuple(SHIPPED),
         default="guided",
-        help="how the movement is shown (default: %(default)s)",
+        help="how the movement is taught (default: %(default)s)",
     )
     names = "; ".join(f"{way}: {', '.join(shipped)}" for way, shipped in SHIPPED.items())
     parser.add_argument(
         "--guide",
         metavar="NAME|FILE",
-        help=f"script: one that ships ({names}) or a YAML file (default: the way's first)",
+        help=f"script: one that ships ({names}) or a YAML file (default: the first of its --way)",
     )
     parser.add_argument(
         "--arm", choices=("left", "right"), help="mirror the script for this arm if need be"

@@ -214,7 +214,9 @@ def parse() -> argparse.Namespace:
         help="of the arm, as NAOqi has it, from 0 (limp) to 1 (default: %(default)s)",
     )
     parser.add_argument(
-        "--no-waiting", action="store_true", help="let the movement go on while the hand is pushed"
+        "--no-waiting",
+        action="store_true",
+        help="let the movement continue while the hand is pushed",
     )
     parser.add_argument(
         "--learn-corrections",

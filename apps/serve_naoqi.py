@@ -70,7 +70,7 @@ def make_parser() -> ArgumentParser:
 def port(text: str) -> int:
     """Reads a port from the command line; 0 takes a free one."""
     if not text.isdecimal() or int(text) > 65535:
-        raise ArgumentTypeError(f'"{text}" is no port; give a number from 0 to 65535')
+        raise ArgumentTypeError(f'"{text}" is not a port; give a number from 0 to 65535')
     return int(text)
 
 
@@ -81,7 +81,7 @@ def rate(text: str) -> float:
     except ValueError:
         value = math.nan
     if not 0.01 <= value <= 1.0:
-        raise ArgumentTypeError(f'"{text}" is no rate; give a number from 0.01 to 1')
+        raise ArgumentTypeError(f'"{text}" is not a rate; give a number from 0.01 to 1')
     return value
 
 

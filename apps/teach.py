@@ -2,7 +2,7 @@
 
 On the page the hand of the limp arm is dragged with the mouse, or led with keys or a game pad; goal
 and obstacles are dragged, too, and more obstacles added; Record, Stop, Learn, Reach, Undo and Save
-are buttons and keys. A second address is for a class that looks on. Nothing starts before somebody
+are buttons and keys. A second address is for a class to watch. Nothing starts before somebody
 has opened the page.
 
   teach.py                              open the address that it prints; Ctrl-C ends
@@ -12,9 +12,9 @@ has opened the page.
   teach.py --no-cameras                 faster: Pepper knows the goal and sees no obstacles
   teach.py --lesson first               a lesson: a prepared scene and tasks, for a class
   teach.py --lesson my_lesson/          your own: a session's folder, prepared on the page
-  teach.py --new                        begin anew; the session before goes to earlier-1/
+  teach.py --new                        start a new session; the earlier one is kept in earlier-1/
   teach.py --script story               do it all by itself: lead, record, learn, reach, save
-  teach.py --script story --watch       the same in real time, to look on
+  teach.py --script story --watch       the same in real time, to watch
   teach.py --station naoqi --robot tcp://192.168.1.10:9559
                                         a real Pepper, or a served one, and no page: its arm goes
                                         limp, you lead it until you press the chest button, touch
@@ -23,7 +23,7 @@ has opened the page.
 
 The page's legend tells what is drawn. Everything is kept in the output folder as it happens: a
 recording while it is made, demonstrations/, what was learned in primitive.yaml, and in session.yaml
-which of them count and where the objects stand. Started again, the session goes on from there.
+which of them count and where the objects stand. Started again, it resumes the session.
 Save writes the last demonstration to demonstration/; at the end there is report.json.
 Exit code 0: done; 1: the script did not get what it waits for; 2: bad input.
 """
@@ -96,7 +96,7 @@ def positive(text: str) -> float:
     except ValueError:
         number = 0.0
     if not 0.0 < number < float("inf"):
-        raise ArgumentTypeError(f'"{text}" is no time; give a number of seconds above 0')
+        raise ArgumentTypeError(f'"{text}" is not a time; give a number of seconds above 0')
     return number
 
 
@@ -129,7 +129,7 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--new",
         action="store_true",
-        help="do not go on with the session in the output folder; it is kept in earlier-1/",
+        help="do not resume the session in the output folder; it is kept in earlier-1/",
     )
     add_robot_options(parser, addresses=True)
     add_link_options(parser, moves=False)
@@ -160,7 +160,7 @@ def open_folder(options: Namespace) -> tuple[SessionFolder, SessionFolder | None
     if options.script is not None or options.new:
         kept = folder.begin_anew()
         if kept is not None and not options.quiet:
-            print(f"The session before is kept in {kept}.")
+            print(f"The earlier session is kept in {kept}.")
     goes_on = folder.exists()
     name = options.lesson or folder.record.lesson
     lesson = find_lesson(name) if name else None
@@ -217,7 +217,9 @@ def make_session(options: Namespace) -> LiveSession:
     )
     session = LiveSession(simulation, folder, lesson)
     if not options.quiet and session.resumed:
-        print(f"The session in {options.output} goes on: {session.resumed}. --new begins anew.")
+        print(
+            f"Resumed the session in {options.output}: {session.resumed}. --new starts a new one."
+        )
     return session
 
 
@@ -264,7 +266,7 @@ def main() -> int:
     cli.quiet_libraries()
     shown = script is None or options.watch
     if not shown and options.host is not None:
-        raise InputError("--host: no page is shown; give --watch, too")
+        raise InputError("--host: there is no page; give --watch, too")
     if not shown:
         return teach(options, script, None)
     with ViserPage(options.host, keys=KEYS) as page:
@@ -330,7 +332,7 @@ def teach(options: Namespace, script: LiveScript | None, page: ViserPage | None)
         )
     show = LiveApp(session, controls)
     if page is not None:
-        print(f"Those who look on open {page.class_url}", flush=True)
+        print(f"To watch only, open {page.class_url}", flush=True)
         if options.seconds is None:
             wait_for_browser(page)
         else:

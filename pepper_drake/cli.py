@@ -38,17 +38,21 @@ def seed(text: str) -> int:
     """Reads a seed from the command line: a whole number of at least 0, which a file may hold."""
     if not (text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS):
         raise argparse.ArgumentTypeError(
-            f'"{text}" is no seed; give a whole number, 0 or above, of at most {MOST_DIGITS} digits'
+            f'"{text}" is not a seed; give a whole number, 0 or above, of at most {MOST_DIGITS}'
+            " digits"
         )
     return int(text)
 
 
-def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
+def make_parser(
+    name: str, description: str | None, *, seed_of_scenario: bool = False
+) -> argparse.ArgumentParser:
     """Makes a parser with the options that every app takes.
 
     Args:
         name: The app's name; its default output folder is `out/<name>`.
         description: The help text, usually the module's docstring.
+        seed_of_scenario: Whether a seed that is not given is the scenario's; the option is None.
     """
     parser = OneLineParser(
         prog=program if (program := sys.argv[0]).startswith("pepper-drake ") else f"{name}.py",
@@ -63,7 +67,11 @@ def make_parser(name: str, description: str | None) -> argparse.ArgumentParser:
         help="folder for the results (default: %(default)s)",
     )
     parser.add_argument(
-        "--seed", type=seed, default=0, help="seed of all randomness (default: %(default)s)"
+        "--seed",
+        type=seed,
+        default=None if seed_of_scenario else 0,
+        help="seed of all randomness (default: "
+        + ("the scenario's, 0 if it names none)" if seed_of_scenario else "%(default)s)"),
     )
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.add_argument(

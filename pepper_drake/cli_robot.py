@@ -29,7 +29,7 @@ def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> Non
             if addresses
             else ""
         )
-        + "worn: joints with slack, encoders with offsets, cameras mounted a little wrongly, "
+        + "worn: joints with slack, encoders with offsets, cameras slightly misaligned, "
         "wheels that slip, commands that come late, as the seed draws them (default: %(default)s)",
     )
     parser.add_argument(

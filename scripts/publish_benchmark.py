@@ -24,7 +24,7 @@ BEGIN = "<!-- benchmark: written by scripts/publish_benchmark.py -->\n"
 END = "<!-- benchmark: end -->\n"
 
 _ABOUT = {
-    "still": "Random tables with two to six things on them, seeds {first} to {last}",
+    "still": "Random tables with two to six objects on them, seeds {first} to {last}",
     "moving": "The same with a person's arm that reaches in, or a ball or bottle that rolls, seeds "
     "{first} to {last}",
 }

@@ -58,14 +58,35 @@ def signature(value):
         return None
 
 
+LONG_SIGNATURES = {
+    # Tables of tuned numbers: a field for each, set by name in a scenario's file. Drake's reader of
+    # YAML needs the types themselves, which `inspect` prints with their modules.
+    "pepper_drake.learning.BarrierCoupling",
+    "pepper_drake.models.Scene",
+    "pepper_drake.perception.CloudParameters",
+    "pepper_drake.perception.GoalFilterParameters",
+    "pepper_drake.perception.ObstacleParameters",
+    "pepper_drake.planning.ReachPlannerParams",
+    # Records: a field for each column of a file, each answer of a check or each measurement.
+    "pepper_drake.learning.Demonstration",
+    "pepper_drake.learning.DemonstrationReport",
+    "pepper_drake.learning.demonstrations.importers.ImportOptions",
+    "pepper_drake.learning.demonstrations.importers.Track",
+    "pepper_drake.perception.DynamicObstacleTracker",
+    "pepper_drake.planning.Observation",
+    "pepper_drake.planning.ReachPlan",
+    # 303 characters: two cameras, and seven options that all have defaults.
+    "pepper_drake.systems.sensing.stereo_depth.StereoDepth",
+}
+"""Those above 300 characters. Grouping their fields would hide what `help()` is to show."""
+
+
 def test_signatures_can_be_read():
-    """300 characters, or 75 for each parameter of what has many."""
-    long = {}
-    for name, value in public():
-        found = signature(value) if callable(value) else None
-        if found and len(str(found)) > max(300, 75 * len(found.parameters)):
-            long[name] = str(found)
-    assert not long
+    """At most 300 characters, but for those named: 75 for each parameter."""
+    found = {name: signature(value) for name, value in public() if callable(value)}
+    long = {name: one for name, one in found.items() if one and len(str(one)) > 300}
+    assert set(long) == LONG_SIGNATURES
+    assert [name for name, one in long.items() if len(str(one)) > 75 * len(one.parameters)] == []
 
 
 def test_help_of_a_system_names_each_argument_of_its_constructor():

@@ -163,7 +163,7 @@ def test_links_lead_somewhere(path):
 
 def test_what_the_report_page_names_is_there():
     names = re.findall(
-        r"`((?:learning|systems|optimization|perception|evaluation)\.[\w.]+)`",
+        r"`((?:learning|systems|optimization|perception|planning|evaluation|reporting)\.[\w.]+)`",
         (DOCS / "report.md").read_text(),
     )
     assert len(names) > 10

@@ -57,8 +57,8 @@ def test_bytes_are_no_text(tmp_path, content):
     [
         ("{", "line 1: not valid JSON"),
         ("[1,\n}", "line 2: not valid JSON"),
-        ("NaN", "NaN is no number"),
-        ("[-Infinity]", "-Infinity is no number"),
+        ("NaN", "NaN is not a number"),
+        ("[-Infinity]", "-Infinity is not a number"),
         ("1e999", "1e999 is too large"),
         ("9" * 5000, "more than 15 digits"),
         ('{"a": 1, "a": 2}', '"a" stands there twice'),

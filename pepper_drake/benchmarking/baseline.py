@@ -34,7 +34,7 @@ class Metric:
         return self.value + self.tolerance * (1.0 if self.direction == LOWER else -1.0)
 
     def passes(self, value: float) -> bool:
-        """True if a value is no worse than the limit; one that is no number is worse."""
+        """True if a value is no worse than the limit; one that is not a number is worse."""
         return value <= self.limit if self.direction == LOWER else value >= self.limit
 
 
@@ -70,7 +70,7 @@ class Baseline:
         """Writes the baseline as JSON.
 
         Raises:
-            InputError: A value is no number that could be compared.
+            InputError: A value is not a number that could be compared.
         """
         for name, metric in self.metrics.items():
             _check(metric, name)
@@ -81,7 +81,7 @@ class Baseline:
         """Reads what `save` wrote.
 
         Raises:
-            InputError: The file is missing or is no baseline.
+            InputError: The file is missing or is not a baseline.
         """
         mend = "make it with --update-baseline REASON"
         if not path.exists():
@@ -91,7 +91,7 @@ class Baseline:
             metrics = {name: Metric(**fields) for name, fields in content["metrics"].items()}
             baseline = cls(metrics, content["reason"])
         except (AttributeError, KeyError, TypeError):
-            raise InputError(f"{path}: this is no baseline; {mend}") from None
+            raise InputError(f"{path}: this is not a baseline; {mend}") from None
         for name, metric in metrics.items():
             _check(metric, f"{path}: {name}")
         return baseline
@@ -101,7 +101,7 @@ def _check(metric: Metric, where: str) -> None:
     for name in ("value", "tolerance"):
         number = getattr(metric, name)
         if isinstance(number, bool) or not isinstance(number, int | float):
-            raise InputError(f"{where}.{name} is no number; give one")
+            raise InputError(f"{where}.{name} is not a number; give one")
         if not abs(number) <= LARGEST_NUMBER:
             raise InputError(f"{where}.{name} is {number:g}; give a number that can be compared")
     if metric.tolerance < 0.0:

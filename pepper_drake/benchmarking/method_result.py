@@ -80,7 +80,7 @@ class MethodResult:
             result = cls(**content)
         except (InputError, TypeError):
             raise InputError(
-                f"{path}: this is no result with the fields "
+                f"{path}: this is not a result with the fields "
                 f"{', '.join(field.name for field in fields(cls))}; {mend}"
             ) from None
         for name, hint in get_type_hints(cls).items():

@@ -136,7 +136,7 @@ class PlannedReach:
         result = MethodResult(planning_seconds=time.perf_counter() - begin)
         if found is None:
             result.outcome, result.reason = "refused", "no_clear_path"
-            result.message = "no way was found from any place to stand"
+            result.message = "no path was found from any place to stand"
         else:
             _measure(result, known, found)
         return result, known, found

@@ -102,7 +102,7 @@ def simulate(
             simulator.AdvanceTo(until)
     except RuntimeError as error:
         words = " ".join(str(error).split())
-        fault = f"the simulation cannot go on at {context.get_time():.2f} s: {words}"
+        fault = f"the simulation cannot continue at {context.get_time():.2f} s: {words}"
     finally:
         bar.close()
         simulator.clear_monitor()

@@ -112,7 +112,7 @@ def markdown_table(results: Iterable[FaultResult]) -> str:
     unsafe = [result for result in results if not result.is_safe]
     touched = [result for result in results if result.contacts]
     lines = [
-        "# Faults and what came of each",
+        "# Faults and their outcomes",
         "",
         "`make faults` injects every fault into whole reaches and writes this page.",
         "A fault is SIGNAL:KIND@START; `reach` is the moment when the arm starts. Lengths are in "

@@ -284,7 +284,7 @@ class RobotLink:
         positions, base_pose = np.array(angles)[self._columns], np.array(base)
         self._hands = [float(angles[BODY.index(name)]) for name in HANDS]
         if not (np.isfinite(positions).all() and np.isfinite(base_pose).all()):
-            raise LinkFault("wrong_robot", "it measures what is no number")
+            raise LinkFault("wrong_robot", "it measures what is not a number")
         # It answers in the middle, with what it measured half a cycle before, on average.
         measured = (self._asked + answered) / 2 - CYCLE / 2
         self._states += 1
@@ -341,7 +341,7 @@ class RobotLink:
         position = np.array(command["positions"])[self._rows]
         velocity = np.array(command["velocities"])[self._rows]
         if not (np.isfinite(position).all() and np.isfinite(velocity).all()):
-            self._fail(LinkFault("planner_silent", "a command that is no number"))
+            self._fail(LinkFault("planner_silent", "a command that is not a number"))
             return
         self._judge(newest.positions[self._rows], position, velocity, now)
         if self._fault is not None or (self._sending is not None and not self._sending.done()):

@@ -73,7 +73,7 @@ def fit_turn(times: Vector, positions: Vector) -> tuple[float, float]:
     share = (positions - positions[0]) / way if abs(way) > 0.5 * WAY else np.zeros(len(positions))
     steady = (share > _STEADY[0]) & (share < _STEADY[1])
     if np.count_nonzero(steady) < 3:
-        raise PepperDrakeError(f"{JOINT} did not turn as it was told, or too few states came")
+        raise PepperDrakeError(f"{JOINT} did not turn as commanded, or too few states came")
     slope, offset = np.polyfit(times[steady], positions[steady], 1)
     return float((positions[0] - offset) / slope), float(abs(slope))
 

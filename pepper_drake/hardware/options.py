@@ -50,7 +50,7 @@ def add_link_options(parser: ArgumentParser, *, required: bool = False, moves: b
         "--link",
         choices=LINKS,
         default=LINKS[0],
-        help="how the robot is spoken to: our own wire, or libqi (default: %(default)s)",
+        help="how to talk to the robot: our own protocol client, or libqi (default: %(default)s)",
     )
     parser.add_argument(
         "--disable-life",
@@ -69,14 +69,14 @@ def add_link_options(parser: ArgumentParser, *, required: bool = False, moves: b
     key.add_argument(
         "--unattended",
         action="store_true",
-        help="do without the dead man's key: the robot moves though nobody holds it",
+        help="run without a dead man's key: the robot moves although nobody holds one",
     )
     parser.add_argument(
         "--arm-protection",
         choices=("on", "off"),
         default="on",
-        help="off: over a table the robot's own protection slows or stalls its arms; without it "
-        "they go on, and nobody but you looks out (default: %(default)s)",
+        help="the robot's own protection, which slows or stalls its arms over a table; off: the "
+        "arms keep moving, and only you watch for collisions (default: %(default)s)",
     )
     parser.add_argument(
         "--hold-at-end",
@@ -103,7 +103,7 @@ def clock_rate(text: str) -> float:
     except ValueError:
         value = 0.0
     if not 0.01 <= value <= 1.0:
-        raise ArgumentTypeError(f'"{text}" is no rate; give a number from 0.01 to 1')
+        raise ArgumentTypeError(f'"{text}" is not a rate; give a number from 0.01 to 1')
     return value
 
 

@@ -66,7 +66,7 @@ class RobotAddress:
             parts, port = urlsplit(""), None
         if parts.scheme not in PORTS or not parts.hostname or parts.path not in ("", "/"):
             raise InputError(
-                f'"{text}" is no robot\'s address; give one as tcp://192.168.1.10:9559'
+                f'"{text}" is not a robot\'s address; give one as tcp://192.168.1.10:9559'
             )
         return cls(parts.scheme, parts.hostname, port or PORTS[parts.scheme])
 

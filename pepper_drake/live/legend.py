@@ -2,7 +2,7 @@
 
 _DRAWN = (
     ("#f03060", "⤢", "arrows, rings", "drag them: the hand follows"),
-    ("#1ea050", "─", "thin green line", "from the hand to where it is led"),
+    ("#1ea050", "─", "thin green line", "from the hand to where it is dragged"),
     ("#141414", "━", "black path", "the last demonstration; those before it are grey"),
     ("#1ea050", "━", "green path", "prediction: what was learned, to the goal, without obstacles"),
     ("#73bff2", "■", "pale hand", "ghost: the demonstration that is played back"),

@@ -92,7 +92,7 @@ class LivePage:
         gui = self.server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
         gui.set_panel_label("Teach Pepper")
-        self._words = gui.add_markdown("Pepper wakes up")
+        self._words = gui.add_markdown("Pepper is starting")
         self._buttons = {}
         self._next = ""
         for name, key in BUTTONS.items():
@@ -160,7 +160,7 @@ class LivePage:
         self._scrub = gui.add_slider("Playback [%]", 0, 100, 1, 0)
         self._scrub.on_update(self._take_share)
         self._part = gui.add_multi_slider("Keep [%]", 0, 100, 1, (0, 100))
-        trim = gui.add_button("Trim the last to what is kept", color=_QUIET)
+        trim = gui.add_button("Trim the last to this range", color=_QUIET)
         trim.on_click(lambda event: self._take_part())
         self._on_click(gui.add_button("Discard the last", color=_QUIET), Action("discard"))
         self.shows_prediction = True

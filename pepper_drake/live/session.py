@@ -177,7 +177,7 @@ class LiveSession:
         if self.mode == Mode.RECORDED:
             self._end_recording()
         elif self.mode == Mode.GUIDED:
-            self._notify("Nothing is going on; Record keeps what you show")
+            self._notify("Nothing is running; Record keeps what you show")
         else:
             self._enter(Mode.GUIDED)
             self._notify("The arm is limp again; lead the hand with mouse or keys")

@@ -97,7 +97,7 @@ def _check_face(corners: list[str], counts: dict[str, int], where: str) -> None:
         parts = corner.split("/")
         if len(parts) > 3:
             raise InputError(
-                f"{where}: {corner[:40]} is no corner; write v, v/vt, v//vn or v/vt/vn"
+                f"{where}: {corner[:40]} is not a corner; write v, v/vt, v//vn or v/vt/vn"
             )
         forms.add(tuple(bool(part) for part in parts))
         for part, kind in zip(parts, ("v", "vt", "vn"), strict=False):
@@ -129,7 +129,7 @@ def _check_materials(mesh: Path, name: str, where: str) -> None:
     try:
         path = path_inside(mesh.parent, name)
         if path.suffix != ".mtl":
-            raise InputError(f"{name[:80]} is no .mtl file")
+            raise InputError(f"{name[:80]} is not an .mtl file")
         for line in read_text(path, _MATERIAL_LIMIT).splitlines():
             words = line.partition("#")[0].split()
             if words and (words[0].startswith(("map_", "bump", "disp", "decal", "refl", "norm"))):
@@ -142,7 +142,7 @@ def _check_texture(mesh: Path, name: str) -> None:
     path = path_inside(mesh.parent, name)
     magic = _TEXTURES.get(path.suffix.lower())
     if magic is None or not read_bytes(path, _TEXTURE_LIMIT).startswith(magic):
-        raise InputError(f"{name[:80]} is no picture; use .png or .jpg")
+        raise InputError(f"{name[:80]} is not a picture; use .png or .jpg")
 
 
 def _check_volume(vertices: Array, path: Path) -> None:

@@ -49,7 +49,7 @@ def mesh_path(mesh: str) -> Path:
         is_there = False
     if path.suffix.lower() != ".obj" or not is_there:
         shipped = ", ".join(sorted(p.name for p in MESHES_DIR.glob("*.obj")))
-        raise InputError(f'mesh is "{mesh}", which is no OBJ file here; shipped are {shipped}')
+        raise InputError(f'mesh is "{mesh}", which is not an OBJ file here; shipped are {shipped}')
     check_obj(path)
     return path
 

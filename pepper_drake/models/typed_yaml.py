@@ -187,5 +187,5 @@ def _items(node: yaml.MappingNode, path: str) -> list[tuple[yaml.ScalarNode, yam
     for key, _ in node.value:
         if key.tag not in _SCALARS[str]:
             where = f"{path} line {key.start_mark.line + 1}: "
-            raise InputError(f"{where}{key.value} is no text to YAML; quote it")
+            raise InputError(f"{where}{key.value} is not a text to YAML; quote it")
     return list(node.value)

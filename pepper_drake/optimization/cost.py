@@ -135,7 +135,7 @@ def parse_cost(text: str) -> CostWeights | CostFunction:
     for part in text.split(","):
         term, _, number = (word.strip() for word in part.partition("="))
         if term not in known:
-            raise InputError(f"--cost: '{term}' is no term; use some of {', '.join(known)}")
+            raise InputError(f"--cost: '{term}' is not a term; use some of {', '.join(known)}")
         try:
             setattr(weights, term, float(number) if number else 1.0)
         except ValueError:

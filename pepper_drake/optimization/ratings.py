@@ -81,7 +81,7 @@ class RatingCollector:
                 raise InputError(
                     f"{self.scores}: {len(self._known)} scores where {numbers[-1]} are needed;"
                     f" rate {self.folder}/{number:03d} to {numbers[-1]:03d} with 0 to"
-                    f" {BEST_SCORE:g}, add a line for each, and go on with --resume"
+                    f" {BEST_SCORE:g}, add a line for each, and continue with --resume"
                 )
             self._known.append(self._typed(number))
             text = "\n".join(f"{score:g}" for score in self._known)

@@ -15,6 +15,8 @@ from pepper_drake.optimization.parallel import costs_of, evaluate_all
 from pepper_drake.optimization.problem import Problem, total_costs
 
 Array = npt.NDArray[np.float64]
+OnProgress = Callable[[int], object]
+OnUpdate = Callable[[History], object]
 
 
 def search(
@@ -26,8 +28,8 @@ def search(
     executor: Executor | None = None,
     evaluate_means: bool = True,
     target: float = -np.inf,
-    progress: Callable[[int], object] | None = None,
-    on_update: Callable[[History], object] | None = None,
+    progress: OnProgress | None = None,
+    on_update: OnUpdate | None = None,
 ) -> History:
     """Minimises a cost.
 

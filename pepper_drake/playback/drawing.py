@@ -178,7 +178,7 @@ def key_frames(values: Vector, tolerance: float = _KEY_TOLERANCE) -> npt.NDArray
 def _ways(
     run: Frames, prefix: str, color: tuple[float, float, float], *, first: bool
 ) -> list[Command]:
-    commands = _tube(run.hand_W, f"{prefix}/way of the hand", color, _WAY_RADIUS)
+    commands = _tube(run.hand_W, f"{prefix}/hand path", color, _WAY_RADIUS)
     if first and run.motion.hand_T is None:
         commands += _tube(run.shown_W, f"{prefix}/demonstration", _SHOWN_COLOR, _SHOWN_RADIUS)
     if first and len(run.cloud_W):

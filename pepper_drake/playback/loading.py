@@ -33,7 +33,7 @@ _REPRODUCTION_COLUMNS = {
 _FIGURES = {
     "hand to goal [mm]": ("final_position_error", 1000.0),
     "orientation error [deg]": ("final_orientation_error", float(np.degrees(1.0))),
-    "axis that counts [deg]": ("final_axis_error", float(np.degrees(1.0))),
+    "task axis error [deg]": ("final_axis_error", float(np.degrees(1.0))),
     "least clearance [mm]": ("minimum_clearance", 1000.0),
     "tracking error [mm]": ("tracking_error_rms", 1000.0),
 }
@@ -65,7 +65,7 @@ def load_motion(path: str | Path) -> Motion:
             is_reproduction = "slowdown" in npz_names(log)
         except InputError as error:
             why = str(error).removeprefix(f"{log}: ")
-            raise InputError(f"{log}: this is no log of a run ({why})") from None
+            raise InputError(f"{log}: this is not a log of a run ({why})") from None
         return _load_reproduction(path) if is_reproduction else _load_run(path)
     if path.suffix == ".txt" or (path / TRANSLATION).exists():
         return _load_demonstration(path, path.resolve().name.removesuffix(".txt"))
@@ -166,7 +166,7 @@ def _object_positions(folder: Path, scene: Scene, offsets: Vector) -> dict[str, 
     if len(names) != offsets.shape[1]:
         raise InputError(
             f"{folder / LOG}: object_offset_m has {offsets.shape[1]} columns, but in {SCENE} "
-            f"{len(moving)} things have a path; record the run again"
+            f"{len(moving)} objects have a path; record the run again"
         )
     return dict(zip(names, offsets.T, strict=True))
 
@@ -212,7 +212,9 @@ def _load_report(path: Path) -> dict[str, Any]:
         report = read_json(path)
     except InputError as error:
         why = str(error).removeprefix(f"{path}: ")
-        raise InputError(f"{path}: this is no report of a run ({why}); record it again") from None
+        raise InputError(
+            f"{path}: this is not a report of a run ({why}); record it again"
+        ) from None
     if not isinstance(report, dict) or not isinstance(report.get("outcome"), str):
         raise InputError(f"{path}: the report says no outcome; record the run again")
     for key, _ in _FIGURES.values():

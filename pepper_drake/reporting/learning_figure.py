@@ -36,7 +36,7 @@ def draw_learning(
     """
     figure = Figure(figsize=(18, 9), layout="constrained")
     figure.suptitle(
-        f"Is {primitive.name} reproduced, and what becomes of it for other goals?"
+        f"Is {primitive.name} reproduced, and how does it adapt to other goals?"
         f" ({primitive.approximator} with {primitive.num_basis} basis functions,"
         f" scaling '{primitive.translation.scaling}')"
     )
@@ -96,7 +96,7 @@ def _draw_space(
 
 
 def _title(name: str, demonstrations: Sequence[Demonstration], mark: str = "") -> str:
-    return f"{name}: shown{mark} and performed" if demonstrations else f"{name}: performed"
+    return f"{name}: taught{mark} and performed" if demonstrations else f"{name}: performed"
 
 
 def _draw_axis(
@@ -119,10 +119,10 @@ def _draw_axis(
 def _draw_orientation(
     axes: Axes, primitive: MovementPrimitive, demonstrations: Sequence[Demonstration], path: Path3D
 ) -> None:
-    axes.set_title("orientation: shown (gray) and performed", fontsize=10)
+    axes.set_title("orientation: taught (gray) and performed", fontsize=10)
     axes.set(xlabel="time [s]", ylabel="roll, pitch, yaw [degrees]")
     if path.rotations is None:
-        axes.text(0.5, 0.5, "none was shown", ha="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "none was demonstrated", ha="center", transform=axes.transAxes)
         return
     for demo in demonstrations:
         if demo.rotations is not None:
@@ -137,10 +137,10 @@ def _draw_orientation(
 def _draw_joints(
     axes: Axes, primitive: MovementPrimitive, demonstrations: Sequence[Demonstration], path: Path3D
 ) -> None:
-    axes.set_title("joints: shown (gray) and nominal", fontsize=10)
+    axes.set_title("joints: taught (gray) and nominal", fontsize=10)
     axes.set(xlabel="time [s]", ylabel="joint position [degrees]")
     if path.joints is None or primitive.posture is None:
-        axes.text(0.5, 0.5, "none were shown", ha="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "none were demonstrated", ha="center", transform=axes.transAxes)
         return
     for demo in demonstrations:
         if demo.joints is not None:
@@ -161,7 +161,7 @@ def _roll_pitch_yaw(quaternions: Array) -> Array:
 def _draw_phase(axes: Axes, path: Path3D) -> None:
     axes.plot(path.times, path.phases, color="k")
     axes.set(xlabel="time [s]", ylabel="phase x", yscale="log")
-    axes.set_title("phase: falls from 1, as fast as it is large", fontsize=10)
+    axes.set_title("phase: decays exponentially from 1", fontsize=10)
     axes.grid(alpha=0.3)
 
 
@@ -191,7 +191,7 @@ def _draw_forcing(
             relative * primitive.duration, learned[:, k], color=_COLORS[k], lw=1.2, label=name
         )
     axes.set(xlabel="time [s]", ylabel="forcing term [m]")
-    axes.set_title("what is learned: needed (gray) and given", fontsize=10)
+    axes.set_title("forcing term: target (gray) and learned", fontsize=10)
     axes.legend(fontsize=8, ncols=3)
     axes.grid(alpha=0.3)
 
@@ -204,7 +204,7 @@ def _draw_speed(
         axes.plot(_times(demo, primitive), speed, color="0.7", lw=4)
     axes.plot(path.times, np.linalg.norm(path.velocities, axis=1), color="k", lw=1.2)
     axes.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0, None))
-    axes.set_title("speed: shown (gray) and performed", fontsize=10)
+    axes.set_title("speed: taught (gray) and performed", fontsize=10)
     axes.grid(alpha=0.3)
 
 
@@ -222,7 +222,7 @@ def _draw_other_goals(axes: Axes, primitive: MovementPrimitive) -> None:
     axes.plot(path.positions[:, across], path.positions[:, up], color="k", lw=1.5)
     axes.plot(primitive.start[across], primitive.start[up], "o", color="tab:orange")
     axes.set(xlabel=f"{AXES[across]} [m]", ylabel=f"{AXES[up]} [m]")
-    axes.set_title("the same to other goals", fontsize=10)
+    axes.set_title("the same movement to other goals", fontsize=10)
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(alpha=0.3)
 

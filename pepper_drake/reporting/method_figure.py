@@ -50,7 +50,7 @@ def draw_methods(
     mpl.use("Agg")
     figure = Figure(figsize=(17, 6.4), layout="constrained")
     figure.suptitle(
-        "How does each method get around what is in the way?\n"
+        "How does each method get around the obstacles?\n"
         "black: as taught, neither bent nor adapted; dots: what the robot saw",
         fontsize=12,
     )

@@ -39,7 +39,9 @@ def _(shown: MovementPrimitive) -> Figure:
 
 @draw.register
 def _(shown: VoxelMap) -> Figure:
-    return draw_points(shown.positions, f"{len(shown.keys)} occupied voxels, from above and aside")
+    return draw_points(
+        shown.positions, f"{len(shown.keys)} occupied voxels, from above and from the side"
+    )
 
 
 def html_of(shown: Any) -> str:

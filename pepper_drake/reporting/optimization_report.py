@@ -14,7 +14,7 @@ from pepper_drake.reporting.optimization_figures import draw_costs, draw_ways
 def save_search(
     folder: Path, history: History, evaluate: MovementRollouts, *, seconds: float, converged: bool
 ) -> dict[str, float]:
-    """Writes history.npz, primitive.yaml, report.json, cost.png and ways.png.
+    """Writes history.npz, primitive.yaml, report.json, cost.png and paths.png.
 
     Args:
         folder: Where.
@@ -50,7 +50,7 @@ def save_search(
         figure.savefig(folder / "cost.png", dpi=110)
     points = None if task.obstacles is None else task.obstacles.points
     draw_ways(before, found, task.goal, points, task.clearance).savefig(
-        folder / "ways.png", dpi=110
+        folder / "paths.png", dpi=110
     )
     return measured
 

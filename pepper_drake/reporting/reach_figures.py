@@ -138,7 +138,9 @@ def draw_surroundings(space: Any, logs: Sequence[ReachLog]) -> None:
 def draw_timeline(log: ReachLog) -> Figure:
     """The run in time: errors, clearance, coupling, movement and phase, by mode."""
     figure = Figure(figsize=(9, 9.5), layout="constrained")
-    figure.suptitle("When did it do what, how near did it come, and when did the coupling act?")
+    figure.suptitle(
+        "What did the robot do when, how close did it come, and when did the coupling act?"
+    )
     rows = figure.subplots(5, 1, sharex=True)
     for axes in rows:
         _shade_modes(axes, log, named=axes is rows[0])
@@ -151,7 +153,7 @@ def draw_timeline(log: ReachLog) -> Figure:
         color="tab:gray",
         label="whole orientation",
     )
-    rows[1].plot(log.time_s, np.degrees(log.axis_error_rad), color=GOAL, label="axis that counts")
+    rows[1].plot(log.time_s, np.degrees(log.axis_error_rad), color=GOAL, label="task axis")
     rows[1].set(ylabel="hand to goal,\nturn [degrees]")
     rows[1].set_ylim(bottom=0)
     rows[1].legend(fontsize=8, loc="upper left")
@@ -168,7 +170,9 @@ def draw_timeline(log: ReachLog) -> Figure:
     rows[3].set(ylabel="coupling\n|C_t| / τ² [m/s²]")
     if not coupling_strength(log).any():
         rows[3].set_ylim(-0.1, 1.0)
-        rows[3].text(0.01, 0.5, "silent: it is zero throughout", transform=rows[3].transAxes)
+        rows[3].text(
+            0.01, 0.5, "zero throughout: no obstacle was near enough", transform=rows[3].transAxes
+        )
     _draw_origins(rows[4], log)
     rows[4].plot(log.time_s, log.phase, color="k")
     rows[4].set(ylabel="phase x\n(1 at the start)", yscale="log", xlabel="time [s]")

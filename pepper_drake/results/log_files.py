@@ -35,7 +35,9 @@ def read_arrays(path: Path, names: Iterable[str]) -> dict[str, Array]:
         arrays = read_npz(path, wanted)
     except InputError as error:
         why = str(error).removeprefix(f"{path}: ")
-        raise InputError(f"{path}: this is no log of a run ({why}); record the run again") from None
+        raise InputError(
+            f"{path}: this is not a log of a run ({why}); record the run again"
+        ) from None
     for name in wanted:
         if name not in arrays:
             raise InputError(f"{path}: the log lacks {name}; record the run again")

@@ -64,7 +64,7 @@ class PerformanceReport:
                 lines.append(f"                    (closest: {self.taught_closest_pair})")
         if self.mean_deviation is not None and self.largest_deviation is not None:
             lines.append(
-                f"  from the taught   {1000 * self.mean_deviation:6.1f} mm on average,"
+                f"  from taught path  {1000 * self.mean_deviation:6.1f} mm on average,"
                 f" {1000 * self.largest_deviation:.1f} mm at most"
             )
         if self.coupled_seconds > 0.0:
@@ -73,7 +73,7 @@ class PerformanceReport:
                 f" for {self.coupled_seconds:.1f} s"
             )
         else:
-            lines.append("  coupling          silent: nothing came near enough to act")
+            lines.append("  coupling          zero: no obstacle was near enough to act")
         happened = [
             f"{count} {name}{'s' if count > 1 else ''}"
             for name, count in (("detour", self.detours), ("retreat", self.retreats))
@@ -88,7 +88,7 @@ class PerformanceReport:
             if seconds > 0.0
         ]
         if happened:
-            lines.append(f"  on the way        {', '.join(happened)}")
+            lines.append(f"  during the reach  {', '.join(happened)}")
         return lines
 
 

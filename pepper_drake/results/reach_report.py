@@ -119,7 +119,7 @@ class ReachReport:
         """Reads what `save` wrote.
 
         Raises:
-            InputError: The file is missing or is no report of a reach.
+            InputError: The file is missing or is not a report of a reach.
         """
         data = read_json(path)
         try:
@@ -127,7 +127,7 @@ class ReachReport:
             performance = PerformanceReport(**data.pop("performance"))
             return cls(**data, cloud=cloud, performance=performance)
         except (AttributeError, KeyError, TypeError):
-            raise InputError(f"{path}: this is no report of a reach; run it again") from None
+            raise InputError(f"{path}: this is not a report of a reach; run it again") from None
 
     def summary(self) -> str:
         """A few lines for the terminal."""
@@ -185,7 +185,7 @@ class ReachReport:
         if whole is None or axis is None or tolerance is None:
             return []
         return [
-            f"  axis that counts  {np.degrees(axis):6.1f}°"
+            f"  task axis error   {np.degrees(axis):6.1f}°"
             f"    (allowed {np.degrees(tolerance):.0f}°)",
             f"  whole orientation {np.degrees(whole):6.1f}°    (an arm of five joints cannot take "
             "every orientation at a position)",

@@ -49,7 +49,8 @@ class Access:
                 probe.bind(address)
         except (OSError, UnicodeError, IndexError):
             raise InputError(
-                f'--host "{host}" is no address of this computer; 0.0.0.0 stands for all of them'
+                f'--host "{host}" is not an address of this computer; 0.0.0.0 stands for all of'
+                " them"
             ) from None
         return cls(str(address[0]), secrets.token_urlsafe(_TOKEN_BYTES))
 

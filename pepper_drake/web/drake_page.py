@@ -67,7 +67,7 @@ class DrakePage:
                 the page is for this computer only.
 
         Raises:
-            InputError: The host is no address of this computer, or no port is free.
+            InputError: The host is not an address of this computer, or no port is free.
         """
         access = Access.to(host)
         self.meshcat = _loopback_meshcat()
@@ -117,7 +117,7 @@ def open_meshcat(
         with DrakePage(host) as shown:
             yield shown.meshcat, shown
     elif host is not None:
-        raise InputError("--host: no page is shown; give --live, too")
+        raise InputError("--host: there is no page; give --live, too")
     else:
         with offline_meshcat() as meshcat:
             yield meshcat, None

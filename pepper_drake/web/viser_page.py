@@ -39,7 +39,7 @@ class ViserPage:
             keys: The keys that are told, as browsers name them.
 
         Raises:
-            InputError: The host is no address of this computer, or no port is free.
+            InputError: The host is not an address of this computer, or no port is free.
         """
         lead, look = Access.to(host), Access.to(host)
         # Only this user may enter such a folder.

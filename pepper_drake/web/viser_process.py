@@ -157,7 +157,7 @@ def serve(order: dict[str, Any]) -> int:
     title += b"padding:6px 12px;background:#1c3d5a;color:#fff;font:14px sans-serif}</style>"
     banner = (
         b"<script>addEventListener('DOMContentLoaded',()=>{const b=document.createElement('div');"
-        b"b.className='class-banner';b.textContent='You look on; the teacher leads.';"
+        b"b.className='class-banner';b.textContent='You are watching; the teacher leads.';"
         b"document.body.append(b)})</script>"
     )
     options = {"path": order["socket"]}

@@ -58,7 +58,7 @@ def test_the_reports_run(monkeypatch, tmp_path, capsys, motion):
     goal = Demonstration.load(motion).positions[-1] + [0.06, 0.06, 0.05]
     error = np.linalg.norm(found.rollout().positions[-1] - goal)
     assert error == pytest.approx(report["best_cost"], abs=1e-6)
-    for name in ("cost.png", "ways.png"):
+    for name in ("cost.png", "paths.png"):
         assert (tmp_path / name).stat().st_size > 10_000
 
 

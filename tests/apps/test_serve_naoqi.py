@@ -69,8 +69,8 @@ def test_a_program_for_a_robot_finds_one():
     [
         (["--host", "0.0.0.0"], "--password-file"),
         (["--password-file", "/nowhere/at/all"], "no such file"),
-        (["--rate", "7"], "is no rate"),
-        (["--port", "x"], "is no port"),
+        (["--rate", "7"], "is not a rate"),
+        (["--port", "x"], "is not a port"),
     ],
 )
 def test_what_cannot_be_served_is_refused_in_one_line(run_app, options, sentence):

@@ -63,8 +63,8 @@ def test_what_cannot_be_moved_is_bad_input_in_one_sentence(run_app, tmp_path):
     ("arguments", "words"),
     [
         (["--script", "nothing.yaml"], "nothing.yaml is neither a script"),
-        (["--seconds", "-1"], '"-1" is no time'),
-        (["--seconds", "soon"], '"soon" is no time'),
+        (["--seconds", "-1"], '"-1" is not a time'),
+        (["--seconds", "soon"], '"soon" is not a time'),
     ],
 )
 def test_bad_arguments_are_told_before_anything_is_built(monkeypatch, capsys, arguments, words):

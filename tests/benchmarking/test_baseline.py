@@ -53,12 +53,12 @@ def test_a_baseline_comes_back_as_it_was_saved(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"value": "many"}, "value is no number"),
-        ({"value": None}, "value is no number"),
+        ({"value": "many"}, "value is not a number"),
+        ({"value": None}, "value is not a number"),
         ({"value": 1e300}, "too large"),
         ({"tolerance": -1.0}, "tolerance is -1"),
         ({"direction": "up"}, '"up"; give higher or lower'),
-        ({"weight": 1.0}, "no baseline"),
+        ({"weight": 1.0}, "not a baseline"),
     ],
 )
 def test_a_spoilt_baseline_is_named(change, words, tmp_path):

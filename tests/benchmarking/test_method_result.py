@@ -22,9 +22,9 @@ def test_what_is_not_finite_is_nothing(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("{", "no result"),
-        ("[1, 2]", "no result"),
-        ('{"speed": 3}', "no result"),
+        ("{", "not a result"),
+        ("[1, 2]", "not a result"),
+        ('{"speed": 3}', "not a result"),
         ('{"outcome": "won"}', '"won"'),
     ],
 )

@@ -59,7 +59,7 @@ def test_it_is_stopped_when_it_is_asked_to(count):
 def test_all_that_drake_says_is_one_sentence():
     simulator = make(breaks_at=0.33)
     end = simulate(simulator, 5.0)
-    assert end.fault.startswith("the simulation cannot go on at 0.3")
+    assert end.fault.startswith("the simulation cannot continue at 0.3")
     assert end.fault.endswith("The solver failed. It is known why: no scale.")
     with pytest.raises(PepperDrakeError, match="no scale"):
         end.check()

@@ -46,7 +46,7 @@ def test_a_robot_is_named_with_its_password(tmp_path):
     [
         (["--robot", "a"], "--station naoqi"),
         (["--station", "naoqi"], "--robot ADDRESS"),
-        (["--station", "naoqi", "--robot", "http://a"], "no robot's address"),
+        (["--station", "naoqi", "--robot", "http://a"], "not a robot's address"),
         (["--station", "naoqi", "--robot", "a", "--live"], "--live is for the simulation"),
     ],
 )

@@ -45,7 +45,7 @@ def test_addresses(text, scheme, host, port):
 
 @pytest.mark.parametrize("text", ["", "http://a", "tcp://", "tcp://a:port", "tcp://a:1/b"])
 def test_what_is_no_address_is_refused(text):
-    with pytest.raises(InputError, match="no robot's address"):
+    with pytest.raises(InputError, match="not a robot's address"):
         RobotAddress.parse(text)
 
 

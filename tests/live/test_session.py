@@ -155,7 +155,7 @@ def test_stop_hands_the_arm_over_where_it_is(story):
 def test_buttons_that_make_no_sense_say_so_and_change_nothing(make_session, tmp_path):
     session = make_session(tmp_path)
     for button, words in (
-        (session.stop, "Nothing is going on"),
+        (session.stop, "Nothing is running"),
         (session.learn, "nothing to learn"),
         (session.reach, "nothing to perform"),
         (session.save, "nothing to save"),

@@ -49,7 +49,7 @@ def test_a_cube_is_a_solid(check, faces):
         (CUBE + FACES + "f 1/1 2/1 3/1", "there is no vt number 1; there are 0"),
         (CUBE + FACES + "f 1 2", "a face has 3 to 64 corners"),
         (CUBE + FACES + "f 1 2 2", "the corners of a face must differ"),
-        (CUBE + FACES + "f 1/2/3/4 2 3", "is no corner"),
+        (CUBE + FACES + "f 1/2/3/4 2 3", "is not a corner"),
         (CUBE + FACES + "v 1 2", "line 15: v needs 3 numbers"),
         (CUBE + FACES + "v 1 nan 2", "v needs 3 numbers"),
         (CUBE + FACES + "v 1 1e30 2", "of at most 10000"),

@@ -124,7 +124,7 @@ def test_a_cost_from_the_command_line():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("hand_to_gaol", "--cost: 'hand_to_gaol' is no term; use some of hand_to_goal"),
+        ("hand_to_gaol", "--cost: 'hand_to_gaol' is not a term; use some of hand_to_goal"),
         ("jerk=much", "--cost: jerk=much is not a number"),
         ("jerk=-1", "--cost: jerk: -1.0 is negative"),
         ("jerk=0", "--cost: every term has weight 0"),

@@ -59,7 +59,7 @@ def test_what_stands_in_both_scenes_is_drawn_once_and_what_moved_twice(both):
 def test_ways_have_the_colours_of_their_runs_and_the_cloud_its_points(both):
     paths = objects(both)
     for run, code in zip("12", RUN_COLORS, strict=False):
-        way = paths[f"/pepper_drake/{run}/way of the hand"]
+        way = paths[f"/pepper_drake/{run}/hand path"]
         assert way["materials"][0]["color"] == int(code[1:], 16)
         points = np.array(way["geometries"][0]["path"]["points"])
         assert np.all(np.linalg.norm(np.diff(points, axis=0), axis=1) > 0.002)
@@ -125,7 +125,7 @@ def test_a_drawing_replaces_the_one_before(both):
 def test_a_hand_that_never_moved_has_no_way(frames):
     still = replace(frames[0], hand_W=np.tile(frames[0].hand_W[:1], (20, 1)))
     drawn = [(command, umsgpack.unpackb(command.data)) for command in draw([still])]
-    assert "/pepper_drake/1/way of the hand" not in objects(drawn)
+    assert "/pepper_drake/1/hand path" not in objects(drawn)
 
 
 @given(

@@ -64,7 +64,7 @@ def _lacking(run, name):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda run: _written(run, "log.npz", "PK, but cut off"), r"log\.npz: this is no log"),
+        (lambda run: _written(run, "log.npz", "PK, but cut off"), r"log\.npz: this is not a log"),
         (lambda run: _lacking(run, "object_offset_m"), r"log\.npz: the log lacks object_offset_m"),
         (
             lambda run: _with_log(run, joint_position_rad=np.full((251, 15), np.nan)),
@@ -72,12 +72,12 @@ def _lacking(run, name):
         ),
         (
             lambda run: _with_log(run, object_offset_m=np.zeros((251, 6))),
-            r"object_offset_m has 6 columns, but in scene\.yaml 1 things have a path",
+            r"object_offset_m has 6 columns, but in scene\.yaml 1 objects have a path",
         ),
         (lambda run: _without(run, "scene.yaml"), r"the run lacks scene\.yaml"),
         (lambda run: _written(run, "scene.yaml", "goal: [}"), r"scene\.yaml line 1: not valid"),
         (lambda run: _without(run, "report.json"), r"report\.json: the report is missing"),
-        (lambda run: _written(run, "report.json", "{"), r"report\.json: this is no report"),
+        (lambda run: _written(run, "report.json", "{"), r"report\.json: this is not a report"),
         (lambda run: _written(run, "report.json", "{}"), r"report\.json: the report says no"),
     ],
 )

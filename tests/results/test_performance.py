@@ -54,7 +54,13 @@ def test_waiting_and_retreats_are_counted():
     assert performance.waited_seconds == pytest.approx(0.4)
     assert performance.withdrawn_seconds == pytest.approx(0.8)
     words = "\n".join(performance.lines())
-    for said in ("1 detour,", "2 retreats", "stood for 0.4 s", "withdrawn for 0.8 s", "silent"):
+    for said in (
+        "1 detour,",
+        "2 retreats",
+        "stood for 0.4 s",
+        "withdrawn for 0.8 s",
+        "zero: no obstacle",
+    ):
         assert said in words
 
 

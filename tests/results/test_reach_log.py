@@ -104,7 +104,7 @@ def test_a_log_with_a_damaged_array_is_no_log(tmp_path):
     middle = content.find(b"joint_position_rad") + 2000
     content[middle : middle + 64] = bytes(64)
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"log\.npz: this is no log of a run .*; record"):
+    with pytest.raises(InputError, match=r"log\.npz: this is not a log of a run .*; record"):
         ReachLog.load(path)
 
 

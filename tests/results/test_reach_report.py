@@ -68,7 +68,7 @@ def test_a_report_comes_back_as_it_was_saved(tmp_path):
     report.save(tmp_path / "report.json")
     assert ReachReport.load(tmp_path / "report.json") == report
     (tmp_path / "report.json").write_text("{}")
-    with pytest.raises(InputError, match="no report of a reach"):
+    with pytest.raises(InputError, match="not a report of a reach"):
         ReachReport.load(tmp_path / "report.json")
 
 

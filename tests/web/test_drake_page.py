@@ -308,5 +308,5 @@ def test_beyond_this_computer_the_address_holds_a_token(open_browser):
 
 def test_a_host_that_is_not_here_is_refused():
     for host in ("192.0.2.1", "no such host", "x" * 300, ""):
-        with pytest.raises(InputError, match="is no address of this computer"):
+        with pytest.raises(InputError, match="is not an address of this computer"):
             DrakePage(host=host)

@@ -126,7 +126,8 @@ def _warn_times(steps: Array, step: float, label: Where) -> list[str]:
     gaps = np.flatnonzero(steps > max(5.0 * step, 0.1))
     for k in gaps[:3]:
         warnings.append(
-            f"{label(int(k) + 1)}: a gap of {steps[k]:.2g} s before it; the way between is made up"
+            f"{label(int(k) + 1)}: a gap of {steps[k]:.2g} s before it, across which the path is"
+            " interpolated"
         )
     if len(gaps) > 3:
         warnings.append(f"{len(gaps) - 3} more gaps")

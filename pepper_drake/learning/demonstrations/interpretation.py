@@ -236,7 +236,7 @@ def _with_times(track: Track, options: ImportOptions, notes: list[str]) -> Track
             raise InputError(f"{track.path}: no times in it; say the samples a second (--rate HZ)")
         return replace(track, times=np.arange(track.num_samples) / options.rate, time_unit="s")
     if options.rate is not None:
-        notes.append(f"times are those of {options.rate:g} samples a second, as told")
+        notes.append(f"times are those of {options.rate:g} samples a second, as given")
         return replace(track, times=np.arange(len(times)) / options.rate, time_unit="s")
     unit = options.time or track.time_unit
     if unit is None:
@@ -247,11 +247,11 @@ def _with_times(track: Track, options: ImportOptions, notes: list[str]) -> Track
         counted = len(times) >= 20 and bool(np.all(np.diff(times) == 1.0))
         if unit is None and counted and float(times[0]).is_integer():
             raise InputError(
-                f"{track.path}: the first column counts the samples and is no time in seconds; say"
-                " the samples a second (--rate HZ), or --time s if they are seconds"
+                f"{track.path}: the first column counts the samples and is not a time in seconds;"
+                " say the samples a second (--rate HZ), or --time s if they are seconds"
             )
     elif options.time is not None and track.time_unit not in (None, options.time):
-        notes.append(f"times in {options.time}, as told; the file says {track.time_unit}")
+        notes.append(f"times in {options.time}, as given; the file says {track.time_unit}")
     seconds = (times - times[0] if abs(times[0]) > 1e5 else times) * TIMES[unit or "s"]
     return replace(track, times=seconds, time_unit=unit)
 
@@ -286,7 +286,7 @@ def _positions(
             )
     unit = options.unit or track.unit
     if options.unit is not None and track.unit not in (None, options.unit):
-        notes.append(f"lengths in {options.unit}, as told; the file says {track.unit}")
+        notes.append(f"lengths in {options.unit}, as given; the file says {track.unit}")
     elif unit is not None and unit != "m":
         notes.append(f"lengths in {unit}")
     scale = LENGTHS[unit or "m"]

@@ -365,7 +365,7 @@ def refuse_unlike(demonstrations: "list[Demonstration]") -> None:
         likeness = float(np.sum(path * rest)) / size if size > 1e-9 else 1.0
         if likeness < 0.3:
             raise InputError(
-                f"{demonstrations[k].name}: it moves another way than the other demonstrations"
+                f"{demonstrations[k].name}: it moves differently from the other demonstrations"
                 f" (correlation {likeness:.2f}): they are not alike; learn it by itself"
             )
 

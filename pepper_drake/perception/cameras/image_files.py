@@ -66,4 +66,6 @@ def read_depth(path: str | Path) -> npt.NDArray[Any]:
     except InputError:
         raise
     except Exception:  # A damaged file fails in many ways.
-        raise InputError(f"{path}: is no NumPy file of a depth image that can be read.") from None
+        raise InputError(
+            f"{path}: is not a NumPy file of a depth image that can be read."
+        ) from None

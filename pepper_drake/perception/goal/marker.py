@@ -4,6 +4,8 @@ The marker frame M has its origin at the middle of the black square, x to the ri
 printed face, z out of it.
 """
 
+from __future__ import annotations
+
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

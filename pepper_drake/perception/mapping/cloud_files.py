@@ -77,7 +77,7 @@ def _pcd(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
         cloud = PointCloud.from_fileobj(io.BufferedReader(file))
         table, names = cloud.pc_data, cloud.fields
     except Exception:  # The library raises whatever its parser ran into.
-        raise InputError(f"{path}: is no PCD file that can be read.") from None
+        raise InputError(f"{path}: is not a PCD file that can be read.") from None
     return _columns(path, table, names)
 
 
@@ -92,7 +92,7 @@ def _ply(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
     try:
         vertices = PlyData.read(file)["vertex"].data
     except Exception:  # The library raises whatever its parser ran into.
-        raise InputError(f"{path}: is no PLY file with vertices that can be read.") from None
+        raise InputError(f"{path}: is not a PLY file with vertices that can be read.") from None
     return _columns(path, vertices, vertices.dtype.names)
 
 
@@ -125,7 +125,7 @@ def _npz(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
     except InputError:
         raise
     except Exception:  # A damaged archive fails in many ways.
-        raise InputError(f"{path}: is no NPZ archive of arrays that can be read.") from None
+        raise InputError(f"{path}: is not an NPZ archive of arrays that can be read.") from None
     return _array(path, array)
 
 
@@ -133,5 +133,5 @@ def _npy(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
     try:
         array = np.load(file, allow_pickle=False)
     except Exception:  # A damaged file fails in many ways.
-        raise InputError(f"{path}: is no NPY array that can be read.") from None
+        raise InputError(f"{path}: is not an NPY array that can be read.") from None
     return _array(path, array)

@@ -46,7 +46,7 @@ FAULT_SENTENCES = {
     DepthFault.WRONG_SIZE: "the depth camera gives images of another size than its own",
     DepthFault.BLANK: "the depth camera's images show nothing at all",
     DepthFault.CONSTANT: "all pixels of the depth camera's images have the same value",
-    DepthFault.BELOW_FLOOR: "the depth camera's images show things below the floor",
+    DepthFault.BELOW_FLOOR: "the depth camera's images show points below the floor",
     DepthFault.CONTRADICTS_MAP: "the depth camera's images contradict what was seen before",
 }
 
@@ -127,7 +127,7 @@ def image_fault(
     if last is not None and (moved or parameters.expects_noise):
         if last.ndim == 3 and last.shape[2] == 1:
             last = last[..., 0]
-        # NaN is no number, but the same bits.
+        # NaN is not a number, but the same bits.
         if last.dtype == image.dtype and last.shape == image.shape:
             floating = image.dtype.kind == "f"
             if bool(np.array_equal(image, last, equal_nan=floating)):

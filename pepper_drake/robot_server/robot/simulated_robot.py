@@ -72,7 +72,7 @@ class SimulatedRobot(ChildProcess):
         if self._process.is_alive():
             return
         failure = str(self.record()["failed"]) or f"exit code {self._process.exitcode}"
-        raise PepperDrakeError(f"the simulation cannot go on: {failure}")
+        raise PepperDrakeError(f"the simulation cannot continue: {failure}")
 
     def record(self) -> Record:
         """Returns the newest state with what no robot knows, such as the goal's true place."""

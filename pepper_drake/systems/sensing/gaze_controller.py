@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.perception import PointCloud
@@ -21,7 +21,8 @@ from pepper_drake.perception.gaze.head_aiming import clamp_head
 from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.systems.framework import LeafSystem
 
-Vector = npt.NDArray[np.float64]
+Vector = NDArray[np.float64]
+Search = Callable[[float, float], Vector]
 
 
 class GazeController(LeafSystem):
@@ -72,8 +73,8 @@ class GazeController(LeafSystem):
 
     Args:
         p_OP: The point on the object to look at (3,) [m]: its marker.
-        cameras: The top and the bottom camera, in order of preference; the top one looks along
-            with the depth camera.
+        cameras: The top and the bottom camera, in order of preference; Pepper's if left out. The
+            top one looks along with the depth camera.
         secondary_camera: A camera that should see the object's surroundings: the depth camera.
         radius: Of the part of the object that has to stay in view then [m]: half its marker's
             diagonal.
@@ -85,17 +86,18 @@ class GazeController(LeafSystem):
 
     def __init__(
         self,
-        p_OP: npt.ArrayLike = (0.0, 0.0, 0.0),
+        p_OP: ArrayLike = (0, 0, 0),
         *,
-        cameras: Sequence[HeadCamera] = (CAMERA_TOP, CAMERA_BOTTOM),
+        cameras: Sequence[HeadCamera] | None = None,
         secondary_camera: HeadCamera | None = None,
         radius: float = 0.0,
-        side: float = 1.0,
-        search: Callable[[float, float], Vector] | None = None,
+        side: float = 1,
+        search: Search | None = None,
         time_step: float = 0.02,
         params: GazeParams | None = None,
     ) -> None:
         super().__init__()
+        cameras = (CAMERA_TOP, CAMERA_BOTTOM) if cameras is None else tuple(cameras)
         self._policy = GazePolicy(
             p_OP,
             cameras=cameras,
@@ -130,7 +132,7 @@ class GazeController(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _declare_output(
-        self, name: str, size: int, pick: Callable[[GazeState], npt.ArrayLike]
+        self, name: str, size: int, pick: Callable[[GazeState], ArrayLike]
     ) -> None:
         def calc(context: Context, output: BasicVector) -> None:
             output.SetFromVector(np.asarray(pick(self._gaze_state(context)), dtype=float))

@@ -116,8 +116,8 @@ class GoalEstimator(LeafSystem):
 
     Args:
         marked: The object to look for.
-        top: The top camera's intrinsics.
-        bottom: The bottom camera's intrinsics.
+        top: The top camera's intrinsics; those of Pepper's if left out.
+        bottom: The bottom camera's intrinsics; those of Pepper's if left out.
         parameters: Noise, gates and thresholds of the filter.
         marker: Detection of the marker, and its noise.
         period: Time between looks for a new image [s].
@@ -159,8 +159,8 @@ class GoalEstimator(LeafSystem):
         self,
         marked: MarkedObject,
         *,
-        top: CameraIntrinsics = CAMERA_TOP.intrinsics,
-        bottom: CameraIntrinsics = CAMERA_BOTTOM.intrinsics,
+        top: CameraIntrinsics | None = None,
+        bottom: CameraIntrinsics | None = None,
         parameters: GoalFilterParameters | None = None,
         marker: MarkerParams = DEFAULT_MARKER,
         period: float = 0.02,
@@ -174,7 +174,10 @@ class GoalEstimator(LeafSystem):
         self._marker = marker
         self._expects_noise = expects_noise
         self._latency = latency
-        self._intrinsics = {"top": top, "bottom": bottom}
+        self._intrinsics = {
+            "top": CAMERA_TOP.intrinsics if top is None else top,
+            "bottom": CAMERA_BOTTOM.intrinsics if bottom is None else bottom,
+        }
         self._images, self._stamps, self._poses = {}, {}, {}
         for name in self._intrinsics:
             self._images[name] = self.DeclareAbstractInputPort(

@@ -65,7 +65,7 @@ def test_demonstrations_of_one_movement_are_alike():
     [
         (Demonstration.from_positions(T, 0.001 * P, name="mm"), "not alike; are their units"),
         (Demonstration.from_positions(1000 * T, P, name="ms"), "not alike; are their units"),
-        (Demonstration.from_positions(T, P[::-1], name="back"), "another way than the other"),
+        (Demonstration.from_positions(T, P[::-1], name="back"), "differently from the other"),
     ],
     ids=["millimetres", "milliseconds", "backwards"],
 )

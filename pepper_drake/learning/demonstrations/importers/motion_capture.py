@@ -128,8 +128,8 @@ def read_vicon(table: Table) -> list[Track]:
     rate = number(table.rows[1][0], f"{path}, line {table.lines[1]}") if table.rows[1][0] else 0.0
     if not 0.0 < rate < 1e6:
         raise InputError(
-            f"{path}, line {table.lines[1]}: {rate:g} is no rate; Vicon writes the frames a second"
-            " there"
+            f"{path}, line {table.lines[1]}: {rate:g} is not a rate; Vicon writes the frames a"
+            " second there"
         )
     heads = [i for i, row in enumerate(table.rows[:6]) if row[0].lower() == "frame"]
     if not heads:
