@@ -131,9 +131,7 @@ class GazeController(LeafSystem):
         self.DeclareInitializationDiscreteUpdateEvent(self._start)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
-    def _declare_output(
-        self, name: str, size: int, pick: Callable[[GazeState], ArrayLike]
-    ) -> None:
+    def _declare_output(self, name: str, size: int, pick: Callable[[GazeState], ArrayLike]) -> None:
         def calc(context: Context, output: BasicVector) -> None:
             output.SetFromVector(np.asarray(pick(self._gaze_state(context)), dtype=float))
 
