@@ -3,6 +3,7 @@
   diagram.py                     the whole reach
   diagram.py station             the simulated robot
   diagram.py reaching --depth 2  the reach with the station opened
+  diagram.py --set station.stereo=true  the reach of another scenario
 
 Results: NAME.svg, a picture that needs nothing else; NAME.dot, every port for Graphviz; and
 NAME_ports.svg, the same drawn, where Graphviz's program dot is installed.
@@ -16,15 +17,13 @@ from argparse import ArgumentParser, ArgumentTypeError
 from pydrake.systems.framework import Diagram
 
 from pepper_drake import cli
-from pepper_drake.diagrams.factory import make_coupling, make_primitive
-from pepper_drake.diagrams.reaching import Reaching
-from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.diagrams.teaching import Teaching
 from pepper_drake.models.control_model import shared_control_model
-from pepper_drake.models.scene import SCENES, Scene, load_scene
+from pepper_drake.models.scene import SCENES, load_scene
 from pepper_drake.reporting.diagram_graph import make_diagram_graph
 from pepper_drake.reporting.diagram_picture import save_diagram_picture
+from pepper_drake.scenario import Scenario, add_scenario_options, build_reaching, scenario_of
 
 DIAGRAMS = ("reaching", "station", "teaching")
 
@@ -48,10 +47,10 @@ def make_parser() -> ArgumentParser:
     )
     parser.add_argument(
         "--scene",
-        default="table",
         metavar="NAME|FILE",
-        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: %(default)s)",
+        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: the scenario's, table)",
     )
+    add_scenario_options(parser)
     return parser
 
 
@@ -61,16 +60,17 @@ def _depth(text: str) -> int:
     return int(text)
 
 
-def build(name: str, scene: Scene) -> Diagram:
+def build(name: str, scenario: Scenario) -> Diagram:
     """Builds one of the `DIAGRAMS`, named as such."""
+    scene = scenario.scene
     diagram: Diagram
     if name == "station":
-        diagram = PepperStation(scene, StationConfig(), shared_control_model())
+        config = scenario.reaching_config().station
+        diagram = PepperStation(scene, config, shared_control_model())
     elif name == "teaching":
         diagram = Teaching(scene.arm, scene.robot.positions())
     else:
-        primitive = make_primitive(None, scene.arm)
-        diagram = Reaching(scene, primitive, make_coupling(scene.coupling), ReachingConfig())
+        diagram = build_reaching(scenario)
     diagram.set_name(name)
     return diagram
 
@@ -79,7 +79,10 @@ def main() -> int:
     """Runs the app."""
     options = cli.parse(make_parser())
     logging.getLogger("drake").setLevel(logging.WARNING)
-    diagram = build(options.name, load_scene(options.scene))
+    scenario = scenario_of(options)
+    if options.scene is not None:
+        scenario.scene = load_scene(options.scene)
+    diagram = build(options.name, scenario)
     options.output.mkdir(parents=True, exist_ok=True)
 
     dot = options.output / f"{options.name}.dot"

@@ -68,6 +68,7 @@ from pepper_drake.optimization.search import search
 from pepper_drake.reporting.optimization_figures import draw_comparison, save_reproductions
 from pepper_drake.reporting.optimization_report import save_search
 from pepper_drake.results.folder import INTERRUPTED, whole_results
+from pepper_drake.scenario import add_scenario_options, numbers_of
 
 HISTORY = "history.npz"
 RESULTS = ("report.json", "primitive.yaml", HISTORY, "cost.png", "paths.png")
@@ -137,6 +138,7 @@ def make_parser() -> ArgumentParser:
         help="the equations alone; the whole arm; or the full simulation (default: %(default)s)",
     )
     add("--scene", metavar="SCENE", help="where to reach, with --rollouts diagram (default: table)")
+    add_scenario_options(parser, only_numbers=True)
     add(
         "--free",
         choices=FREE,
@@ -166,6 +168,8 @@ def make_evaluator(
     kinematics, diagram = options.rollouts == "kinematics", options.rollouts == "diagram"
     if options.scene is not None and not diagram:
         raise InputError("--scene: is for --rollouts diagram only")
+    if (options.scenario is not None or options.set) and not diagram:
+        raise InputError("--scenario, --set: are for --rollouts diagram only")
     free = options.free or ("joints" if kinematics else "hand")
     # Where the movement is to end where it ends, the joints need not learn that anew.
     elsewhere = options.goal is not None or options.goal_offset is not None
@@ -173,7 +177,15 @@ def make_evaluator(
     parameters = make_parameters(primitive, free, options.kernels, end_state=end_state)
     scene = prepare_scene(load_scene(options.scene or "table")) if diagram else None
     task = chosen_task(options, primitive, cost)
-    return make_rollouts(options.rollouts, parameters, task, cost, scene=scene, seed=options.seed)
+    return make_rollouts(
+        options.rollouts,
+        parameters,
+        task,
+        cost,
+        scene=scene,
+        seed=options.seed,
+        config=numbers_of(options) if diagram else None,
+    )
 
 
 def chosen_cost(options: Namespace) -> CostWeights | CostFunction:
@@ -231,10 +243,11 @@ def started(options: Namespace) -> History:
         options.decay = decay_over(options.updates)
     names = (
         "movement goal goal_offset obstacles clearance cost method samples exploration decay "
-        "kernels fixed_end rollouts scene free seed"
+        "kernels fixed_end rollouts scene scenario free seed"
     )
     given = {name: getattr(options, name) for name in names.split()}
     settings = {k: str(value) if isinstance(value, Path) else value for k, value in given.items()}
+    settings["set"] = options.set or None
     if options.resume:
         history.check_settings(settings)
     history.settings = settings

@@ -32,6 +32,7 @@ import contextlib
 import json
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from dataclasses import replace
 
 from tqdm import tqdm
 
@@ -43,7 +44,6 @@ from pepper_drake.cli_robot import (
     chosen_wear,
 )
 from pepper_drake.diagrams.robot_signals import STATION_SIGNALS
-from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.files import write_atomically
 from pepper_drake.hardware.options import add_link_options, check_station, robot_access
@@ -63,6 +63,7 @@ from pepper_drake.live.session_file import (
 from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
+from pepper_drake.scenario import add_scenario_options, numbers_of
 from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.viser_page import ViserPage
 
@@ -78,6 +79,8 @@ SIMULATED_ONLY: dict[str, object] = {
     "calibration": None,
     "fault": [],
     "no_cameras": False,
+    "scenario": None,
+    "set": [],
     "script": None,
     "watch": False,
     "seconds": None,
@@ -140,6 +143,7 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--seconds", type=positive, metavar="S", help="end after so much simulated time"
     )
+    add_scenario_options(parser, only_numbers=True)
     cli.add_host_option(parser)
     return parser
 
@@ -194,15 +198,18 @@ def make_session(options: Namespace) -> LiveSession:
     if folder.record.arm not in ("", scene.arm):
         scene = scene.mirrored()
     folder.record.arm = scene.arm
+    config = numbers_of(options)
+    config.station = replace(
+        config.station,
+        cameras=config.station.cameras and not options.no_cameras,
+        seed=options.seed,
+        wear=chosen_wear(options),
+        calibration=chosen_calibration(options),
+        faults=chosen_faults(options, STATION_SIGNALS),
+    )
     simulation = LiveSimulation(
         scene,
-        station=StationConfig(
-            cameras=not options.no_cameras,
-            seed=options.seed,
-            wear=chosen_wear(options),
-            calibration=chosen_calibration(options),
-            faults=chosen_faults(options, STATION_SIGNALS),
-        ),
+        config=config,
         movables=folder.record.move,
         coupling=options.coupling,
         spares=options.script is None,

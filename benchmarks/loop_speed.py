@@ -36,7 +36,7 @@ from pepper_drake.models.pepper import add_pepper
 from pepper_drake.models.scene import Scene
 
 FIRST_SEED = 2000
-"""Seed of the first of the moving scenes whose planning times set `PlanningLatency`."""
+"""First of the moving scenes whose planning times set `PlanningLatency`."""
 
 
 def make_reaching(case: Case, *, cameras: bool) -> Reaching:

@@ -20,6 +20,7 @@ import viser
 import zstandard
 from websockets.sync.client import ClientConnection, connect
 
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.live.controls import KEYS
 from pepper_drake.live.page import LivePage
@@ -121,7 +122,7 @@ def measure(*, cameras: bool, drags: int) -> dict:
     """Runs a session with its page in this process, as teach.py does, and drags its hand."""
     simulation = LiveSimulation(
         load_scene(SCENES_DIR / "teach.yaml"),
-        station=StationConfig(cameras=cameras),
+        config=ReachingConfig(station=StationConfig(cameras=cameras)),
         spares=True,
         realtime=True,
     )

@@ -10,7 +10,8 @@ import dataclasses
 import typing
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from copy import deepcopy
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from pepper_drake.diagrams.safety_layer import SafetyParams
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.models.hands import RELAXED
 from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.robot_wear import ROBOTS, RobotWear
 from pepper_drake.models.scene import Scene, load_scene
@@ -38,6 +40,17 @@ from pepper_drake.systems.guiding.external_force import ForcePulse
 
 _PUSH_DURATION = 0.5
 """Time that the hand is pushed [s]."""
+NUMBERS = (
+    "station",
+    "perception",
+    "planner",
+    "planner_class",
+    "controller",
+    "supervisor",
+    "safety",
+    "contact",
+)
+"""Fields of a scenario that say how the loop works, in whatever scene and for whatever task."""
 _NOT_IN_FILES = ("seed", "wear", "calibration", "faults")
 """Fields of `StationConfig` that follow from other fields of a scenario."""
 
@@ -94,6 +107,21 @@ class TaskSettings:
             raise InputError(
                 f"{label}: the arm waits, the hand opens or closes, or the arm moves; "
                 "give a task for each"
+            )
+
+
+def _check_tasks(tasks: Sequence[TaskSettings]) -> None:
+    """Raises InputError unless each task is one, and the arm moves with no open hand."""
+    opening = RELAXED
+    for task in tasks:
+        task.check()
+        if task.hand is not None:
+            opening = task.hand
+        elif not task.wait and opening > RELAXED:
+            raise InputError(
+                f"task {task.name!r}: the arm would move with its hand open to {opening:g}, whose "
+                f"fingers are not kept clear of obstacles; put {{hand: {RELAXED:g}}}, or less, "
+                "before it"
             )
 
 
@@ -154,12 +182,21 @@ class Scenario:
         """
         self.scene.check()
         self.learning.check()
-        for checked in (self.planner.clearance, self.planner.tolerance, self.planner.following):
+        planner = self.planner
+        for checked in (
+            planner.clearance,
+            planner.tolerance,
+            planner.following,
+            planner.retreat,
+            planner.new_obstacle,
+            self.perception.gaze,
+            self.perception.marker,
+            self.station.stereo_pair.matching,
+        ):
             checked.check()
         if self.push and len(self.push) != 3:
             raise InputError(f"push has {len(self.push)} numbers; give three, or none")
-        for task in self.tasks:
-            task.check()
+        _check_tasks(self.tasks)
         if self.robot not in ROBOTS:
             raise InputError(f'robot is "{self.robot}"; it must be {" or ".join(ROBOTS)}')
         parse_faults(self.faults)
@@ -176,7 +213,7 @@ class Scenario:
             pushes = (ForcePulse((x, y, z), self.push_at, _PUSH_DURATION),)
         return ReachingConfig(
             station=StationConfig(
-                **dataclasses.asdict(self.station),
+                **{f.name: deepcopy(getattr(self.station, f.name)) for f in fields(self.station)},
                 seed=self.seed,
                 wear=RobotWear.draw(self.seed) if self.robot == "worn" else None,
                 calibration=calibration_of(self.calibration, self.robot, self.seed),
@@ -265,8 +302,7 @@ def load_tasks(path: Path) -> list[TaskSettings]:
     if not loaded.tasks:
         raise InputError(f"{path}: no tasks in it; list at least one")
     try:
-        for task in loaded.tasks:
-            task.check()
+        _check_tasks(loaded.tasks)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return loaded.tasks
@@ -307,13 +343,19 @@ def save_scenario(scenario: Scenario, path: Path) -> None:
     save_yaml(scenario, path)
 
 
-def add_scenario_options(parser: ArgumentParser) -> None:
-    """Adds `--scenario` and `--set`."""
+def add_scenario_options(parser: ArgumentParser, *, only_numbers: bool = False) -> None:
+    """Adds `--scenario` and `--set`.
+
+    Args:
+        parser: To add them to.
+        only_numbers: True for an app that reads them with `numbers_of`.
+    """
+    parts = f"its {', '.join(NUMBERS)}" if only_numbers else "scene, robot and every tuned number"
     parser.add_argument(
         "--scenario",
         type=Path,
         metavar="FILE",
-        help="scene, robot and every tuned number, as a YAML file such as a run's scenario.yaml; "
+        help=f"{parts}, as a YAML file such as a run's scenario.yaml; "
         "what it leaves out keeps its default, and other options come on top",
     )
     parser.add_argument(
@@ -324,6 +366,27 @@ def add_scenario_options(parser: ArgumentParser) -> None:
         help="set one field of the scenario, as in planner.clearance.want=0.02; may be given more "
         "than once",
     )
+
+
+def numbers_of(options: Namespace) -> ReachingConfig:
+    """Loads the numbers of the loop that the options of `add_scenario_options` name.
+
+    For apps with options of their own for scene, seed, movement and task: of a file, these count
+    for nothing.
+
+    Raises:
+        InputError: As `load_scenario`; or a setting is not one of `NUMBERS`.
+    """
+    for setting in options.set:
+        name = setting.partition("=")[0]
+        if name.partition(".")[0] not in NUMBERS:
+            raise InputError(
+                f"--set {name}: this app takes {', '.join(NUMBERS)} from a scenario; for all else "
+                "see its own options"
+            )
+    scenario = scenario_of(options)
+    given = {name: getattr(scenario, name) for name in NUMBERS}
+    return replace(Scenario(), **given).reaching_config()
 
 
 def scenario_of(options: Namespace) -> Scenario:

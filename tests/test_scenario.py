@@ -1,4 +1,5 @@
 import dataclasses
+from argparse import ArgumentParser
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,10 @@ from pepper_drake.planning.collision.clearance_table import ClearanceTable
 from pepper_drake.scenario import (
     METHODS,
     Scenario,
+    add_scenario_options,
     load_scenario,
     movement_and_config,
+    numbers_of,
     save_scenario,
     use_method,
 )
@@ -74,6 +77,13 @@ def test_clearances_stay_in_their_order():
         (["scene.arm=both"], 'arm is "both"'),
         (["push=[1, 2]"], "push has 2 numbers"),
         (["seed=many"], 'seed is "many"; it must be a whole number'),
+        (["perception.gaze.search.period=0"], "gaze.search.period is 0; it must be positive"),
+        (["perception.gaze.search.first_yaw=2"], "must lie within gaze.search.sweep"),
+        (["planner.retreat.durations=[]"], "planner.retreat: sample_time"),
+        (["planner.new_obstacle.depth_step=0"], "depth_step is 0 m; it must be positive"),
+        (["station.stereo_pair.matching.block=6"], "stereo: block 6 must be odd"),
+        (["perception.marker.small_side=-1"], "marker.small_side is -1; it must be positive"),
+        (["perception.marker.edges.longest_search=1"], "less than marker.edges.longest_search, 1"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(settings, sentence):
@@ -142,3 +152,22 @@ def test_methods_differ_in_what_they_are_said_to_differ_in():
 def test_a_wrong_way_to_learn_is_refused(setting, words):
     with pytest.raises(InputError, match=words):
         load_scenario(settings=[setting])
+
+
+def options(*words):
+    parser = ArgumentParser()
+    add_scenario_options(parser, only_numbers=True)
+    return parser.parse_args(words)
+
+
+def test_apps_with_a_scene_of_their_own_take_the_numbers_alone(tmp_path):
+    path = tmp_path / "scenario.yaml"
+    path.write_text("seed: 4\nrobot: worn\npush: [1, 0, 0]\nplanner:\n  hand_x: 0.25\n")
+    config = numbers_of(options("--scenario", str(path), "--set", "perception.gaze.dwell=0.4"))
+    assert config.planner.hand_x == 0.25
+    assert config.perception.gaze.dwell == 0.4
+    assert config.station.seed == 0
+    assert config.station.wear is None
+    assert config.compliance is None
+    with pytest.raises(InputError, match=r"--set scene\.arm: this app takes station"):
+        numbers_of(options("--set", "scene.arm=right"))

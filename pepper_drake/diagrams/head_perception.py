@@ -1,6 +1,7 @@
 """THE perception: the goal object, the obstacles as clouds, and the head that looks there."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from pydrake.common.value import Value
@@ -24,11 +25,14 @@ from pepper_drake.perception.calibration.calibrated_cameras import (
     calibrated_cameras,
 )
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.gaze.gaze_params import GazeParams
 from pepper_drake.perception.gaze.head_aiming import head_search_pattern
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters
+from pepper_drake.perception.goal.marker_params import MarkerParams
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.perception.stereo.matching import stereo_obstacle_parameters
 from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into
@@ -99,14 +103,16 @@ class PerceptionConfig:
         # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
         default_factory=lambda: GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0)
     )
+    marker: MarkerParams = field(default_factory=MarkerParams)
+    """Detection of the goal's marker, and what its corners err."""
     goal_latency: float = 0.04
     """Time from an image's arrival to the estimate made of it [s]: detection takes 25 ms."""
     obstacles: ObstacleParameters = field(default_factory=ObstacleParameters)
-    """Obstacle detection in the depth camera's images; a stereo pair has its own."""
-    head_velocity: float = 2.5
-    """Fastest motion of a head joint [rad/s], a third of the rated speed."""
-    head_acceleration: float = 8.0
-    """Largest acceleration of a head joint [rad/s²]."""
+    """Obstacle detection in the depth camera's images ..."""
+    stereo_obstacles: ObstacleParameters = field(default_factory=stereo_obstacle_parameters)
+    """... and in those of a stereo pair in its place."""
+    gaze: GazeParams = field(default_factory=GazeParams)
+    """Motion of the head, which follows the goal object and scans around it."""
 
 
 class HeadPerception(Diagram):
@@ -174,9 +180,8 @@ class HeadPerception(Diagram):
                 secondary_camera=CAMERA_DEPTH,
                 radius=marked.marker_size / np.sqrt(2),
                 side=1.0 if scene.arm == "left" else -1.0,
-                search=head_search_pattern,
-                max_velocity=config.head_velocity,
-                max_acceleration=config.head_acceleration,
+                search=partial(head_search_pattern, params=config.gaze.search),
+                params=config.gaze,
             ),
         )
         if self._has_cameras:
@@ -227,6 +232,8 @@ class HeadPerception(Diagram):
         """Adds what finds the goal and the obstacles in the cameras' images."""
         builder = self._builder
         cameras = HEAD_CAMERA_MODELS | calibrated_cameras(station.config.calibration)
+        stereo = station.config.stereo
+        obstacles = self._config.stereo_obstacles if stereo else self._config.obstacles
         estimator = builder.AddNamedSystem(
             "goal_estimator",
             GoalEstimator(
@@ -234,6 +241,7 @@ class HeadPerception(Diagram):
                 top=cameras["camera_top"].intrinsics,
                 bottom=cameras["camera_bottom"].intrinsics,
                 parameters=self._config.goal,
+                marker=self._config.marker,
                 period=self._config.image_poll_period,
                 latency=self._config.goal_latency,
                 expects_noise=station.config.noise,
@@ -247,7 +255,7 @@ class HeadPerception(Diagram):
                 ),
                 marked,
                 intrinsics=station.depth_intrinsics,
-                parameters=station.obstacle_parameters(self._config.obstacles),
+                parameters=station.obstacle_parameters(obstacles),
                 period=self._config.image_poll_period,
             ),
         )

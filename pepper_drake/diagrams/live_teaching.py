@@ -8,14 +8,13 @@ from pydrake.systems.framework import DiagramBuilder
 from pepper_drake.diagrams.compliance import add_hand_guide
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.models.movable_objects import with_movable_objects
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
-from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.systems.framework import Diagram, build_into, connect
 from pepper_drake.systems.guiding.guide_target import GuideTarget
 from pepper_drake.systems.guiding.motion_recorder import MotionRecorder
@@ -55,7 +54,7 @@ class LiveTeaching(Diagram):
         primitive: MovementPrimitive,
         coupling: Coupling | None,
         *,
-        station: StationConfig | None = None,
+        config: ReachingConfig | None = None,
     ) -> None:
         """Makes the diagram.
 
@@ -63,17 +62,21 @@ class LiveTeaching(Diagram):
             scene: Pepper's surroundings.
             primitive: Performed until another is taught; with orientation and posture.
             coupling: How obstacles bend it; None to do without.
-            station: How the robot is simulated; the taught arm starts limp in any case.
+            config: How the robot is simulated and the loop works; the taught arm starts limp in
+                any case, the base stays, and there are no time limits.
         """
         super().__init__()
         self.scene, self.arm = with_movable_objects(scene), scene.arm
-        robot = replace(
-            station or StationConfig(), goal_motion_port=True, obstacle_motion_ports=True
+        config = config or ReachingConfig()
+        robot = replace(config.station, goal_motion_port=True, obstacle_motion_ports=True)
+        timing = replace(
+            config.timing,
+            drives=False,
+            holding=np.inf,
+            reach_timeout=np.inf,
+            blocked_timeout=np.inf,
         )
-        timing = ReachTiming(
-            drives=False, holding=np.inf, reach_timeout=np.inf, blocked_timeout=np.inf
-        )
-        config = ReachingConfig(station=robot, timing=timing, is_guided=True)
+        config = replace(config, station=robot, timing=timing, is_guided=True)
         self._builder = builder = DiagramBuilder()
         self.reaching = Reaching(self.scene, primitive, coupling, config)
         builder.AddNamedSystem("reaching", self.reaching)

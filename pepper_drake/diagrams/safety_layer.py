@@ -47,6 +47,8 @@ class SafetyParams:
     """Time until the base begins to brake [s]."""
     longest_gap: float = 0.12
     """Time for which measurements and estimates may fail to come [s]: six control periods."""
+    catch_time: float = 0.5
+    """Time for joints that were led by hand to come to rest [s]."""
     link_gap: float = 2.0
     """The same of a robot over a link [s], which holds the arm after 0.1 s by itself, goes on where
     measurements come again, and ends the run after 1 s."""
@@ -155,6 +157,7 @@ class SafetyLayer(Diagram):
                 minimum_clearance=minimum_clearance or 0.0,
                 contact=contact,
                 longest_gap=params.longest_gap,
+                catch_time=params.catch_time,
                 time_step=control_period,
             ),
         )

@@ -25,7 +25,7 @@ from pepper_drake.diagrams.robot_signals import (
     export_triggers,
     worn_camera,
 )
-from pepper_drake.diagrams.stereo_camera import StereoCamera
+from pepper_drake.diagrams.stereo_camera import StereoCamera, StereoConfig
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
     CONTROL_PERIOD,
@@ -46,7 +46,6 @@ from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.cameras.noise import NO_DEPTH_NOISE, ColorNoise, DepthNoise
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
-from pepper_drake.perception.stereo.matching import STEREO_CLOUD
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.robot.hand_motors import HandMotors
@@ -84,8 +83,9 @@ class StationConfig:
     noise: bool = True
     """True to give the cameras the noise of the real ones."""
     stereo: bool = False
-    """True for a stereo pair with a pattern projector in the depth camera's place. It costs some
-    twenty times as much."""
+    """True for a stereo pair with a projector in the depth camera's place; 20 times as slow."""
+    stereo_pair: StereoConfig = field(default_factory=StereoConfig)
+    """Matching and segmentation of its images."""
     seed: int = 0
     """Seed of all sensor noise."""
     goal_motion_port: bool = False
@@ -309,9 +309,8 @@ class PepperStation(Diagram):
         """Parameters with which obstacles are seen in the depth images of this station.
 
         Args:
-            parameters: Those wanted of the depth camera; a stereo pair has its own.
+            parameters: Those wanted.
         """
-        parameters = STEREO_CLOUD if self.config.stereo else parameters
         validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
         return dataclasses.replace(parameters, validity=validity)
 
@@ -472,6 +471,7 @@ class PepperStation(Diagram):
                 period=config.camera_period,
                 offset=0.5 * config.camera_period,
                 noise=None if config.noise else ColorNoise(sigma=0.0),
+                config=config.stereo_pair,
                 seed=config.seed,
             ),
         )

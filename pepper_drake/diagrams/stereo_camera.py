@@ -1,5 +1,7 @@
 """A stereo pair behind Pepper's eyes that delivers depth images, in place of the depth camera."""
 
+from dataclasses import dataclass, field
+
 from pydrake.geometry import FrameId
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.sensors import RgbdSensor
@@ -7,11 +9,22 @@ from pydrake.systems.sensors import RgbdSensor
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, HeadCamera, make_render_cameras
 from pepper_drake.perception.cameras.noise import ColorNoise
 from pepper_drake.perception.mapping.solids import RobotSolids
-from pepper_drake.perception.stereo.matching import make_stereo_cameras
+from pepper_drake.perception.stereo.matching import StereoParameters, make_stereo_cameras
+from pepper_drake.perception.stereo.segmentation import SegmentationParameters
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.sensing.camera_model import CameraModel
 from pepper_drake.systems.sensing.projected_pattern import ProjectedPattern
 from pepper_drake.systems.sensing.stereo_depth import StereoDepth
+
+
+@dataclass
+class StereoConfig:
+    """Numbers of seeing depth with two cameras."""
+
+    matching: StereoParameters = field(default_factory=StereoParameters)
+    """Matching of the two images."""
+    segmentation: SegmentationParameters = field(default_factory=SegmentationParameters)
+    """Segmentation of what was matched into objects."""
 
 
 class StereoCamera(Diagram):
@@ -42,6 +55,7 @@ class StereoCamera(Diagram):
         period: Time between pairs of images [s].
         offset: Time of the first pair [s].
         noise: Of both cameras.
+        config: Matching and segmentation of their images.
         pattern: Whether a projector throws a pattern on the scene: bare walls match nothing.
         seed: Of noise and pattern.
 
@@ -58,10 +72,12 @@ class StereoCamera(Diagram):
         period: float = 0.2,
         offset: float = 0.0,
         noise: ColorNoise | None = None,
+        config: StereoConfig | None = None,
         pattern: bool = True,
         seed: int = 0,
     ) -> None:
         super().__init__()
+        config = config or StereoConfig()
         self._noise = ColorNoise(sigma=2.0) if noise is None else noise
         self._pattern = pattern
         self._seed = seed
@@ -74,6 +90,8 @@ class StereoCamera(Diagram):
                 right,
                 robot,
                 X_CL=CAMERA_DEPTH.X_HeadC.inverse() @ left.X_HeadC,
+                parameters=config.matching,
+                segmentation=config.segmentation,
                 num_positions=robot.num_positions,
             ),
         )

@@ -39,10 +39,10 @@ from pepper_drake.perception.mapping.obstacle_map import (
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.perception.stereo.matching import (
-    STEREO_CLOUD,
     StereoParameters,
     make_stereo_cameras,
     rectify,
+    stereo_obstacle_parameters,
 )
 from pepper_drake.perception.stereo.pipeline import compute_stereo_depth
 from pepper_drake.perception.stereo.segmentation import SegmentationParameters
@@ -212,7 +212,8 @@ class PerceptionEvaluation:
         rectification = rectify(left, right)
         images = [self._photograph(camera, texture, k) for k, camera in enumerate((left, right))]
         X_WC = rectification.rectified_pose(rig.pose(left.name))
-        ignored = self._ignored(STEREO_CLOUD)
+        parameters = stereo_obstacle_parameters()
+        ignored = self._ignored(parameters)
         start = time.perf_counter()
         view = compute_stereo_depth(
             images[0],
@@ -225,7 +226,7 @@ class PerceptionEvaluation:
             SegmentationParameters(),
         )
         voxels = update_obstacles(
-            VoxelMap.empty(), view.depth, 0.0, X_WC, rectification.intrinsics, ignored, STEREO_CLOUD
+            VoxelMap.empty(), view.depth, 0.0, X_WC, rectification.intrinsics, ignored, parameters
         )
         duration = time.perf_counter() - start
         pictures: Images = {

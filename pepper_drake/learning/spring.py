@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 Array = npt.NDArray[np.float64]
 Scalar = Any  # A float, or an AutoDiffXd where gradients are asked for.
@@ -126,6 +125,9 @@ def forced_response(inputs: Array, step: float, alpha_z: float) -> Array:
     driven[:, 1:] = added
     driven[0, 2:] += b * added[1, :-1] - d * added[0, :-1]
     driven[1, 2:] += c * added[0, :-1] - a * added[1, :-1]
+    # Imported where it is needed: it brings scipy.stats, half a second at the start of every app.
+    from scipy.signal import lfilter
+
     return lfilter([1.0], [1.0, -(a + d), a * d - b * c], driven, axis=1)
 
 

@@ -15,8 +15,8 @@ from pydrake.systems.framework import Context, System
 
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.live_teaching import LiveTeaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.simulate import simulate
-from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.movable_objects import (
@@ -70,7 +70,7 @@ class LiveSimulation:
         self,
         scene: Scene,
         *,
-        station: StationConfig | None = None,
+        config: ReachingConfig | None = None,
         movables: Collection[str] = (),
         coupling: str | None = None,
         spares: bool = False,
@@ -80,7 +80,7 @@ class LiveSimulation:
 
         Args:
             scene: With the goal within reach.
-            station: How the robot is simulated.
+            config: How the robot is simulated and the loop works.
             movables: Obstacles that can be moved, besides those that have a path in the scene.
             coupling: The obstacle coupling's name; the scene's if left out.
             spares: Whether there are obstacles more that can be put into the scene.
@@ -91,7 +91,7 @@ class LiveSimulation:
             with_spare_obstacles(movable) if spares else movable,
             make_primitive(None, scene.arm),
             make_coupling(coupling or scene.coupling),
-            station=station,
+            config=config,
         )
         self.simulator = Simulator(self.diagram)
         self.arm_mode = ArmMode.LIMP

@@ -8,8 +8,8 @@ The links Hip and Pelvis have the origins that NAOqi and ROS give them, on the u
 joints. As the tree is rooted at the floor, the lower joint carries a link without mass before them.
 
 The fingers, which the source leaves out, are there: each hand has the joint RHand or LHand, from 0,
-closed, to 1, open, and its phalanges mimic it. The shape that collides is the open hand's, on the
-wrist, whatever the opening.
+closed, to 1, open, and its phalanges mimic it. The shape that collides is the half-open
+hand's, on the wrist, whatever the opening.
 """
 
 import copy

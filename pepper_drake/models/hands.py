@@ -2,9 +2,9 @@
 
 A hand's opening runs from 0, closed, to 1, open, as NAOqi's joints RHand and LHand have it. In the
 plant the fingers are no bodies of their own: 28 phalanges of a few grams would make each step of
-the physics dearer and change nothing else. There the wrist's shapes cover the hand at any opening,
-but for the last 7 mm of the open thumb, so that what is kept clear of obstacles is enough whatever
-the hands do; the opening itself is a quantity beside the plant, which the `HandMotors` move.
+the physics dearer and change nothing else. There the wrist's shapes cover the hand up to half
+open, `RELAXED`, and tasks move the arm with no hand more open than that: the fingers of an open one
+stick out by 24 mm. The opening itself is a quantity beside the plant, which the `HandMotors` move.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Rollouts in the full diagram: dynamics, cameras, noise and all; seconds each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +9,6 @@ from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.diagrams.reach_simulation import ReachResult, ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.scene import Scene
 from pepper_drake.optimization.cost import Cost
@@ -34,6 +33,7 @@ class DiagramRollouts:
         cost: Of an outcome.
         scene: Where Pepper reaches.
         seed: Of the sensors' noise.
+        config: How robot and loop work, but for the seed.
     """
 
     parameters: MovementParameters
@@ -41,6 +41,7 @@ class DiagramRollouts:
     cost: Cost
     scene: Scene
     seed: int = 0
+    config: ReachingConfig = field(default_factory=ReachingConfig)
 
     def __call__(self, samples: Array) -> Array:
         """Returns the costs (S,) of parameters (S, n), one after the other."""
@@ -62,9 +63,12 @@ class DiagramRollouts:
 
     def reach(self, parameters: Array) -> ReachResult:
         """Lets Pepper reach with parameters (n,)."""
-        config = ReachingConfig(station=StationConfig(seed=self.seed))
-        # What is tried is this movement, not one that the planner makes of it.
-        config.planner.adapt = False
+        config = replace(
+            self.config,
+            station=replace(self.config.station, seed=self.seed),
+            # What is tried is this movement, not one that the planner makes of it.
+            planner=replace(self.config.planner, adapt=False),
+        )
         reaching = Reaching(
             self.scene,
             self.primitive_at(parameters),

@@ -1,6 +1,6 @@
 """Rollouts of movements for their cost: the common interface, and its factory."""
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,9 @@ from pepper_drake.optimization.parameters import (
     joint_bumps,
     smooth_bumps,
 )
+
+if TYPE_CHECKING:
+    from pepper_drake.diagrams.reaching_config import ReachingConfig
 
 Array = npt.NDArray[np.float64]
 
@@ -100,6 +103,7 @@ def make_rollouts(
     *,
     scene: Scene | None = None,
     seed: int = 0,
+    config: "ReachingConfig | None" = None,
 ) -> MovementRollouts:
     """Makes an evaluator.
 
@@ -110,6 +114,7 @@ def make_rollouts(
         cost: What it costs.
         scene: Where Pepper reaches, for `diagram`.
         seed: Of the sensors' noise, for `diagram`.
+        config: How robot and loop work, for `diagram`; the defaults if None.
 
     Raises:
         InputError: They do not fit together.
@@ -129,5 +134,6 @@ def make_rollouts(
 
         if scene is None:
             raise InputError("rollouts: diagram needs a scene to reach in")
-        return DiagramRollouts(parameters, task, cost, scene, seed)
+        given = {} if config is None else {"config": config}
+        return DiagramRollouts(parameters, task, cost, scene, seed, **given)
     raise InputError(f"rollouts: '{name}' is unknown; use one of {', '.join(ROLLOUTS)}")

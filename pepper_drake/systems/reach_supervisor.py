@@ -39,9 +39,6 @@ from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 Vector = npt.NDArray[np.float64]
 
-_NEAR = 0.6
-"""Predictions farther from the goal than this are no reason to wait [m]."""
-
 
 @dataclass(frozen=True)
 class _Shared:
@@ -247,7 +244,8 @@ class ReachSupervisor(LeafSystem):
         predicted = np.zeros((0, 3))
         if ports["predicted_cloud"].HasValue(context):
             predicted = cloud_points(value("predicted_cloud"))
-        near = np.sum((predicted - X_WO.translation()) ** 2, axis=1) < _NEAR**2
+        reach = self._planner.params.new_obstacle.near
+        near = np.sum((predicted - X_WO.translation()) ** 2, axis=1) < reach**2
         fault = 0.0
         if ports["cloud_fault"].HasValue(context):
             fault = scalar("cloud_fault")

@@ -1,6 +1,6 @@
-import importlib.util
 import json
 import sys
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -14,31 +14,19 @@ from pepper_drake.benchmarking.diagram_reach import DiagramReach
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.planned_reach import PlannedReach
 from pepper_drake.reporting.benchmark_report import record_failures, replay_folder, save_benchmark
+from tests.apps.conftest import load_app
 
 APP = Path(__file__).parents[2] / "apps" / "benchmark.py"
 
 
 @pytest.fixture(scope="module")
 def app():
-    spec = importlib.util.spec_from_file_location("benchmark_app", APP)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_app("benchmark")
 
 
 @pytest.fixture
-def run(app, monkeypatch, capsys):
-    """Runs the app in this process: exit code, standard output, standard error."""
-    monkeypatch.setattr(cli, "quiet_libraries", lambda: None)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["benchmark.py", *map(str, arguments)])
-        with pytest.raises(SystemExit) as exit_info:
-            cli.run(app.main)
-        captured = capsys.readouterr()
-        return exit_info.value.code, captured.out, captured.err
-
-    return call
+def run(app, call_app):
+    return partial(call_app, app)
 
 
 @pytest.mark.parametrize(

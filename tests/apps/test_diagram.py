@@ -1,10 +1,10 @@
-import importlib.util
 import itertools
 import os
 import stat
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,31 +12,22 @@ import pytest
 from pepper_drake import cli
 from pepper_drake.models.scene import load_scene
 from pepper_drake.reporting.diagram_graph import make_diagram_graph
+from pepper_drake.scenario import Scenario, load_scenario
+from tests.apps.conftest import load_app
 
 APP = Path(__file__).parents[2] / "apps" / "diagram.py"
 
 
 @pytest.fixture
 def app():
-    spec = importlib.util.spec_from_file_location("diagram_app", APP)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_app("diagram")
 
 
 @pytest.fixture
-def run(app, monkeypatch, capsys):
+def run(app, call_app, monkeypatch):
     """Runs the app without Graphviz: exit code, standard output, standard error."""
     monkeypatch.setattr(app.shutil, "which", lambda program: None)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["diagram.py", *map(str, arguments)])
-        with pytest.raises(SystemExit) as exit_info:
-            cli.run(app.main)
-        captured = capsys.readouterr()
-        return exit_info.value.code, captured.out, captured.err
-
-    return call
+    return partial(call_app, app)
 
 
 @pytest.mark.parametrize("name", ["reaching", "station", "teaching"])
@@ -61,8 +52,13 @@ def test_the_same_diagram_gives_the_same_picture(run, tmp_path):
     assert pictures[0] == pictures[1]
 
 
-def test_the_reach_shows_the_loop_from_cameras_to_joints(app):
-    graph = make_diagram_graph(app.build("reaching", load_scene("free")))
+@pytest.fixture(scope="module")
+def reaching():
+    return load_app("diagram").build("reaching", Scenario(scene=load_scene("free")))
+
+
+def test_the_reach_shows_the_loop_from_cameras_to_joints(reaching):
+    graph = make_diagram_graph(reaching)
     chain = ("station", "perception", "arm_controller", "safety", "station")
     for sender, receiver in itertools.pairwise(chain):
         assert (sender, receiver) in graph.edges
@@ -70,11 +66,17 @@ def test_the_reach_shows_the_loop_from_cameras_to_joints(app):
     assert not any(sender == "clearance_monitor" for sender, _ in graph.edges)
 
 
-def test_depth_opens_the_station(app):
-    diagram = app.build("reaching", load_scene("free"))
-    names = make_diagram_graph(diagram, 2).nodes
+def test_depth_opens_the_station(reaching):
+    names = make_diagram_graph(reaching, 2).nodes
     assert "station" not in names
     assert {"station/plant", "station/camera_depth", "supervisor"} <= set(names)
+
+
+def test_the_scenario_says_what_is_drawn(app):
+    for stereo in (False, True):
+        scenario = load_scenario(None, [f"station.stereo={str(stereo).lower()}"])
+        nodes = make_diagram_graph(app.build("station", scenario)).nodes
+        assert ("camera_depth_sensor" in nodes) != stereo
 
 
 def test_where_dot_is_installed_every_port_is_drawn_too(tmp_path):
@@ -101,6 +103,7 @@ def test_where_dot_is_installed_every_port_is_drawn_too(tmp_path):
         (("--depth", "0"), ('"0"', "1 or above")),
         (("--depth", "all"), ('"all"', "1 or above")),
         (("--scene", "nowhere.yaml"), ("nowhere.yaml", "table")),
+        (("--set", "station.sterio=true"), ("sterio", "stereo")),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, words, run, tmp_path):

@@ -1,46 +1,36 @@
-import importlib.util
 import json
 import math
-import sys
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from pepper_drake import cli
 from pepper_drake.evaluation.perception_evaluation import GoalSample
 from pepper_drake.perception.cameras.camera_files import load_intrinsics
 from pepper_drake.perception.mapping.cloud_files import load_cloud
+from tests.apps.conftest import load_app
 
 APP = Path(__file__).parents[2] / "apps" / "perceive.py"
 
 
 @pytest.fixture
-def app(monkeypatch):
-    """The app as a module, which leaves the tests' standard output alone."""
-    spec = importlib.util.spec_from_file_location("perceive_app", APP)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    monkeypatch.setattr(cli, "quiet_libraries", lambda: None)
-    return module
+def app():
+    return load_app("perceive")
 
 
-def run(app, monkeypatch, capsys, *arguments):
-    """Runs the app in this process: exit code, standard output, standard error."""
-    monkeypatch.setattr(sys, "argv", ["perceive.py", *map(str, arguments)])
-    with pytest.raises(SystemExit) as exit_info:
-        cli.run(app.main)
-    captured = capsys.readouterr()
-    return exit_info.value.code, captured.out, captured.err
+@pytest.fixture
+def run(app, call_app):
+    return partial(call_app, app)
 
 
 @pytest.mark.render
-def test_it_leaves_a_report_figures_and_a_page(app, monkeypatch, capsys, tmp_path):
+def test_it_leaves_a_report_figures_and_a_page(run, app, monkeypatch, tmp_path):
     monkeypatch.setattr(app, "_DISTANCES", (0.4, 0.8))
     options = ["--output", tmp_path, "--samples", 1, "--frames", 2, "--seed", 3]
     options += ["--wrong-goal-frames", 3, "--poses", 1]
-    code, out, err = run(app, monkeypatch, capsys, *options)
+    code, out, err = run(*options)
     assert code == 0
     assert "depth" in out
     assert "stereo" in out
@@ -81,10 +71,8 @@ def test_it_leaves_a_report_figures_and_a_page(app, monkeypatch, capsys, tmp_pat
         (("--frames", "many"), "many"),
     ],
 )
-def test_bad_input_is_one_sentence_and_code_2(
-    app, monkeypatch, capsys, tmp_path, arguments, message
-):
-    code, _, err = run(app, monkeypatch, capsys, "--output", tmp_path / "out", *arguments)
+def test_bad_input_is_one_sentence_and_code_2(run, tmp_path, arguments, message):
+    code, _, err = run("--output", tmp_path / "out", *arguments)
     assert code == 2
     assert message in err
     assert len(err.strip().splitlines()) == 1
@@ -124,10 +112,10 @@ def own(tmp_path, draw_marker, facing):
     return tmp_path
 
 
-def test_it_finds_a_marker_in_a_photo(app, monkeypatch, capsys, own):
+def test_it_finds_a_marker_in_a_photo(run, own):
     options = ["--image", own / "photo.png", "--camera", own / "camera.yaml", "--marker", 7]
     options += ["--size", 0.06, "--output", own / "out"]
-    code, out, _ = run(app, monkeypatch, capsys, *options)
+    code, out, _ = run(*options)
     assert code == 0
     assert "marker 7 at (0.05" in out
     report = json.loads((own / "out" / "report.json").read_text())
@@ -138,32 +126,30 @@ def test_it_finds_a_marker_in_a_photo(app, monkeypatch, capsys, own):
     assert np.ptp(drawn, axis=2).max() > 100, "axes in colour"
 
 
-def test_a_photo_without_the_marker_says_what_it_shows(app, monkeypatch, capsys, own):
+def test_a_photo_without_the_marker_says_what_it_shows(run, own):
     options = ["--image", own / "photo.png", "--camera", own / "camera.yaml", "--marker", 8]
     options += ["--size", 0.06, "--output", own / "out"]
-    code, out, _ = run(app, monkeypatch, capsys, *options)
+    code, out, _ = run(*options)
     assert code == 1
     assert "7 of DICT_4X4_1000" in out
 
 
-def test_it_makes_a_cloud_of_a_depth_image(app, monkeypatch, capsys, own):
+def test_it_makes_a_cloud_of_a_depth_image(run, own):
     options = ["--depth", own / "depth.png", "--camera", own / "camera.yaml"]
-    code, out, _ = run(app, monkeypatch, capsys, *options, "--output", own / "out")
+    code, out, _ = run(*options, "--output", own / "out")
     assert code == 0
     assert "84 % measured" in out
     positions = load_cloud(own / "out" / "cloud.npz")
     np.testing.assert_allclose(positions[:, 2], 1.2, atol=1e-5)
     assert (own / "out" / "cloud.html").stat().st_size > 1000
     # Of the same numbers in half millimetres.
-    code, out, _ = run(
-        app, monkeypatch, capsys, *options, "--scale", 0.0005, "--output", own / "half"
-    )
+    code, out, _ = run(*options, "--scale", 0.0005, "--output", own / "half")
     assert "0.60 m" in out
 
 
-def test_it_reads_a_cloud(app, monkeypatch, capsys, own):
+def test_it_reads_a_cloud(run, own):
     options = ["--cloud", own / "cloud.npy", "--output", own / "out"]
-    code, out, _ = run(app, monkeypatch, capsys, *options)
+    code, out, _ = run(*options)
     assert code == 0
     assert "90 points" in out
 
@@ -183,9 +169,9 @@ def test_it_reads_a_cloud(app, monkeypatch, capsys, own):
         (["--depth", "depth.png", "--cloud", "cloud.npy"], "not allowed"),
     ],
 )
-def test_bad_own_data_is_one_sentence(app, monkeypatch, capsys, own, options, words):
+def test_bad_own_data_is_one_sentence(run, own, options, words):
     placed = [own / str(o) if "." in str(o) and str(o)[0].isalpha() else o for o in options]
-    code, _, err = run(app, monkeypatch, capsys, *placed, "--output", own / "out")
+    code, _, err = run(*placed, "--output", own / "out")
     assert code == 2
     assert words in err
     assert err.count("\n") == 1

@@ -1,10 +1,10 @@
-import importlib.util
 import json
 import os
 import subprocess
 import sys
 import time
 from contextlib import redirect_stderr, redirect_stdout
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from pepper_drake.diagrams.reach_simulation import ReachSimulation
 from pepper_drake.models.scene import load_scene, save_scene
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.reach_log import ReachLog
+from tests.apps.conftest import load_app
 
 APP = Path(__file__).parents[2] / "apps" / "reach.py"
 FREE = """\
@@ -34,33 +35,14 @@ obstacles:
 """
 
 
-def load_app():
-    """The app as a module."""
-    spec = importlib.util.spec_from_file_location("reach_app", APP)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+@pytest.fixture
+def app():
+    return load_app("reach")
 
 
 @pytest.fixture
-def app(monkeypatch):
-    """The app as a module, which leaves the tests' standard output alone."""
-    monkeypatch.setattr(cli, "quiet_libraries", lambda: None)
-    return load_app()
-
-
-@pytest.fixture
-def run(app, monkeypatch, capsys):
-    """Runs the app in this process: exit code, standard output, standard error."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["reach.py", *map(str, arguments)])
-        with pytest.raises(SystemExit) as exit_info:
-            cli.run(app.main)
-        captured = capsys.readouterr()
-        return exit_info.value.code, captured.out, captured.err
-
-    return call
+def run(app, call_app):
+    return partial(call_app, app)
 
 
 def rows(count=30):
@@ -288,7 +270,7 @@ def reach_and_push(folder, *options, delay=0.0):
         redirect_stdout(StringIO()) as printed,
         redirect_stderr(StringIO()) as error,
     ):
-        module = load_app()
+        module = load_app("reach")
         patch.setattr(cli, "quiet_libraries", lambda: None)
         patch.setattr(module, "ReachSimulation", KeptRun)
         arguments = ("--scene", "free", "--push", "0", "0", "5", "--output", str(folder), *options)

@@ -8,6 +8,7 @@ from pydrake.systems.analysis import Simulator
 
 from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.diagrams.live_teaching import LiveTeaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.models.movable_objects import with_movable_objects
@@ -23,7 +24,10 @@ class Pepper:
 
     def __init__(self, scene):
         self.diagram = LiveTeaching(
-            scene, make_primitive(None, scene.arm), None, station=StationConfig(cameras=False)
+            scene,
+            make_primitive(None, scene.arm),
+            None,
+            config=ReachingConfig(station=StationConfig(cameras=False)),
         )
         self.simulator = Simulator(self.diagram)
         self.fix("arm_mode", [float(ArmMode.LIMP)])

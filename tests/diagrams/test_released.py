@@ -36,7 +36,7 @@ def live_teaching():
         scene,
         make_primitive(None, scene.arm),
         make_coupling(scene.coupling),
-        station=StationConfig(cameras=False),
+        config=ReachingConfig(station=StationConfig(cameras=False)),
     )
 
 

@@ -7,8 +7,8 @@ from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import load_scene
 from pepper_drake.perception.cameras.camera import pixel_rays
-from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
+from pepper_drake.perception.stereo.matching import stereo_obstacle_parameters
 from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
 
@@ -29,7 +29,7 @@ def seen():
         DepthPointCloudSource(
             robot,
             intrinsics=station.depth_intrinsics,
-            parameters=station.obstacle_parameters(ObstacleParameters()),
+            parameters=station.obstacle_parameters(stereo_obstacle_parameters()),
         )
     )
     for port, name in (

@@ -2,6 +2,7 @@
 
 import pytest
 
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.live.session import LiveSession
 from pepper_drake.live.show import LiveApp
@@ -12,7 +13,7 @@ from pepper_drake.models.scene import SCENES_DIR, load_scene
 def _make_session(folder=None, *, cameras=False, spares=False):
     simulation = LiveSimulation(
         load_scene(SCENES_DIR / "teach.yaml"),
-        station=StationConfig(cameras=cameras),
+        config=ReachingConfig(station=StationConfig(cameras=cameras)),
         spares=spares,
     )
     return LiveSession(simulation, folder)

@@ -17,7 +17,7 @@ from pepper_drake.models.description import (
     shaped_links,
     standard_urdf,
 )
-from pepper_drake.models.hands import FINGER_RADIUS, phalanges
+from pepper_drake.models.hands import FINGER_RADIUS, RELAXED, phalanges
 from pepper_drake.models.pepper import (
     MODELS_DIR,
     joint_names,
@@ -60,7 +60,7 @@ def drake_positions(model: ControlModel, q: dict[str, float]) -> dict[str, np.nd
 
 
 def num_shapes(model: ControlModel) -> int:
-    """The 27 shapes that collide: 12 boxes, 8 cylinders, 5 spheres and 2 capsules."""
+    """The 25 shapes that collide: 10 boxes, 8 cylinders, 5 spheres and 2 capsules."""
     return model.diagram.scene_graph().model_inspector().NumGeometriesWithRole(Role.kProximity)
 
 
@@ -100,14 +100,14 @@ def test_spheres_name_links_of_the_urdf() -> None:
 
 
 @pytest.mark.parametrize("hand", HANDS)
-def test_all_fingers_turn_with_the_hand_inside_the_shape_that_collides(hand) -> None:
+def test_all_fingers_turn_and_those_of_a_half_open_hand_are_in_the_shape_that_collides(
+    hand,
+) -> None:
     yourdfpy = pytest.importorskip("yourdfpy", reason=INTEROP)
     robot = yourdfpy.URDF.load(str(COMMITTED / "pepper_standard.urdf"), load_meshes=False)
     wrist = f"{hand[0].lower()}_wrist"
-    boxes = [
-        c for c in robot.link_map[wrist].collisions if c.name in ("palm", "fingers", "fingertips")
-    ]
-    reach = {}
+    boxes = [c for c in robot.link_map[wrist].collisions if c.name in ("palm", "fingers")]
+    reach, sticks_out = {}, {}
     for opening in (*np.linspace(0.0, 1.0, 11), 0.02, 0.98):
         robot.update_cfg({hand: opening})
         ends = []
@@ -121,8 +121,10 @@ def test_all_fingers_turn_with_the_hand_inside_the_shape_that_collides(hand) -> 
             ],
             axis=0,
         )
-        assert np.max(outside) < 0.007  # The open thumb's tip is out by as much.
+        sticks_out[opening] = float(np.max(outside))
         reach[opening] = float(np.max(ends, axis=0)[0]) + FINGER_RADIUS
+    assert max(out for opening, out in sticks_out.items() if opening <= RELAXED) < 0.0
+    assert sticks_out[1.0] == pytest.approx(0.024, abs=0.001)
     # The meshes of ROS' description end 107, 118 and 141 mm from the wrist.
     np.testing.assert_allclose(
         [reach[k] for k in (0.02, 0.5, 0.98)], [0.107, 0.118, 0.141], atol=0.006

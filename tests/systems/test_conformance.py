@@ -48,7 +48,7 @@ def live_teaching():
         scene,
         make_primitive(None, scene.arm),
         make_coupling("barrier"),
-        station=StationConfig(cameras=False),
+        config=ReachingConfig(station=StationConfig(cameras=False)),
     )
     inputs = {
         "arm_mode": [float(ArmMode.LIMP)],

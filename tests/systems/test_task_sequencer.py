@@ -98,14 +98,15 @@ def test_tasks_are_performed_in_order_each_with_its_goal_and_movement():
 
 
 GRIP = (
+    SequenceTask("open", hand=1.0),
     SequenceTask("close", hand=0.0),
     SequenceTask("lift", LIFT, offset=(0.0, 0.0, 0.06)),
-    SequenceTask("open", hand=1.0),
+    SequenceTask("relax", hand=0.5),
 )
 
 
 @pytest.mark.parametrize("arm", ["left", "right"])
-def test_a_hand_is_open_before_it_closes_and_stays_as_it_was_told(arm):
+def test_a_hand_is_half_open_at_first_and_stays_as_it_was_told(arm):
     sequencer = TaskSequencer(Movement(REACH, None, X_OG), GRIP, STEP, arm)
     context = sequencer.CreateDefaultContext()
     wanted = []
@@ -114,15 +115,15 @@ def test_a_hand_is_open_before_it_closes_and_stays_as_it_was_told(arm):
         context.SetAbstractState(0, state)
         wanted.append(sequencer.GetOutputPort("hand_command").Eval(context))
     working = 0 if arm == "left" else 1
-    assert [command[working] for command in wanted] == [1.0, 0.0, 0.0, 1.0]
+    assert [command[working] for command in wanted] == [0.5, 1.0, 0.0, 0.0, 0.5]
     assert np.isnan([command[1 - working] for command in wanted]).all()
-    assert [hand_time(task, GRIP) for task in GRIP] == pytest.approx([2 / 3, 0.0, 2 / 3])
+    assert [hand_time(task, GRIP) for task in GRIP] == pytest.approx([1 / 3, 2 / 3, 0.0, 1 / 3])
 
 
 def test_the_arm_stays_while_its_hand_closes():
-    assert perform(GRIP[:1], 1.7)[0].task == 1
-    assert not perform(GRIP[:1], 1.7)[0].finished
-    assert perform(GRIP[:1], 2.0)[0].finished
+    assert perform(GRIP[:1], 1.4)[0].task == 1
+    assert not perform(GRIP[:1], 1.4)[0].finished
+    assert perform(GRIP[:1], 1.7)[0].finished
 
 
 def test_a_wait_takes_its_time_at_the_goal():

@@ -16,6 +16,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.perception.cameras.camera import HeadCamera
+from pepper_drake.perception.gaze.gaze_params import HeadSearchParams
 
 P_T_NECK = (-0.038, 0.0, 0.1699)
 """The point in the torso frame where the axes of HeadYaw and HeadPitch meet [m]."""
@@ -27,11 +28,6 @@ _EDGE = 0.95
 """Offset beyond which nothing is looked at for another camera's sake."""
 _HALVINGS = 6
 """With which the angles between two gazes are found, to a hundredth of the way."""
-
-_TABLES, _ABOVE = 0.3, -0.1
-"""Pitch at which tables are searched, and what is higher [rad]."""
-_FIRST, _FIRST_FOR = 0.4, 1.5
-"""Yaw to the arm's side with which a search begins [rad], and how long it stays there [s]."""
 
 Vector = npt.NDArray[np.float64]
 
@@ -159,22 +155,25 @@ def look_at(camera: HeadCamera, p_TP: npt.ArrayLike) -> Gaze:
     return Gaze(camera, head, offset, offset < 1)
 
 
-def head_search_pattern(time: float, side: float) -> Vector:
+def head_search_pattern(time: float, side: float, params: HeadSearchParams | None = None) -> Vector:
     """Head angles of the search for the goal.
 
     Args:
         time: Since the search began [s].
         side: Of the arm that is to reach it, 1 left or -1 right.
+        params: Of the sweep; the defaults if None.
 
     Returns:
         Head yaw and pitch (2,) [rad]: first a little to the arm's side, where both what is ahead
         and what is within reach is seen, then sweeping over ahead to the other side and back, by
         turns at the height of tables and above it.
     """
-    sweep, period = np.radians(60), 6.0
-    swept = max(time - _FIRST_FOR, 0.0) / period
-    yaw = sweep * np.sin(np.pi - np.arcsin(_FIRST / sweep) + 2 * np.pi * swept)
-    return np.array([side * yaw, (_TABLES, _ABOVE)[int(swept) % 2]])
+    params = params or HeadSearchParams()
+    swept = max(time - params.first_duration, 0.0) / params.period
+    begin = np.pi - np.arcsin(params.first_yaw / params.sweep)
+    yaw = params.sweep * np.sin(begin + 2 * np.pi * swept)
+    pitch = params.high_pitch if int(swept) % 2 else params.low_pitch
+    return np.array([side * yaw, pitch])
 
 
 def choose_camera(

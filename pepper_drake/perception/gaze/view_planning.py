@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.perception.cameras.camera import HeadCamera
+from pepper_drake.perception.gaze.gaze_params import ViewParams
 from pepper_drake.perception.gaze.head_aiming import (
     HEAD_YAW_LIMIT,
     P_T_NECK,
@@ -31,8 +32,6 @@ _BORDER = 0.15
 """Share of half the image in which a depth camera often measures nothing."""
 _EDGE = 0.03
 """Around what hides something, a depth camera tells nothing either [m]."""
-_MOST = 4.0
-"""Age [s] beyond which a view point's urgency does not grow."""
 
 VIEW_POINTS = np.array(
     [
@@ -44,23 +43,20 @@ VIEW_POINTS = np.array(
 )
 """(110, 3) the places around a marked object that count [m]: ahead of it as seen from the neck, to
 its left, and up, for a left arm."""
-_AROUND_THINGS = 0.12
-"""Places so near to something are where it may move [m]."""
-_EMPTY = 0.25
-"""Weight of places with nothing around them against others'."""
-_COMING = np.array([-0.1, 0.3])
-"""From where the hand comes [m]: ahead of the object and to its left."""
 
 
-def _weights() -> Vector:
+DEFAULT_VIEW = ViewParams()
+"""Parameters of functions that are given none."""
+
+
+@functools.lru_cache(maxsize=8)
+def _path_weights(params: ViewParams) -> Vector:
     """Weights of view points: the nearer to the hand's path, the sooner an obstacle arrives."""
     flat = VIEW_POINTS[:, :2]
-    share = np.clip(flat @ _COMING / (_COMING @ _COMING), 0.0, 1.0)
-    distances = np.linalg.norm(flat - share[:, None] * _COMING, axis=1)
-    return np.asarray(1.0 / (1.0 + (distances / 0.15) ** 2))
-
-
-_WEIGHTS = _weights()
+    coming = np.array([params.hand_ahead, params.hand_left])
+    share = np.clip(flat @ coming / (coming @ coming), 0.0, 1.0)
+    distances = np.linalg.norm(flat - share[:, None] * coming, axis=1)
+    return np.asarray(1.0 / (1.0 + (distances / params.hand_distance) ** 2))
 
 
 def surroundings(p_TP: npt.ArrayLike, side: float) -> Vector:
@@ -93,7 +89,7 @@ def visible(
 
 
 def _in_image(camera: HeadCamera, p_C: Vector, border: float) -> npt.NDArray[np.bool_]:
-    """Which places (..., 3) of the camera's frame are in its image; `p_C` is changed."""
+    """Tells which places (..., 3) of the camera's frame are in its image; changes `p_C`."""
     # What is nearer to the axis by this is that much nearer to the middle of the image.
     p_C[..., :2] /= 1.0 - border
     return np.asarray((p_C[..., 2] > _NEAREST) & camera.intrinsics.sees(p_C))
@@ -157,7 +153,7 @@ def _grid_poses(camera: HeadCamera) -> Vector:
 def _shown(
     in_image: npt.NDArray[np.bool_], eyes: Vector, places: Vector, centers: Vector, squares: Vector
 ) -> npt.NDArray[np.bool_]:
-    """Which places (N, 3) some gaze has in its image (H, N), with no sphere before any of its eyes.
+    """Tells which places (N, 3) some gaze shows (H, N), with no sphere before any of its eyes.
 
     A place is hidden from an eye (of H, E, 3) by a sphere that the line between them meets, of a
     centre (S, 3) and a squared radius (S,). All in one frame [m].
@@ -197,12 +193,13 @@ def best_view(camera: HeadCamera, p_TP: Vector) -> Vector:
     return nearest
 
 
-def view_weights(places: Vector, things: Vector) -> Vector:
+def view_weights(places: Vector, things: Vector, params: ViewParams = DEFAULT_VIEW) -> Vector:
     """Weights of view points (N, 3) [m]: much larger near points (P, 3) [m] that may move."""
+    weights = _path_weights(params)
     if not len(things):
-        return _WEIGHTS
-    far = cKDTree(things).query(places, distance_upper_bound=_AROUND_THINGS)[0]
-    return np.asarray(_WEIGHTS * np.where(np.isfinite(far), 1.0, _EMPTY))
+        return weights
+    far = cKDTree(things).query(places, distance_upper_bound=params.movable_radius)[0]
+    return np.asarray(weights * np.where(np.isfinite(far), 1.0, params.empty_weight))
 
 
 def next_best_view(
@@ -212,6 +209,7 @@ def next_best_view(
     places: Vector,
     weights: Vector,
     unseen: Vector,
+    params: ViewParams = DEFAULT_VIEW,
 ) -> int:
     """Chooses the head angles that show most of what was not seen for longest.
 
@@ -222,11 +220,12 @@ def next_best_view(
         places: (N, 3) in the torso frame [m].
         weights: (N,) how much they count.
         unseen: (N,) for how long each was not seen [s].
+        params: How urgency grows.
 
     Returns:
         The index of the best.
     """
-    urgency = weights * np.minimum(unseen, _MOST)
+    urgency = weights * np.minimum(unseen, params.largest_age)
     gains = [
         urgency @ visible(camera, head, places) / duration
         for head, duration in zip(heads, durations, strict=True)

@@ -27,12 +27,9 @@ from pepper_drake.perception.goal.marker import (
     detection_poses,
     refine_poses,
 )
+from pepper_drake.perception.goal.marker_params import DEFAULT_MARKER, MarkerParams
 from pepper_drake.perception.mapping.solids import Solid
 from pepper_drake.short_repr import short_repr
-
-_SYSTEMATIC_SHARE = 0.003
-"""Standard deviation along the line of sight of what errs alike in every image (the sampling of
-edges by the sensor, the lens, the marker's printed size), as a share of the distance."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +83,7 @@ def detect_goal(
     *,
     p_WM_expected: npt.NDArray[np.float64] | None = None,
     R_WO_expected: RotationMatrix | None = None,
+    params: MarkerParams = DEFAULT_MARKER,
 ) -> GoalMeasurement | None:
     """Looks for the goal object's marker in an image.
 
@@ -99,6 +97,7 @@ def detect_goal(
             several markers with the object's id the one next to it counts.
         R_WO_expected: The object's probable orientation, which decides between poses that look
             alike.
+        params: Detection, noise and choice of poses.
 
     Returns:
         The measurement; None when the marker is not seen, or seen twice without an expectation
@@ -113,21 +112,24 @@ def detect_goal(
     image = to_gray(image)
     window = None
     if p_WM_expected is not None:
-        window = _expected_window(X_WC.inverse() @ p_WM_expected, intrinsics, marked.marker_size)
-    found = _find(image, marked, window) if window is not None else []
+        window = _expected_window(
+            X_WC.inverse() @ p_WM_expected, intrinsics, marked.marker_size, params
+        )
+    found = _find(image, marked, window, params) if window is not None else []
     if not found:
-        found = _find(image, marked, None)
+        found = _find(image, marked, None, params)
     choices = []
     for detection in found:
         poses = refine_poses(
             image,
-            detection_poses(detection, marked.marker_size, intrinsics),
+            detection_poses(detection, marked.marker_size, intrinsics, params),
             marked.marker_id,
             marked.marker_size,
             intrinsics,
             dictionary=marked.dictionary,
+            params=params,
         )
-        pose = choose_pose(poses, X_WC, marked.X_OM, R_WO_last=R_WO_expected)
+        pose = choose_pose(poses, X_WC, marked.X_OM, R_WO_last=R_WO_expected, params=params)
         if pose is not None:
             choices.append(pose)
     if not choices or (len(choices) > 1 and p_WM_expected is None):
@@ -140,7 +142,7 @@ def detect_goal(
     pose = choices[min(range(len(choices)), key=distance) if len(choices) > 1 else 0]
     X_WM = X_WC @ pose.X_CM
     R_WC = X_WC.rotation().matrix()
-    systematic = _SYSTEMATIC_SHARE * (R_WC @ pose.X_CM.translation())
+    systematic = params.systematic_share * (R_WC @ pose.X_CM.translation())
     systematic_covariance = np.outer(systematic, systematic)
     return GoalMeasurement(
         time,
@@ -165,20 +167,28 @@ def check_image_size(image: npt.NDArray[Any], intrinsics: CameraIntrinsics) -> N
 
 
 def _find(
-    image: npt.NDArray[np.uint8], marked: MarkedObject, window: tuple[int, int, int, int] | None
+    image: npt.NDArray[np.uint8],
+    marked: MarkedObject,
+    window: tuple[int, int, int, int] | None,
+    params: MarkerParams,
 ) -> list[Detection]:
     found = detect_markers(
-        image, dictionary=marked.dictionary, window=window, wanted=marked.marker_id
+        image, dictionary=marked.dictionary, window=window, wanted=marked.marker_id, params=params
     )
     return [detection for detection in found if detection.id == marked.marker_id]
 
 
 def _expected_window(
-    p_CM: npt.NDArray[np.float64], intrinsics: CameraIntrinsics, size: float
+    p_CM: npt.NDArray[np.float64],
+    intrinsics: CameraIntrinsics,
+    size: float,
+    params: MarkerParams,
 ) -> tuple[int, int, int, int] | None:
     """The part of the image that surely holds a marker expected at p_CM; None if out of it."""
     if p_CM[2] <= 0 or not intrinsics.sees(p_CM):
         return None
     u, v = intrinsics.project(p_CM)
-    reach = math.ceil(1.5 * intrinsics.focal_x * size / p_CM[2] + 40)
+    reach = math.ceil(
+        params.window_share * intrinsics.focal_x * size / p_CM[2] + params.window_margin
+    )
     return (int(u) - reach, int(v) - reach, int(u) + reach, int(v) + reach)

@@ -20,25 +20,14 @@ from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.cameras.images import to_gray
 from pepper_drake.perception.goal.marker_edges import marker_edges, refine_on_edges
+from pepper_drake.perception.goal.marker_params import DEFAULT_MARKER, MarkerParams
 
 MARKER_DICTIONARY = "DICT_4X4_50"
 
-_SMALLEST_SIDE = 7.0
-"""Markers of a shorter side [pixels] are not trusted: their bits are little more than a pixel."""
-
-_CORNER_SIGMA = 0.2
-_SECOND_CORNER_SIGMA = 0.4
-"""Standard deviations of a corner's coordinate, by the detector that found it [pixels], ..."""
 
 _LARGEST_SIDE = 2.0
 """Side of a marker that no robot's goal exceeds [m]."""
 
-_SMALL_SIDE = 20.0
-"""... and, for both, of markers whose shortest side is shorter than this [pixels]: the second one,
-which grows as the side shrinks."""
-
-_LARGEST_REPROJECTION_ERROR = 1.5
-"""A quadrilateral that no square projects to within this rms [pixels] is not a marker."""
 
 _WORTHLESS = 10.0
 """OpenCV's first guess is of no use with a reprojection error above this [pixels]: so it is for a
@@ -46,25 +35,6 @@ marker that faces the camera squarely, its sides along the image's, to the last 
 
 _NUDGE = np.array([[[1e-3, 0.0]], [[0.0, 0.0]], [[0.0, 0.0]], [[0.0, 1e-3]]])
 """Corners that are off by this [pixels] are not square to the last digit."""
-
-_SHRINKAGE = (3.2, 8.0)
-_SHIFT = (1.8, 5.0)
-_SCATTER = (4.2, 7.0)
-"""Standard deviations of a small marker's corners: of what all are drawn inwards alike, of twice
-what all are shifted, and of the rest of each coordinate. Each is the root of two squares, of the
-first number over the shortest side [pixels^2] and of the second times the noise over the contrast
-[pixels]. Measured with drawn markers of 11 to 21 pixels, at 0.15 and 1 times the light."""
-
-_AMBIGUITY_RATIO = 2.5
-_AMBIGUITY_SIGMAS = 1.5
-"""Two poses are told apart by the errors of four corners when these differ by this factor, and by
-more than so many standard deviations of a corner, which is three of what four of them err, ..."""
-
-_EDGE_AMBIGUITY_RATIO = 1.2
-"""... and by the errors of all edges of the pattern when these differ by this one."""
-
-_LEAST_SUPPORT = 0.8
-"""A pattern of whose edges fewer are seen than this share is hidden, or another one."""
 
 
 @dataclass(frozen=True)
@@ -88,21 +58,6 @@ class Detection:
     def side(self) -> float:
         """Length of its shortest side [pixels]."""
         return float(np.linalg.norm(self.corners - np.roll(self.corners, 1, axis=0), axis=1).min())
-
-    @property
-    def corner_covariance(self) -> npt.NDArray[np.float64]:
-        """Covariance (8, 8) of the corners' coordinates, corner by corner [pixels^2]."""
-        if self.side >= _SMALL_SIDE:
-            return self.corner_sigma**2 * np.eye(8)
-        shrinkage, shift, scatter = (
-            (by_side / self.side) ** 2 + (by_grain * self.grain) ** 2
-            for by_side, by_grain in (_SHRINKAGE, _SHIFT, _SCATTER)
-        )
-        alike = np.tile(np.eye(2), (4, 4)) / 4
-        outwards = self.corners - self.corners.mean(axis=0)
-        outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
-        rest = scatter * (np.eye(8) - alike)
-        return shift * alike + rest + shrinkage * np.outer(outwards, outwards)
 
 
 @dataclass(frozen=True)
@@ -177,6 +132,7 @@ def detect_markers(
     dictionary: str = MARKER_DICTIONARY,
     window: tuple[int, int, int, int] | None = None,
     wanted: int | None = None,
+    params: MarkerParams = DEFAULT_MARKER,
 ) -> list[Detection]:
     """Finds the markers in an image.
 
@@ -188,6 +144,7 @@ def detect_markers(
         window: Part of the image to search, (left, top, right, bottom) in pixels, right and
             bottom exclusive; all of it when left out.
         wanted: A marker's number without which what the first detector finds counts as nothing.
+        params: Smallest marker, and the noise of corners.
 
     Returns:
         The markers, in no particular order; several may have the same id.
@@ -199,16 +156,17 @@ def detect_markers(
         height, width = image.shape[:2]
         left, top = max(window[0], 0), max(window[1], 0)
         right, bottom = min(window[2], width), min(window[3], height)
-        if right - left < 2 * _SMALLEST_SIDE or bottom - top < 2 * _SMALLEST_SIDE:
+        if right - left < 2 * params.smallest_side or bottom - top < 2 * params.smallest_side:
             return []
         image = image[top:bottom, left:right]
     gray = np.ascontiguousarray(to_gray(image))
     # The first counts pixel edges: its first pixel's centre is at 0.5.
     corner = np.array([left, top], dtype=float)
-    found = _detections(_detector(dictionary), gray, corner - 0.5, _CORNER_SIGMA)
+    found = _detections(_detector(dictionary), gray, corner - 0.5, params.corner_sigma, params)
     if found and (wanted is None or any(detection.id == wanted for detection in found)):
         return found
-    return found + _detections(_second_detector(dictionary), gray, corner, _SECOND_CORNER_SIGMA)
+    second = _second_detector(dictionary)
+    return found + _detections(second, gray, corner, params.second_corner_sigma, params)
 
 
 _IMMERKAER = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
@@ -219,6 +177,7 @@ def _detections(
     gray: npt.NDArray[np.uint8],
     shift: npt.NDArray[np.float64],
     corner_sigma: float,
+    params: MarkerParams,
 ) -> list[Detection]:
     corners, ids, _ = detector.detectMarkers(gray)
     if ids is None:
@@ -232,9 +191,9 @@ def _detections(
         for number, quad in zip(np.ravel(ids), corners, strict=True)
     ]
     return [
-        _with_sigma(detection, corner_sigma)
+        _with_sigma(detection, corner_sigma, params)
         for detection in found
-        if detection.side >= _SMALLEST_SIDE
+        if detection.side >= params.smallest_side
     ]
 
 
@@ -255,10 +214,10 @@ def _grain(gray: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32]) -> flo
     return float(np.median(np.abs(left_over)) / (0.6745 * 6.0) / max(bright - dark, 1.0))
 
 
-def _with_sigma(detection: Detection, corner_sigma: float) -> Detection:
+def _with_sigma(detection: Detection, corner_sigma: float, params: MarkerParams) -> Detection:
     """The same, with what its corners err: of small markers all detectors err alike."""
-    if detection.side < _SMALL_SIDE:
-        corner_sigma = _SECOND_CORNER_SIGMA * _SMALL_SIDE / detection.side
+    if detection.side < params.small_side:
+        corner_sigma = params.second_corner_sigma * params.small_side / detection.side
     return replace(detection, corner_sigma=corner_sigma)
 
 
@@ -285,6 +244,7 @@ def marker_poses(
     *,
     corner_sigma: float = 0.2,
     corner_covariance: npt.NDArray[np.float64] | None = None,
+    params: MarkerParams = DEFAULT_MARKER,
 ) -> list[MarkerPose]:
     """Computes the poses that explain a marker's corners, the better one first.
 
@@ -299,6 +259,7 @@ def marker_poses(
         corner_sigma: Standard deviation of a corner's coordinate [pixels].
         corner_covariance: Covariance (8, 8) of all coordinates, corner by corner [pixels^2]; that
             of independent ones if left out.
+        params: Largest error of a pose.
 
     Returns:
         One or two poses; none when no square projects to these corners.
@@ -324,7 +285,7 @@ def marker_poses(
         projected, jacobian = cv2.projectPoints(model, rotation, translation, matrix, distortion)
         error = float(np.sqrt(np.mean(np.sum((projected - image_points) ** 2, axis=2))))
         R_CM = RotationMatrix(cv2.Rodrigues(rotation)[0])
-        if error > _LARGEST_REPROJECTION_ERROR or R_CM.col(2) @ translation[:, 0] >= 0:
+        if error > params.largest_error or R_CM.col(2) @ translation[:, 0] >= 0:
             continue
         pose_by_corners = np.linalg.pinv(jacobian[:, :6])
         covariance = pose_by_corners @ corner_covariance @ pose_by_corners.T
@@ -334,8 +295,32 @@ def marker_poses(
     return sorted(poses, key=lambda pose: pose.reprojection_error)
 
 
+def corner_covariance(
+    detection: Detection, params: MarkerParams = DEFAULT_MARKER
+) -> npt.NDArray[np.float64]:
+    """Returns the covariance (8, 8) of a detection's corners, corner by corner [pixels^2]."""
+    if detection.side >= params.small_side:
+        return detection.corner_sigma**2 * np.eye(8)
+    shrinkage, shift, scatter = (
+        (by_side / detection.side) ** 2 + (by_noise * detection.grain) ** 2
+        for by_side, by_noise in (
+            (params.shrinkage_by_side, params.shrinkage_by_noise),
+            (params.shift_by_side, params.shift_by_noise),
+            (params.scatter_by_side, params.scatter_by_noise),
+        )
+    )
+    alike = np.tile(np.eye(2), (4, 4)) / 4
+    outwards = detection.corners - detection.corners.mean(axis=0)
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    rest = scatter * (np.eye(8) - alike)
+    return shift * alike + rest + shrinkage * np.outer(outwards, outwards)
+
+
 def detection_poses(
-    detection: Detection, size: float, intrinsics: CameraIntrinsics
+    detection: Detection,
+    size: float,
+    intrinsics: CameraIntrinsics,
+    params: MarkerParams = DEFAULT_MARKER,
 ) -> list[MarkerPose]:
     """Computes the poses that explain a detection, with what its corners err; see `marker_poses`.
 
@@ -343,13 +328,15 @@ def detection_poses(
         detection: The marker found.
         size: Side of the black square [m].
         intrinsics: The camera, with its distortion.
+        params: Noise of the corners.
     """
     return marker_poses(
         detection.corners,
         size,
         intrinsics,
         corner_sigma=detection.corner_sigma,
-        corner_covariance=detection.corner_covariance,
+        corner_covariance=corner_covariance(detection, params),
+        params=params,
     )
 
 
@@ -361,6 +348,7 @@ def refine_poses(
     intrinsics: CameraIntrinsics,
     *,
     dictionary: str = MARKER_DICTIONARY,
+    params: MarkerParams = DEFAULT_MARKER,
 ) -> list[MarkerPose]:
     """Fits poses to all edges of the marker's pattern.
 
@@ -371,20 +359,21 @@ def refine_poses(
         size: Side of the black square [m].
         intrinsics: The camera.
         dictionary: Name of an OpenCV dictionary.
+        params: Search for the edges, and what tells two poses apart.
 
     Returns:
         The refined poses, the better one first. None when the pattern is not seen where a pose
         puts it. Poses of a marker that is too small in the image are returned as they are.
     """
-    if len(poses) > 1 and is_better(poses[0], poses[1]):
+    if len(poses) > 1 and is_better(poses[0], poses[1], params):
         poses = poses[:1]
     gray, edges = to_gray(image), marker_edges(dictionary, marker_id)
     refined = []
     for pose in poses:
-        fit = refine_on_edges(gray, pose.X_CM, edges, size, intrinsics)
+        fit = refine_on_edges(gray, pose.X_CM, edges, size, intrinsics, params=params.edges)
         if fit is None:
             refined.append(pose)
-        elif fit.support >= _LEAST_SUPPORT:
+        elif fit.support >= params.edges.least_support:
             refined.append(MarkerPose(fit.X_CM, fit.error, fit.covariance, on_edges=True))
     return sorted(refined, key=lambda pose: pose.reprojection_error)
 
@@ -395,6 +384,7 @@ def choose_pose(
     X_OM: RigidTransform,
     *,
     R_WO_last: RotationMatrix | None = None,
+    params: MarkerParams = DEFAULT_MARKER,
 ) -> MarkerPose | None:
     """Chooses between a marker's two poses.
 
@@ -407,6 +397,7 @@ def choose_pose(
         X_WC: Pose of the camera.
         X_OM: Pose of the marker on the object.
         R_WO_last: The object's last known orientation.
+        params: Errors that tell two poses apart.
 
     Returns:
         The chosen pose; None when there is none.
@@ -416,7 +407,7 @@ def choose_pose(
     if len(poses) == 1:
         return poses[0]
     best, other = poses[:2]
-    if is_better(best, other):
+    if is_better(best, other, params):
         return best
 
     def strangeness(pose: MarkerPose) -> float:
@@ -428,13 +419,13 @@ def choose_pose(
     return min((best, other), key=strangeness)
 
 
-def is_better(best: MarkerPose, other: MarkerPose) -> bool:
+def is_better(best: MarkerPose, other: MarkerPose, params: MarkerParams = DEFAULT_MARKER) -> bool:
     """True if the reprojection errors alone tell which of two poses is right."""
     least, error = max(best.reprojection_error, 0.02), other.reprojection_error
     if best.on_edges and other.on_edges:
-        return error > _EDGE_AMBIGUITY_RATIO * least
-    noise = _AMBIGUITY_SIGMAS * best.corner_sigma
-    return error > _AMBIGUITY_RATIO * least and error**2 > least**2 + noise**2
+        return error > params.edges.ambiguity_ratio * least
+    noise = params.ambiguity_sigmas * best.corner_sigma
+    return error > params.ambiguity_ratio * least and error**2 > least**2 + noise**2
 
 
 def _angle(R1: RotationMatrix, R2: RotationMatrix) -> float:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.goal.marker_params import DEFAULT_MARKER, EdgeParams
 
 Array = npt.NDArray[np.float64]
 
@@ -24,41 +25,9 @@ _SAMPLES = 4
 _OFFSETS = np.linspace(-1, 1, 11)
 """Places along the normal at which the image is read, as shares of the search range."""
 
-_LONGEST_SEARCH = 3.0
-"""Largest search range to either side of an edge [pixels]."""
-
-_SHORTEST_SEARCH = 1.15
-"""Search range below which neighbouring edges blur into each other [pixels]."""
-
-_SEARCH_SHARE = 0.45
-"""Search range as a share of a module: beyond half of it lies the next edge."""
-
-_OUTLIER = 0.6
-"""Edges found farther than this from where the others put them count less [pixels]."""
-
-_LEAST_EDGES = 8
-"""Edges of modules without which no pose is fitted."""
 
 _WORST_CONDITION = 1e12
 """Largest condition number of the normal equations in rad and m; a marker 1 m away has 1e7."""
-
-_LEAST_ERROR = 0.02
-"""Error of an edge that no residual shows [pixels], ..."""
-
-_NEIGHBOURS = 0.7
-"""... and that of one whose module is a pixel wide, as the blurred edges beside it draw it along
-[pixels]: it falls with the square of the module's width. Measured, as the next, with 840 drawn
-markers of 17 to 60 pixels, at 0.15 to 2.5 times the light."""
-
-_SPILL = 0.15
-"""Share of the edges' common offset by which light that spills over changes the marker's size."""
-
-_LEAST_OFFSET = 0.2
-"""Edges that are all farther than this towards black or white are of an image exposed too much or
-too little [pixels]: their common offset is then fitted, too."""
-
-_LEAST_CONTRAST = 0.35
-"""An edge counts as seen when its contrast is at least this share of the median one."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +99,7 @@ def refine_on_edges(
     intrinsics: CameraIntrinsics,
     *,
     iterations: int = 2,
+    params: EdgeParams = DEFAULT_MARKER.edges,
 ) -> EdgeFit | None:
     """Fits a marker's pose to the edges of its pattern in an image.
 
@@ -140,15 +110,16 @@ def refine_on_edges(
         size: Side of the black square [m].
         intrinsics: The camera.
         iterations: Gauss-Newton steps.
+        params: Search for the edges, and their errors.
 
     Returns:
         The fit; None when too few edges are seen to fit a pose.
     """
-    fit = _fit(gray, X_CM, edges, size, intrinsics, iterations, offset=None)
-    if fit is None or abs(fit[1]) < _LEAST_OFFSET:
+    fit = _fit(gray, X_CM, edges, size, intrinsics, iterations, params, offset=None)
+    if fit is None or abs(fit[1]) < params.least_offset:
         return None if fit is None else fit[0]
     # Too much light makes white wider: all edges are beside where they belong.
-    again = _fit(gray, fit[0].X_CM, edges, size, intrinsics, iterations, offset=fit[1])
+    again = _fit(gray, fit[0].X_CM, edges, size, intrinsics, iterations, params, offset=fit[1])
     return fit[0] if again is None else again[0]
 
 
@@ -159,6 +130,7 @@ def _fit(
     size: float,
     intrinsics: CameraIntrinsics,
     iterations: int,
+    params: EdgeParams,
     *,
     offset: float | None,
 ) -> tuple[EdgeFit, float] | None:
@@ -187,17 +159,19 @@ def _fit(
         direction = both[len(p_C) :] - place
         length = np.hypot(direction[:, 0], direction[:, 1])
         direction /= length[:, None]
-        reach = np.minimum(_SEARCH_SHARE * 100 / edges.modules * length, _LONGEST_SEARCH)
-        if reach.min() < _SHORTEST_SEARCH:
+        reach = np.minimum(
+            params.search_share * 100 / edges.modules * length, params.longest_search
+        )
+        if reach.min() < params.shortest_search:
             return None
-        shift, seen = _find_edges(gray, place + shifted * direction, direction, reach)
-        if np.count_nonzero(seen) < _LEAST_EDGES * _SAMPLES:
+        shift, seen = _find_edges(gray, place + shifted * direction, direction, reach, params)
+        if np.count_nonzero(seen) < params.least_edges * _SAMPLES:
             return None
         J = np.column_stack(
             [_jacobian(arm[seen], p_C[seen], direction[seen], intrinsics), np.ones(seen.sum())]
         )
         r = shift[seen]
-        weight = np.minimum(1.0, _OUTLIER / np.maximum(np.abs(r), 1e-9))
+        weight = np.minimum(1.0, params.outlier / np.maximum(np.abs(r), 1e-9))
         whole = (J * weight[:, None]).T @ J
         information = whole[:size_of_state, :size_of_state]
         eigenvalues = np.linalg.eigvalsh(information)
@@ -212,12 +186,12 @@ def _fit(
                 shifted += float(step[6])
     error = float(np.sqrt(np.average(np.square(r), weights=weight)))
     module = 100 / edges.modules * length[seen]
-    drawn = float(np.average((_NEIGHBOURS / module**2) ** 2, weights=weight))
+    drawn = float(np.average((params.neighbours / module**2) ** 2, weights=weight))
     # The samples of one edge err together.
-    variance = float(max(error, _LEAST_ERROR) ** 2 + drawn) * _SAMPLES
+    variance = float(max(error, params.least_error) ** 2 + drawn) * _SAMPLES
     pose = RigidTransform(rotation, translation)
     covariance = np.asarray(variance * inverse[:6, :6], dtype=float)
-    along = _SPILL * shifted / (100 * float(np.mean(length))) * translation
+    along = params.spill * shifted / (100 * float(np.mean(length))) * translation
     covariance[3:, 3:] += np.outer(along, along)
     if offset is None:
         shifted = float(np.linalg.lstsq(whole, J.T @ (weight * r), rcond=None)[0][6])
@@ -244,7 +218,11 @@ def _jacobian(arm: Array, p_C: Array, direction: Array, intrinsics: CameraIntrin
 
 
 def _find_edges(
-    gray: npt.NDArray[np.uint8], places: Array, direction: Array, reach: Array
+    gray: npt.NDArray[np.uint8],
+    places: Array,
+    direction: Array,
+    reach: Array,
+    params: EdgeParams,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Finds edges near predicted places.
 
@@ -253,6 +231,7 @@ def _find_edges(
         places: Predicted pixel coordinates (N, 2).
         direction: Image directions (N, 2) from dark to bright.
         reach: Search range to either side (N,) [pixels].
+        params: Contrast of an edge.
 
     Returns:
         Shift of each edge along its direction (N,), pixels, and which of them were seen (N,).
@@ -265,13 +244,13 @@ def _find_edges(
     dark, bright = profile[:, :2].mean(axis=1), profile[:, -2:].mean(axis=1)
     contrast = bright - dark
     usual = np.median(contrast)
-    seen = contrast > max(_LEAST_CONTRAST * usual, 10.0)
+    seen = contrast > max(params.least_contrast * usual, params.least_step)
     # Where a step from dark to bright has to be to leave this much light within the range.
     fill = np.mean((profile - dark[:, None]), axis=1) / np.where(seen, contrast, 1.0)
     shift = reach * (1 - 2 * fill)
     height, width = gray.shape
-    border = _LONGEST_SEARCH
+    border = params.longest_search
     inside = np.all(
         (places > border) & (places < [width - 1 - border, height - 1 - border]), axis=1
     )
-    return shift, seen & inside & (np.abs(shift) < 0.9 * reach)
+    return shift, seen & inside & (np.abs(shift) < params.found_share * reach)

@@ -314,7 +314,8 @@ def in_measured_shadow(
             inside = (at >= 0) & (at < intrinsics.width)
             found = inverse[rows[:, None], np.clip(at, 0, intrinsics.width - 1)]
             off = np.abs(found - wanted) * reach
-            nearer = found * (z[:, None] - parameters.shadow_step) > 1.0
+            with np.errstate(invalid="ignore"):  # Nothing measured is not nearer than no end.
+                nearer = found * (z[:, None] - parameters.shadow_step) > 1.0
             explained |= (inside & nearer & (off <= parameters.shadow_slack)).any(axis=1)
     return explained
 

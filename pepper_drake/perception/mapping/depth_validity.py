@@ -54,12 +54,6 @@ _NOTHING = (0, 2047, 65535, np.inf)
 """Values by which cameras and drivers say that they measured nothing."""
 _FLOOR_STRIDE = 8
 """One of so many pixels along both axes is looked at for the floor."""
-_FLOOR_DEPTH = 2.0
-"""Depth up to which the floor is measured in any case [m]."""
-_LEAST_SHOWN = 0.03
-"""Share of what is to be seen below which an image is blank."""
-_SAME_SHARE = 0.04
-"""Spread of the relative errors of depth below which they are those of one wrong scale."""
 
 
 @dataclass(unsafe_hash=True)
@@ -78,6 +72,10 @@ class ValidityParameters:
             not, they do only after the camera has moved.
         shows_all: Whether the image has a depth wherever there is a surface. If not, as with a
             stereo pair whose images are cut into things, it may be blank.
+        floor_depth: Depth up to which the floor is measured in any case [m].
+        least_shown: Share of what is to be seen below which an image is blank.
+        same_share: Spread of the relative errors of depth below which they are those of one wrong
+            scale.
     """
 
     margin: float = 0.05
@@ -87,6 +85,9 @@ class ValidityParameters:
     least_expected: int = 40
     expects_noise: bool = True
     shows_all: bool = True
+    floor_depth: float = 2.0
+    least_shown: float = 0.03
+    same_share: float = 0.04
 
 
 def image_fault(
@@ -176,7 +177,7 @@ def depth_fault(
         return DepthFault.CONTRADICTS_MAP
     # What is nearer may be a thing that came, unless all is nearer by the same share.
     low, high = np.quantile(off / z, [0.2, 0.8])
-    if np.mean(-off > allowed) > parameters.contradicted and high - low < _SAME_SHARE:
+    if np.mean(-off > allowed) > parameters.contradicted and high - low < parameters.same_share:
         return DepthFault.CONTRADICTS_MAP
     return DepthFault.NONE
 
@@ -203,7 +204,7 @@ def _is_blank(
     rays = pixel_rays(intrinsics, _FLOOR_STRIDE).reshape(-1, 3).astype(float)
     down = rays @ X_WC.rotation().matrix()[2]
     p_WC = X_WC.translation()
-    on_floor = down * _FLOOR_DEPTH < -p_WC[2]
+    on_floor = down * parameters.floor_depth < -p_WC[2]
     if p_WC[2] <= 0.0:
         on_floor[:] = False
     start = _FLOOR_STRIDE // 2
@@ -212,7 +213,9 @@ def _is_blank(
     floor = around[start::_FLOOR_STRIDE, start::_FLOOR_STRIDE].ravel()[on_floor]
     _, rows, columns = _in_view(known, X_WC, intrinsics)
     shown = np.concatenate((floor, around[rows, columns]))
-    return len(shown) >= parameters.least_expected and float(np.mean(shown)) < _LEAST_SHOWN
+    return (
+        len(shown) >= parameters.least_expected and float(np.mean(shown)) < parameters.least_shown
+    )
 
 
 def lies_below_floor(

@@ -54,11 +54,6 @@ def make_stereo_cameras(
     )
 
 
-_EXCHANGED, _FEW_MATCHES = 3.0, 0.02
-"""Images are exchanged that match on more than so many times the pixels the other way round, and on
-so large a share more."""
-
-
 @dataclass(frozen=True)
 class Rectification:
     """Rectification of two images to aligned rows, and the left camera after it.
@@ -98,6 +93,9 @@ class StereoParameters:
         left_right: Largest disagreement of the matches from left and right [pixels].
         least_texture: Smallest standard deviation of grey in a block that can be matched.
         body_margin: By how much the robot's shapes are grown where they mask the image [m].
+        exchanged: Images are exchanged that match on more than this many times the pixels the other
+            way round, ...
+        few_matches: ... and on this large a share of all pixels more.
     """
 
     nearest: float = 0.35
@@ -108,8 +106,14 @@ class StereoParameters:
     left_right: int = 1
     least_texture: float = 2.5
     body_margin: float = 0.01
+    exchanged: float = 3.0
+    few_matches: float = 0.02
 
     def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """Raises InputError for distances out of order, or blocks without a middle."""
         if not 0 < self.nearest < self.farthest:
             raise InputError(
                 f"stereo: nearest {self.nearest} must be positive and less than farthest "
@@ -119,13 +123,14 @@ class StereoParameters:
             raise InputError(f"stereo: block {self.block} must be odd.")
 
 
-STEREO_CLOUD = ObstacleParameters(
-    cloud=CloudParameters(stride=4, flying_noise=0.004, object_margin=0.02, robot_margin=0.03),
-    memory=VoxelMapParameters(depth_noise=0.005),
-    validity=ValidityParameters(shows_all=False),
-    treat_holes_as_near=False,
-)
-"""Obstacle parameters of stereo images: more pixels, each less certain."""
+def stereo_obstacle_parameters() -> ObstacleParameters:
+    """Returns the obstacle parameters of stereo images: more pixels, each less certain."""
+    return ObstacleParameters(
+        cloud=CloudParameters(stride=4, flying_noise=0.004, object_margin=0.02, robot_margin=0.03),
+        memory=VoxelMapParameters(depth_noise=0.005),
+        validity=ValidityParameters(shows_all=False),
+        treat_holes_as_near=False,
+    )
 
 
 def rectify(left: HeadCamera, right: HeadCamera) -> Rectification:
@@ -245,7 +250,7 @@ def are_exchanged(
     """
     matched = np.mean(match(left, right, rectification, parameters) > 0)
     other_way = np.mean(match(right, left, rectification, parameters) > 0)
-    return bool(other_way > _EXCHANGED * matched + _FEW_MATCHES)
+    return bool(other_way > parameters.exchanged * matched + parameters.few_matches)
 
 
 def match(

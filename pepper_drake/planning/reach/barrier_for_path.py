@@ -12,8 +12,6 @@ Vector = npt.NDArray[np.float64]
 
 _TRIED = np.arange(0.12, -0.081, -0.005)
 """Distances kept by the barrier, the greatest first [m]."""
-_SPARE = 0.003
-"""Margin [m] to the radius that the path allows: the hand does not follow it exactly."""
 
 
 def fit_barrier_to_path(
@@ -22,6 +20,8 @@ def fit_barrier_to_path(
     positions: Vector,
     velocities: Vector,
     accelerations: Vector,
+    *,
+    margin: float = 0.003,
 ) -> BarrierCoupling:
     """The barrier that keeps the greatest distance at which it is silent all along a path.
 
@@ -37,6 +37,7 @@ def fit_barrier_to_path(
         positions: (N, 3) of the hand, the last one its goal [m].
         velocities: (N, 3) m/s.
         accelerations: (N, 3) m/s².
+        margin: To the radius that the path allows [m].
 
     Returns:
         The same barrier with another hand radius; a negative one means that obstacles are passed
@@ -47,7 +48,7 @@ def fit_barrier_to_path(
         return coupling
     stiffness = coupling.stiffness * coupling.damping**2 / 4.0
     inward = np.einsum("ni,ni->n", normal, accelerations + coupling.damping * velocities)
-    allowed = distance + inward / stiffness - _SPARE
+    allowed = distance + inward / stiffness - margin
     to_goal = np.sum((positions - positions[-1]) ** 2, axis=1)
     near_goal = np.exp(-0.5 / coupling.goal_distance**2 * to_goal)
     at_goal = distance[-1] - coupling.goal_margin

@@ -8,13 +8,6 @@ from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_state import ReachState
 
-_MOVED_BASE = 0.03
-"""Displacement of the base during a reach that is named as the cause of a failure [m]."""
-_BLIND = 2.0
-"""Waiting for depth images for longer is named as the cause of a failure [s]."""
-_MOVED_TORSO = 0.05
-"""The same for hip and knee [rad]."""
-
 
 def likely_cause(
     state: ReachState, observation: Observation, params: ReachPlannerParams, symptom: str
@@ -37,7 +30,7 @@ def likely_cause(
             f"the arm is held or touches something: its {name} is {degrees:.0f} degrees off "
             f"its command; {symptom}"
         )
-    if state.blind > _BLIND:
+    if state.blind > params.cause.blind:
         return "cloud_missing", (
             f"the depth camera's images came so late or so seldom that the arm waited for "
             f"them for {state.blind:.1f} s; {symptom}"
@@ -53,7 +46,7 @@ def likely_cause(
     torso = body_indices(JOINT_GROUPS["body"])
     tilt = np.abs(observation.joint_position - planned.joint_position)[torso].max()
     drift = np.linalg.norm((observation.base_pose - planned.base_pose)[:2])
-    if tilt > _MOVED_TORSO or drift > _MOVED_BASE:
+    if tilt > params.cause.torso_moved or drift > params.cause.base_moved:
         return "robot_moved", (
             f"the robot moved during the reach, the base by {1000 * drift:.0f} mm and the "
             f"torso by {np.degrees(tilt):.0f} degrees; {symptom}"

@@ -135,7 +135,12 @@ class ReachEvaluator:
             return coupling
         hand = primitive.rollout(time_step=0.02)
         return fit_barrier_to_path(
-            coupling, scene.field, hand.positions, hand.velocities, hand.accelerations
+            coupling,
+            scene.field,
+            hand.positions,
+            hand.velocities,
+            hand.accelerations,
+            margin=self.params.barrier_margin,
         )
 
     def evaluate(

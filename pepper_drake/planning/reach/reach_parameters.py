@@ -9,6 +9,7 @@ from pepper_drake.planning.reach.steadiness import SteadinessParams
 from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from pepper_drake.planning.trajectories.adaptation_params import AdaptationParams
+from pepper_drake.planning.trajectories.retreat import NewObstacleParams, RetreatParams
 from pepper_drake.short_repr import short_repr
 
 
@@ -74,12 +75,25 @@ class FollowingErrors:
 
 
 @dataclass
+class CauseParams:
+    """Observations that are named as the cause of a failed reach."""
+
+    base_moved: float = 0.03
+    """Displacement of the base during a reach [m]."""
+    torso_moved: float = 0.05
+    """The same for hip and knee [rad]."""
+    blind: float = 2.0
+    """Time for which the arm waited for depth images [s]."""
+
+
+@dataclass
 class ReachPlannerParams:
     """Criteria of a good reach, and how many candidates are tried."""
 
     clearance: ClearanceTable = field(default_factory=ClearanceTable)
     tolerance: GoalTolerances = field(default_factory=GoalTolerances)
     following: FollowingErrors = field(default_factory=FollowingErrors)
+    cause: CauseParams = field(default_factory=CauseParams)
     support_surface: SupportSurfaceParams = field(default_factory=SupportSurfaceParams)
     unseen: UnseenSpaceParams = field(default_factory=UnseenSpaceParams)
     hand_x: float = 0.26
@@ -120,6 +134,15 @@ class ReachPlannerParams:
     close stops the arm: the setting in which some couplings were published."""
     adaptation: AdaptationParams = field(default_factory=AdaptationParams)
     """Parameters of that adaptation."""
+    barrier_margin: float = 0.003
+    """Margin to the barrier's radius that a planned path allows [m]: the hand does not follow it
+    exactly."""
+    retreat: RetreatParams = field(default_factory=RetreatParams)
+    """Way back from an obstacle."""
+    new_obstacle: NewObstacleParams = field(default_factory=NewObstacleParams)
+    """Points that count as new, and their unseen sides."""
+    shortest_detour: float = 0.8
+    """Least duration of a movement that is adapted on its way [s]."""
     slowest: float = 1.6
     """Duration, in those of the demonstration, up to which a plan is taken at once."""
     places_adapted: int = 4
@@ -193,6 +216,8 @@ class ReachTiming:
     """Time for which the arm waits for obstacles to leave, in all its retreats [s]."""
     detour_delay: float = 4.0
     """Time for which the arm waits for a new obstacle to leave before a detour is planned [s]."""
+    at_rest: float = 0.1
+    """Joint speed below which a whole new plan may be made for an arm that waits [rad/s]."""
     clearance_lost: float = 0.003
     """A plan with less than the clearance `replan` is made anew when it has lost this much [m]."""
     images_lost: float = 2.0

@@ -14,8 +14,6 @@ from pepper_drake.planning.trajectories.retreat import retreat_trajectory
 
 Vector = npt.NDArray[np.float64]
 
-_SHORTEST = 0.8
-"""Least duration of a movement that is adapted on its way [s]."""
 _STRIDE = 5
 """Commands of a path between those whose clearance is computed."""
 
@@ -34,7 +32,7 @@ def replan(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation)
     """Returns the best plan for the rest of a movement; see `Planner`."""
     scene = evaluator.scenes(observation)
     rest = path_ahead(plan, observation)
-    duration = max((len(rest) - 1) * plan.time_step, _SHORTEST)
+    duration = max((len(rest) - 1) * plan.time_step, evaluator.params.shortest_detour)
     path = None
     if evaluator.adapter is not None:
         path = evaluator.adapter.adapt_remaining(
@@ -62,6 +60,7 @@ def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observ
         scene.checker.distances,
         evaluator.params.clearance.retreat,
         evaluator.limits,
+        evaluator.params.retreat,
     )
     primitive = fit_primitive_to_joint_path(kinematics, joints, duration, "retreat")
     end = kinematics.poses(joints[-1:])

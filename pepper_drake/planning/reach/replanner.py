@@ -12,18 +12,12 @@ from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
 from pepper_drake.planning.trajectories.retreat import (
-    MOVING_SIDE,
     dilate_new_points,
     extrude_new_points_down,
     new_points,
 )
 
 Vector = npt.NDArray[np.float64]
-
-_FEWEST = 10
-"""Fewer new points are at the edges of what was known [-]."""
-_STILL = 0.1
-"""Joint speed below which the arm is at rest [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -104,8 +98,9 @@ class ReachReplanner:
         began = state.started_with
         if began is None:
             return np.zeros((0, 3))
-        new = new_points(observation.cloud, began.cloud_tree, observation.p_WO)
-        return new if len(new) >= _FEWEST else new[:0]
+        params = self.planner.params.new_obstacle
+        new = new_points(observation.cloud, began.cloud_tree, observation.p_WO, params)
+        return new if len(new) >= params.fewest else new[:0]
 
     def _enough(self, plan: ReachPlan) -> float:
         """Returns the clearance below which a movement is planned anew [m]."""
@@ -123,9 +118,10 @@ class ReachReplanner:
         cloud, known = observation.obstacles, state.planned_with
         if known is None:
             return cloud
+        tree, p_WO, params = known.cloud_tree, observation.p_WO, self.planner.params.new_obstacle
         if len(observation.predicted_cloud):
-            cloud = dilate_new_points(cloud, known.cloud_tree, observation.p_WO, MOVING_SIDE)
-        return extrude_new_points_down(cloud, known.cloud_tree, observation.p_WO)
+            cloud = dilate_new_points(cloud, tree, p_WO, moving=True, params=params)
+        return extrude_new_points_down(cloud, tree, p_WO, params)
 
     def _predicted_start(
         self, state: ReachState, observation: Observation
@@ -172,11 +168,13 @@ class ReachReplanner:
         known = state.planned_with
         cloud = seen.cloud
         if known is not None and not is_free:
-            cloud = dilate_new_points(observation.obstacles, known.cloud_tree, observation.p_WO)
-            cloud = extrude_new_points_down(cloud, known.cloud_tree, observation.p_WO)
+            tree, p_WO = known.cloud_tree, observation.p_WO
+            params = self.planner.params.new_obstacle
+            cloud = dilate_new_points(observation.obstacles, tree, p_WO, params=params)
+            cloud = extrude_new_points_down(cloud, tree, p_WO, params)
         around = observation.with_cloud(cloud)
         detour = self.planner.replan(reach, around)
-        is_at_rest = np.abs(observation.arm.velocity).max() < _STILL
+        is_at_rest = np.abs(observation.arm.velocity).max() < self.timing.at_rest
         waited = state.suspended_plan is not None and is_at_rest
         if waited and detour.clearance < self.planner.params.clearance.resume:
             anew = self.planner.check_reach(around)

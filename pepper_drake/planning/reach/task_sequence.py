@@ -1,6 +1,6 @@
 """Tasks in sequence: after the reach, what the arm does next, from where the base stands.
 
-Where a task closes the hand, the hand opens before the arm starts: it comes to its object open.
+Where a task opens or closes the hand, the hand is half open before: so it is while the arm moves.
 """
 
 import math
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.models.hands import HAND_SPEED, OPEN, RELAXED
+from pepper_drake.models.hands import HAND_SPEED, RELAXED
 from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 
 
@@ -67,8 +67,7 @@ def hand_opening(state: SequenceState, tasks: Sequence[SequenceTask]) -> float:
         state: Progress in the sequence.
         tasks: Those after the reach.
     """
-    wanted = [task.hand for task in tasks if task.hand is not None]
-    opening = OPEN if wanted and wanted[0] < RELAXED else math.nan
+    opening = math.nan if all(task.hand is None for task in tasks) else RELAXED
     for task in tasks[: state.task]:
         opening = opening if task.hand is None else task.hand
     return opening
@@ -83,7 +82,7 @@ def hand_time(task: SequenceTask, tasks: Sequence[SequenceTask]) -> float:
     if task.hand is None:
         return 0.0
     before = [other.hand for other in tasks[: tasks.index(task)] if other.hand is not None]
-    start = before[-1] if before else (OPEN if task.hand < RELAXED else RELAXED)
+    start = before[-1] if before else RELAXED
     return abs(task.hand - start) / HAND_SPEED
 
 

@@ -47,6 +47,8 @@ class AdaptationParams:
     """Looks for a way where none of them could be bent to one."""
     accepted_slack: float = -0.005
     """Lack of clearance with which a path is taken [m]."""
+    corner_slack: float = 0.001
+    """Clearance by which a sampled path may be below that of its start and goal [m]."""
     speed_share: float = 0.4
     """Share of the rated joint velocities that a path may use."""
     acceleration_share: float = 0.8

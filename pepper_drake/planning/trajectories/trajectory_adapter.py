@@ -33,8 +33,6 @@ PLANNED = -1
 
 _LOOKED_AT = 32
 """Number of goal configurations evaluated in a batch."""
-_ROUNDING = 0.001
-"""Clearance [m] by which a path may be below that of its start and goal."""
 
 
 _DOWN = GoalAxis()
@@ -208,8 +206,10 @@ class TrajectoryAdapter:
         ends = checker.approximate_distances(np.concatenate((start[None], goals)))
         allowed = np.minimum(ends.min(axis=1, keepdims=True), self._clearance.resume)
 
+        corner_slack = self.params.corner_slack
+
         def free(postures: Vector) -> npt.NDArray[np.bool_]:
-            return (checker.approximate_distances(postures) >= allowed - _ROUNDING).all(axis=0)
+            return (checker.approximate_distances(postures) >= allowed - corner_slack).all(axis=0)
 
         corners = rrt_connect(
             start,

@@ -1,35 +1,30 @@
 """A planner that fails as a fault says."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
-from pepper_drake.planning.reach.reach_parameters import (
-    PlanningLatency,
-    ReachPlannerParams,
-    ReachTiming,
-)
-from pepper_drake.planning.reach.reach_plan import (
-    Planner,
-    PlanStatus,
-    ReachPlan,
-    RemainingClearance,
-)
-from pepper_drake.planning.reach.separation import StaleSpace
+from pepper_drake.planning.reach.planner_wrapper import PlannerWrapper
+from pepper_drake.planning.reach.reach_parameters import PlanningLatency, ReachTiming
+from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.systems.faults.fault import SIGNALS, Fault
 from pepper_drake.systems.faults.fault_set import FaultSet
 
 _FAR = 1e3
 """Distance of a base placement that is garbage [m]."""
+_BEFORE = ("plan_base_placement", "check_reach")
+"""Questions for a plan while the arm rests."""
+_ON_THE_WAY = ("replan", "plan_retreat")
+"""Questions for a plan while it moves."""
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class FaultyPlanner:
+class FaultyPlanner(PlannerWrapper):
     """A `Planner` that hands all questions on, and spoils the answers while its fault lasts.
 
     Off: nothing is found. Intermittent: every other time nothing is found. Wrong: planned for a
@@ -37,63 +32,20 @@ class FaultyPlanner:
     that waits for the arm begins with the first question about a movement on its way.
 
     Attributes:
-        planner: Gives the answers.
         fault: Of the signal "planner".
         seed: What is drawn follows from it and from the time of the question.
     """
 
-    planner: Planner
     fault: Fault
     seed: int = 0
 
-    @property
-    def demonstrated(self) -> Movement:
-        """The movement as it was demonstrated."""
-        return self.planner.demonstrated
-
-    @property
-    def params(self) -> ReachPlannerParams:
-        """Criteria of a good reach."""
-        return self.planner.params
-
-    @property
-    def limits(self) -> CommandLimits:
-        """Limits of the arm's joint commands."""
-        return self.planner.limits
-
-    def plan_base_placement(self, observation: Observation) -> ReachPlan:
-        """Returns the best plan from any place where the base can stand; see `Planner`."""
-        return self._spoilt(
-            self.planner.plan_base_placement(self._asked(observation, False)), observation, False
-        )
-
-    def check_reach(self, observation: Observation, movement: Movement | None = None) -> ReachPlan:
-        """Returns the best plan from where the base is; see `Planner`."""
-        return self._spoilt(
-            self.planner.check_reach(self._asked(observation, False), movement), observation, False
-        )
-
-    def replan(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Returns the best plan for the rest of a movement; see `Planner`."""
-        return self._spoilt(
-            self.planner.replan(plan, self._asked(observation, True)), observation, True
-        )
-
-    def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Returns a plan back to where there is more clearance; see `Planner`."""
-        return self._spoilt(
-            self.planner.plan_retreat(plan, self._asked(observation, True)), observation, True
-        )
-
-    def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
-        """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
-        return self.planner.remaining_clearance(plan, observation)
-
-    def stale_space(
-        self, plan: ReachPlan, observation: Observation, newcomers: npt.NDArray[np.float64]
-    ) -> StaleSpace:
-        """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
-        return self.planner.stale_space(plan, observation, newcomers)
+    def _answer(self, name: str, observation: Observation, ask: Callable[[Observation], T]) -> T:
+        on_the_way = name in _ON_THE_WAY
+        if not on_the_way and name not in _BEFORE:
+            return ask(observation)
+        answer = ask(self._asked(observation, on_the_way))
+        assert isinstance(answer, ReachPlan)
+        return cast(T, self._spoilt(answer, observation, on_the_way))
 
     def _is_active(self, observation: Observation, on_the_way: bool) -> bool:
         if np.isnan(self.fault.start):

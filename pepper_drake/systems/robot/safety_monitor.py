@@ -29,10 +29,6 @@ _NOT_MEASURED = (
 )
 
 
-_CATCHING = 0.5
-"""Time [s] that joints that were led by hand may take to come to rest."""
-
-
 class SafetyMonitor(LeafSystem):
     """Passes joint commands inside every limit; stops the robot, and says why, when it must.
 
@@ -82,6 +78,7 @@ class SafetyMonitor(LeafSystem):
         contact: What counts as a joint that does not follow; None for joints that may be moved by
             hand.
         longest_gap: How long measurements and estimates may fail to come [s].
+        catch_time: Time for joints that were led by hand to come to rest [s].
         time_step: Control period [s].
     """
 
@@ -93,6 +90,7 @@ class SafetyMonitor(LeafSystem):
         minimum_clearance: float = 0.0,
         contact: ContactParams | None = None,
         longest_gap: float = 0.12,
+        catch_time: float = 0.5,
         time_step: float = 0.01,
     ) -> None:
         super().__init__()
@@ -101,6 +99,7 @@ class SafetyMonitor(LeafSystem):
         self._contact = contact
         self._limits_back = limits if contact is None else slowed(limits, contact.back_off_speed)
         self._minimum_clearance, self._longest_gap = minimum_clearance, longest_gap
+        self._catch_time = catch_time
         self.command_input: InputPort = self.DeclareVectorInputPort("joint_position_command", n)
         self.measured_input: InputPort = self.DeclareVectorInputPort("joint_position", n)
         self.clearance_input: InputPort = self.DeclareVectorInputPort("clearance", 1)
@@ -212,7 +211,7 @@ class SafetyMonitor(LeafSystem):
         state.set_value(self._resets, [resets])
         is_led = self._scalar(context, self.limp_input, 0.0) > 0.5
         if resets != before:
-            command = SafeCommand.at_rest(measured, round(_CATCHING / self._time_step))
+            command = SafeCommand.at_rest(measured, round(self._catch_time / self._time_step))
         elif self._contact is not None and not is_led:
             # What stands in for a measurement that did not come is no witness of a contact.
             stale = self._is_stale(context)

@@ -22,6 +22,7 @@ from pepper_drake.perception.goal.imm_filter import (
     GoalState,
     update_goal,
 )
+from pepper_drake.perception.goal.marker_params import DEFAULT_MARKER, MarkerParams
 from pepper_drake.systems.framework import LeafSystem
 
 _THUMBNAIL_STEP = 7
@@ -118,6 +119,7 @@ class GoalEstimator(LeafSystem):
         top: The top camera's intrinsics; those of Pepper's if left out.
         bottom: The bottom camera's intrinsics; those of Pepper's if left out.
         parameters: Noise, gates and thresholds of the filter.
+        marker: Detection of the marker, and its noise.
         period: Time between looks for a new image [s].
         offset: Time of the first look [s]; after the cameras', so that an image taken in the same
             period is used in it.
@@ -160,6 +162,7 @@ class GoalEstimator(LeafSystem):
         top: CameraIntrinsics | None = None,
         bottom: CameraIntrinsics | None = None,
         parameters: GoalFilterParameters | None = None,
+        marker: MarkerParams = DEFAULT_MARKER,
         period: float = 0.02,
         offset: float = 0.01,
         latency: float = 0.0,
@@ -168,6 +171,7 @@ class GoalEstimator(LeafSystem):
         super().__init__()
         self.marked = marked
         self._parameters = GoalFilterParameters() if parameters is None else parameters
+        self._marker = marker
         self._expects_noise = expects_noise
         self._latency = latency
         self._intrinsics = {
@@ -255,6 +259,7 @@ class GoalEstimator(LeafSystem):
             self.marked,
             p_WM_expected=track.p_WM if track is not None and is_recent else None,
             R_WO_expected=track.R_WO if track is not None else None,
+            params=self._marker,
         )
         look = _Look(measurement, context.get_time() + self._latency)
         usable = {**memory.usable, name: time}

@@ -46,7 +46,7 @@ class StereoDepth(LeafSystem):
     The outputs are a CameraModel's, of the rectified left camera, whose intrinsics are
     `intrinsics`: `depth_image` (ImageDepth16U, whole millimetres, 0 where nothing was matched),
     `time_stamp`, `X_WC` and `position`. A DepthPointCloudSource with these intrinsics and
-    STEREO_CLOUD as parameters makes the cloud.
+    `stereo_obstacle_parameters` as parameters makes the cloud.
 
     State: the last depth image (abstract). Event: one periodic unrestricted update.
 

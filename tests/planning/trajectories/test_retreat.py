@@ -6,9 +6,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.trajectories.retreat import (
-    MOVING_SIDE,
-    NEWCOMER_DEPTH,
-    NEWCOMER_SIDE,
+    NewObstacleParams,
     dilate_new_points,
     extrude_new_points_down,
     retreat_trajectory,
@@ -86,14 +84,15 @@ def test_only_what_is_new_and_near_reaches_down():
     np.testing.assert_array_equal(cloud[:202], seen)
     below = cloud[202:]
     np.testing.assert_allclose(below[:, :2], [[0.2, 0.0]] * 5)
-    assert below[:, 2].min() == pytest.approx(1.0 - NEWCOMER_DEPTH)
+    assert below[:, 2].min() == pytest.approx(1.0 - NewObstacleParams().depth)
 
 
-@pytest.mark.parametrize("side", [NEWCOMER_SIDE, MOVING_SIDE])
-def test_who_plans_around_what_is_new_keeps_off_its_sides(side):
+@pytest.mark.parametrize(("moving", "side"), [(False, 0.03), (True, 0.07)])
+def test_who_plans_around_what_is_new_keeps_off_its_sides(moving, side):
+    params = NewObstacleParams(side=0.03, moving_side=0.07)
     known = np.array([[0.0, 0.0, 0.8]])
     seen = np.array([[0.01, 0.0, 0.8], [0.2, 0.1, 0.9]])
-    cloud = dilate_new_points(seen, cKDTree(known), known[0], side)
+    cloud = dilate_new_points(seen, cKDTree(known), known[0], moving=moving, params=params)
     np.testing.assert_array_equal(cloud[:2], seen)
     off = cloud[2:] - seen[1]
     np.testing.assert_allclose(np.linalg.norm(off, axis=1), side)

@@ -5,10 +5,14 @@ from pydrake.systems.analysis import Simulator
 
 from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_DEPTH, CAMERA_TOP
+from pepper_drake.perception.gaze.gaze_params import GazeParams
 from pepper_drake.perception.gaze.head_aiming import camera_pose, choose_camera, look_at
 from pepper_drake.perception.mapping.cloud_points import make_cloud
 from pepper_drake.systems.sensing.gaze_controller import GazeController
 
+LIMITS = GazeParams()
+SLOW = GazeParams(max_velocity=1.0, max_acceleration=4.0)
+"""Slow enough that glances can be told apart."""
 X_WT = RigidTransform([0.3, 0.1, 0.82])
 FAR = RigidTransform([1.3, -0.3, 0.8])
 NEAR = RigidTransform([0.62, -0.1, 0.72])
@@ -70,8 +74,8 @@ def test_head_moves_smoothly_and_within_its_limits():
             bench.output("head_velocity_command"),
         )
         np.testing.assert_allclose((head - last) / 0.02, velocity, atol=1e-9)
-        assert np.all(np.abs(velocity) <= 1.0 + 1e-9)
-        assert abs(velocity[0] - last_velocity[0]) <= 4.0 * 0.02 + 1e-9
+        assert np.all(np.abs(velocity) <= LIMITS.max_velocity + 1e-9)
+        assert abs(velocity[0] - last_velocity[0]) <= LIMITS.max_acceleration * 0.02 + 1e-9
         lower, upper = head_pitch_limits(head[0])
         assert lower - 1e-12 <= head[1] <= upper + 1e-12
         last, last_velocity = head, velocity
@@ -129,7 +133,7 @@ P_TP = X_WT.inverse() @ NEAR.translation()
 def sharing(side=1.0, **inputs):
     """A head that serves the depth camera, too, and saw the object when it was old by `age`."""
     still = {"age": [0.3], "velocity": np.zeros(3), "scan_enabled": [1.0]}
-    system = GazeController(secondary_camera=CAMERA_DEPTH, radius=0.042, side=side)
+    system = GazeController(secondary_camera=CAMERA_DEPTH, radius=0.042, side=side, params=SLOW)
     return Bench(NEAR, system, **{**still, **inputs})
 
 
@@ -206,7 +210,7 @@ def test_a_missed_object_is_looked_for_above_and_below_with_all_cameras():
 
 
 def test_a_place_that_has_to_be_seen_is_glanced_at_and_the_goal_looked_at_again():
-    system = GazeController(secondary_camera=CAMERA_DEPTH, radius=0.03, side=-1.0)
+    system = GazeController(secondary_camera=CAMERA_DEPTH, radius=0.03, side=-1.0, params=SLOW)
     wanted = np.array([0.6, -0.5, 0.85])
     bench = Bench(FAR, system, age=[0.1], look_at=wanted)
 

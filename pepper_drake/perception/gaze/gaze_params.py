@@ -1,0 +1,111 @@
+"""Numbers of the head's motion: following an object, searching for it, scanning around it."""
+
+import math
+from dataclasses import dataclass, field
+
+from pepper_drake.errors import InputError
+
+
+@dataclass
+class HeadSearchParams:
+    """Sweep of the head in search of an object."""
+
+    low_pitch: float = 0.3
+    """Pitch at which tables are searched [rad]."""
+    high_pitch: float = -0.1
+    """Pitch at which what is higher is searched [rad]."""
+    first_yaw: float = 0.4
+    """Yaw to the arm's side with which the search begins [rad]: it shows what is ahead and what is
+    within reach."""
+    first_duration: float = 1.5
+    """Time for which it stays there [s]."""
+    sweep: float = math.radians(60)
+    """Largest yaw to either side [rad]."""
+    period: float = 6.0
+    """Period of the sweep [s]."""
+
+
+@dataclass(unsafe_hash=True)
+class ViewParams:
+    """Weights of the places around an object in view planning."""
+
+    largest_age: float = 4.0
+    """Age beyond which the urgency of a place does not grow [s]."""
+    movable_radius: float = 0.12
+    """Distance to a thing within which it may move [m]."""
+    empty_weight: float = 0.25
+    """Weight of places with nothing around them, against others'."""
+    hand_ahead: float = -0.1
+    """Point from which the hand comes, ahead of the object [m] ..."""
+    hand_left: float = 0.3
+    """... and to its left, for a left arm [m]."""
+    hand_distance: float = 0.15
+    """Distance to the hand's path at which the weight is one half [m]."""
+
+
+@dataclass
+class GazeParams:
+    """Timing and limits of the head that follows an object and scans around it."""
+
+    max_velocity: float = 2.5
+    """Largest velocity of a head joint [rad/s], a third of the rated one; images taken by a fast
+    head are blurred."""
+    max_acceleration: float = 8.0
+    """Largest acceleration of a head joint [rad/s²]."""
+    missed_age: float = 1.9
+    """Age of the last sighting at which the object counts as missed [s]."""
+    centering_age: float = 1.6
+    """Age of the last sighting at which a scan ends and the object is centred [s]."""
+    scan_age: float = 0.35
+    """Age of the last sighting up to which the object may leave the image [s]; images are a quarter
+    of a second old."""
+    rest_speed: float = 0.02
+    """Speed below which an object is at rest, and may leave the image [m/s]."""
+    glance_angles: list[float] = field(
+        default_factory=lambda: [-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75]
+    )
+    """Angles beside the object to which the head may glance [rad]."""
+    dwell: float = 0.2
+    """Duration of a glance [s]: one period of the cameras."""
+    dwell_angle: float = 0.05
+    """Angle to its target below which the head dwells [rad] ..."""
+    dwell_speed: float = 0.6
+    """... and the joint velocity below which it does [rad/s]."""
+    movable_height: float = 0.03
+    """Height above the object's origin from which points count as things that may move [m]."""
+    movable_distance: float = 0.8
+    """Distance from the object within which they do [m]."""
+    place_grid: float = 0.02
+    """Grid to which the object's position is rounded for gazes that two cameras share [m]."""
+    view_margin: float = 0.012
+    """Displacement of the object that a scan leaves within the image [m]."""
+    swing: float = 0.4
+    """Amplitude in pitch of the search for a missed object [rad]."""
+    swing_period: float = 2.4
+    """Period of that search [s]."""
+    search: HeadSearchParams = field(default_factory=HeadSearchParams)
+    """Search for an object that was not seen yet."""
+    view: ViewParams = field(default_factory=ViewParams)
+    """Weights of the places around the object."""
+
+    def check(self) -> None:
+        """Raises InputError for a number with which the head would not move, or not know where."""
+        positive = {
+            "max_velocity": self.max_velocity,
+            "max_acceleration": self.max_acceleration,
+            "place_grid": self.place_grid,
+            "swing_period": self.swing_period,
+            "search.sweep": self.search.sweep,
+            "search.period": self.search.period,
+            "view.hand_distance": self.view.hand_distance,
+        }
+        for name, value in positive.items():
+            if not value > 0.0:
+                raise InputError(f"gaze.{name} is {value:g}; it must be positive")
+        if not self.glance_angles:
+            raise InputError("gaze.glance_angles is empty; give one angle at least")
+        if not abs(self.search.first_yaw) <= self.search.sweep:
+            raise InputError(
+                f"gaze.search.first_yaw is {self.search.first_yaw:g} rad; it must lie within "
+                f"gaze.search.sweep, {self.search.sweep:g} rad"
+            )

@@ -1,0 +1,273 @@
+"""One step of the head: where it looks, with which camera, and how it moves there."""
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from pepper_drake.perception.cameras.camera import HeadCamera
+from pepper_drake.perception.gaze.gaze_params import GazeParams
+from pepper_drake.perception.gaze.head_aiming import (
+    Gaze,
+    aim_for_two_cameras,
+    aim_head,
+    choose_camera,
+    clamp_head,
+    image_offset,
+    step_head_trajectory,
+)
+from pepper_drake.perception.gaze.view_planning import (
+    VIEW_POINTS,
+    best_view,
+    next_best_view,
+    surroundings,
+    view_weights,
+    visible,
+)
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class GazeState:
+    """State of the head between two steps.
+
+    Attributes:
+        head: Commanded HeadYaw and HeadPitch (2,) [rad].
+        velocity: Their velocities (2,) [rad/s].
+        camera: Index of the camera in use; -1 for none.
+        in_view: Whether the commanded angles have the object in that camera's image.
+        reachable: Whether any angles within the limits would.
+        arrived: Time from which the head dwells at its target [s]; infinite while it moves.
+        glancing: Whether its target is beside the object.
+        target: Head angles (2,) of a scan [rad]; NaN outside one.
+        seen: Times (N,) at which `VIEW_POINTS` were in the secondary camera's image [s].
+    """
+
+    head: Vector
+    velocity: Vector
+    camera: int
+    in_view: bool
+    reachable: bool
+    arrived: float
+    glancing: bool
+    target: Vector
+    seen: Vector
+
+    @classmethod
+    def initial(cls) -> "GazeState":
+        """Returns the state before the first step, with the head straight."""
+        nothing = np.full(2, np.nan)
+        return cls(
+            np.zeros(2), np.zeros(2), -1, False, False, math.inf, False, nothing, _NEVER_SEEN
+        )
+
+    def to_vector(self) -> Vector:
+        """Returns the state as numbers (11 + N,)."""
+        flags = (self.camera, self.in_view, self.reachable, self.arrived, self.glancing)
+        return np.concatenate((self.head, self.velocity, flags, self.target, self.seen))
+
+    @classmethod
+    def from_vector(cls, vector: Vector) -> "GazeState":
+        """Returns the state of such numbers."""
+        camera, in_view, reachable, arrived, glancing = vector[4:9].tolist()
+        return cls(
+            vector[:2].copy(),
+            vector[2:4].copy(),
+            int(camera),
+            in_view > 0.0,
+            reachable > 0.0,
+            arrived,
+            glancing > 0.0,
+            vector[9:11].copy(),
+            vector[11:].copy(),
+        )
+
+
+_NEVER_SEEN = np.zeros(len(VIEW_POINTS))
+
+
+class GazeObservation(NamedTuple):
+    """Inputs of one step of the head.
+
+    Attributes:
+        time: [s].
+        X_WT: Pose of the torso.
+        X_WO: Pose of the object; None while it is not known.
+        age: Time since the object was last seen [s].
+        speed: The object's [m/s].
+        scan_enabled: Whether the head may look around an object at rest.
+        look_at: Point (3,) in W that has to be looked at [m]; None if there is none.
+        cloud: Reads the points (P, 3) in W of obstacles [m], when they are needed.
+    """
+
+    time: float
+    X_WT: RigidTransform
+    X_WO: RigidTransform | None
+    age: float = 0.0
+    speed: float = 0.0
+    scan_enabled: bool = False
+    look_at: Vector | None = None
+    cloud: Callable[[], Vector] = lambda: np.zeros((0, 3))
+
+
+@functools.lru_cache(maxsize=128)
+def _shared_gaze(
+    cameras: tuple[HeadCamera, ...],
+    secondary_camera: HeadCamera,
+    p_TP: tuple[float, float, float],
+    radius: float,
+    aside: float,
+    current: HeadCamera | None,
+) -> Gaze:
+    """`aim_for_two_cameras`, computed once for each place: an object at rest costs nothing."""
+    return aim_for_two_cameras(
+        cameras, secondary_camera, p_TP, radius=radius, aside=aside, current=current
+    )
+
+
+class GazePolicy:
+    """Turns the head so that a camera keeps an object in its image.
+
+    Without a secondary camera the object is brought to the middle of the image. With one, the
+    object is brought as near to the middle of the secondary camera's image as a first camera allows
+    that still sees it well. An object that moves is brought to the middle in any case; one that was
+    missed is searched for above and below its last place, with all cameras. During a scan of an
+    object at rest the head glances, between two looks at the object, at the places around it that
+    the secondary camera did not see for longest, or at a given point.
+
+    Args:
+        p_OP: The point on the object to look at (3,) [m].
+        cameras: In order of preference.
+        secondary_camera: A camera that should see the object's surroundings; None for none.
+        radius: Of the part of the object that has to stay in view [m].
+        side: Of the reaching arm, 1 left or -1 right.
+        search: Head angles (2,) [rad] of the search by the time [s] and the side; None to stay.
+        time_step: Between two steps [s].
+        params: Timing and limits.
+    """
+
+    def __init__(
+        self,
+        p_OP: npt.ArrayLike,
+        *,
+        cameras: Sequence[HeadCamera],
+        secondary_camera: HeadCamera | None,
+        radius: float,
+        side: float,
+        search: Callable[[float, float], Vector] | None,
+        time_step: float,
+        params: GazeParams,
+    ) -> None:
+        self._p_OP = np.asarray(p_OP, dtype=float)
+        self._cameras, self._secondary = tuple(cameras), secondary_camera
+        self._radius, self._side, self._search = radius, side, search
+        self._time_step, self._params = time_step, params
+
+    def step(self, state: GazeState, now: GazeObservation) -> GazeState:
+        """Returns the state one step later."""
+        params = self._params
+        gaze, p_TP = None, np.zeros(3)
+        if now.X_WO is None:
+            aim = state.head
+            if self._search is not None:
+                aim = clamp_head(self._search(now.time, self._side))
+            state = replace(state, camera=-1, target=np.full(2, np.nan))
+        else:
+            p_TP = now.X_WT.InvertAndCompose(now.X_WO) @ self._p_OP
+            gaze, state = self._aim(state, now, p_TP)
+            aim = gaze.head
+            is_missed = self._secondary is not None and now.age > params.missed_age
+            state = replace(state, camera=-1 if is_missed else self._cameras.index(gaze.camera))
+        head, velocity = step_head_trajectory(
+            state.head,
+            state.velocity,
+            aim,
+            self._time_step,
+            max_velocity=params.max_velocity,
+            max_acceleration=params.max_acceleration,
+        )
+        return replace(
+            state,
+            head=head,
+            velocity=velocity,
+            reachable=gaze is not None and gaze.in_view,
+            in_view=gaze is not None and image_offset(gaze.camera, head, p_TP) < 1,
+        )
+
+    def _aim(self, state: GazeState, now: GazeObservation, p_TP: Vector) -> tuple[Gaze, GazeState]:
+        """Aims at the object, or beside it while a scan is possible."""
+        params, secondary = self._params, self._secondary
+        current = self._cameras[state.camera] if state.camera >= 0 else None
+        scans = now.look_at is not None or now.scan_enabled
+        latest = params.centering_age if scans else params.missed_age
+        if secondary is None or now.speed > params.rest_speed or now.age > latest:
+            gaze = choose_camera(self._cameras, p_TP, current=current)
+            if secondary is not None and now.age > params.missed_age:
+                since = now.age - params.missed_age
+                swing = params.swing * np.sin(2 * np.pi * since / params.swing_period)
+                gaze = replace(gaze, head=clamp_head(gaze.head - [0.0, swing]))
+            return gaze, replace(state, target=np.full(2, np.nan))
+        place = tuple((params.place_grid * np.round(p_TP / params.place_grid)).tolist())
+        shared = functools.partial(_shared_gaze, self._cameras, secondary, place)
+        radius = self._radius + (params.view_margin if scans else 0.0)
+        gaze = shared(radius, 0.0, current)
+        if not scans or np.isnan(state.target).any():
+            state = replace(state, target=gaze.head, glancing=False)
+        has_dwelt, arrived = self._dwell(state, now.time)
+        state = replace(state, arrived=arrived)
+        if has_dwelt:
+            places = surroundings(p_TP, self._side)
+            in_image = visible(secondary, state.head, places)
+            state = replace(state, seen=np.where(in_image, now.time, state.seen))
+        if scans and now.age < params.scan_age and (has_dwelt or not state.glancing):
+            target = self._next_glance(state, now, p_TP, secondary)
+            state = replace(state, target=target, glancing=True)
+        elif scans and has_dwelt and state.glancing:
+            # Back by the shortest path.
+            heads = [shared(radius, aside, gaze.camera).head for aside in params.glance_angles]
+            turns = np.abs(np.array(heads) - state.head).max(axis=1)
+            state = replace(state, target=heads[int(np.argmin(turns))], glancing=False)
+        return replace(gaze, head=state.target), state
+
+    def _next_glance(
+        self, state: GazeState, now: GazeObservation, p_TP: Vector, camera: HeadCamera
+    ) -> Vector:
+        """Head angles (2,) that show most of what the camera did not see for longest [rad]."""
+        params = self._params
+        if now.look_at is None:
+            middle = aim_head(camera, p_TP)
+            heads = [clamp_head(middle + [aside, 0.0]) for aside in params.glance_angles]
+        else:
+            heads = [best_view(camera, now.X_WT.inverse() @ now.look_at)]
+        turns = np.abs(np.array(heads) - state.head).max(axis=1)
+        durations = params.dwell + 2.0 * np.sqrt(turns / params.max_acceleration)
+        places = surroundings(p_TP, self._side)
+        weights = view_weights(places, self._movable(now), params.view)
+        unseen = now.time - state.seen
+        best = next_best_view(camera, heads, durations, places, weights, unseen, params.view)
+        return heads[best]
+
+    def _movable(self, now: GazeObservation) -> Vector:
+        """Points (P, 3) [m] in T above the surface on which the object stands."""
+        points = now.cloud()
+        if now.X_WO is None or not len(points):
+            return np.zeros((0, 3))
+        off = points - now.X_WO.translation()
+        above = off[:, 2] > self._params.movable_height
+        above &= np.sum(off**2, axis=1) < self._params.movable_distance**2
+        return np.asarray(now.X_WT.inverse() @ points[above].T).T
+
+    def _dwell(self, state: GazeState, time: float) -> tuple[bool, float]:
+        """True if the head dwelt at its target for one glance, and the start of the dwell [s]."""
+        params = self._params
+        off = np.abs(state.target - state.head).max()
+        if off > params.dwell_angle or np.abs(state.velocity).max() > params.dwell_speed:
+            return False, math.inf
+        arrived = state.arrived if math.isfinite(state.arrived) else time
+        return (False, arrived) if time - arrived < params.dwell - 1e-9 else (True, time)
