@@ -71,6 +71,7 @@ class ServedRobot:
         self._task = self.loop.create_task(self._cycles())
         self._ready.set()
         self.loop.run_forever()
+        self.loop.close()
 
     async def _cycles(self):
         due = time.monotonic()

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from pepper_drake.errors import InputError
+from pepper_drake.short_repr import short_repr
 
 
 @dataclass
@@ -89,6 +90,8 @@ class MarkerParams:
     """... and so much more [pixels]."""
     edges: EdgeParams = field(default_factory=EdgeParams)
     """Refinement of the pose on all edges of the pattern."""
+
+    __repr__ = short_repr
 
     def check(self) -> None:
         """Raises InputError for sizes, noise or search ranges that make no sense."""

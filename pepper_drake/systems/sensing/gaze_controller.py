@@ -97,10 +97,10 @@ class GazeController(LeafSystem):
         params: GazeParams | None = None,
     ) -> None:
         super().__init__()
-        cameras = (CAMERA_TOP, CAMERA_BOTTOM) if cameras is None else tuple(cameras)
+        chosen = (CAMERA_TOP, CAMERA_BOTTOM) if cameras is None else tuple(cameras)
         self._policy = GazePolicy(
             p_OP,
-            cameras=cameras,
+            cameras=chosen,
             secondary_camera=secondary_camera,
             radius=radius,
             side=side,
@@ -124,7 +124,7 @@ class GazeController(LeafSystem):
         self._declare_output("in_view", 1, lambda state: [state.in_view])
         self._declare_output("reachable", 1, lambda state: [state.reachable])
         self._declare_output("best_camera", 1, lambda state: [max(state.camera, 0)])
-        names = [camera.name for camera in cameras]
+        names = [camera.name for camera in chosen]
         for name, camera in (("top", CAMERA_TOP), ("bottom", CAMERA_BOTTOM)):
             enabled = functools.partial(_is_enabled, names.index(camera.name))
             self._declare_output(f"{name}_enabled", 1, enabled)
