@@ -19,21 +19,16 @@ import sys
 import time
 
 import numpy as np
-from pydrake.geometry import SceneGraph
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
 from test_control_step import TIME_STEP, make_controller
 
 from pepper_drake.benchmarking.case import Case
+from pepper_drake.benchmarking.physics_alone import make_physics
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import PepperStation, StationConfig, add_gravity_compensation
-from pepper_drake.models.objects import add_scene
-from pepper_drake.models.pepper import add_pepper
-from pepper_drake.models.scene import Scene
+from pepper_drake.diagrams.station import StationConfig
 
 FIRST_SEED = 2000
 """First of the moving scenes whose planning times set `PlanningLatency`."""
@@ -47,42 +42,6 @@ def make_reaching(case: Case, *, cameras: bool) -> Reaching:
     )
     primitive, coupling = make_primitive(None, scene.arm), make_coupling(scene.coupling)
     return Reaching(scene, primitive, coupling, ReachingConfig(station=station))
-
-
-def make_physics(scene: Scene, like: PepperStation) -> Simulator:
-    """The station's plant alone, all its motors holding their places."""
-    builder = DiagramBuilder()
-    pair: tuple[MultibodyPlant, SceneGraph] = AddMultibodyPlant(
-        MultibodyPlantConfig(
-            time_step=like.config.time_step,
-            contact_model="point",
-            discrete_contact_approximation="sap",
-            use_sampled_output_ports=False,
-        ),
-        builder,
-    )
-    plant, pepper = pair[0], add_pepper(pair[0])
-    add_scene(plant, scene)
-    for index in like.plant.GetJointActuatorIndices(like.pepper):
-        theirs = like.plant.get_joint_actuator(index)
-        mine = plant.GetJointActuatorByName(theirs.name(), pepper)
-        plant.get_mutable_joint_actuator(mine.index()).set_controller_gains(
-            theirs.get_controller_gains()
-        )
-    plant.Finalize()
-    for name, position in scene.robot.positions().items():
-        plant.GetJointByName(name, pepper).set_default_positions([position])
-    add_gravity_compensation(builder, plant)
-    simulator = Simulator(builder.Build())
-    context = plant.GetMyContextFromRoot(simulator.get_mutable_context())
-    for number in range(plant.num_model_instances()):
-        instance = type(pepper)(number)
-        port = plant.get_desired_state_input_port(instance)
-        if port.size():
-            rows = plant.GetActuatedJointIndices(instance)
-            held = [plant.get_joint(row).default_positions()[0] for row in rows]
-            port.FixValue(context, np.concatenate((held, np.zeros(len(held)))))
-    return simulator
 
 
 def time_ticks(count: int = 2000) -> None:

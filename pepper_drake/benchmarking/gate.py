@@ -13,6 +13,7 @@ from pepper_drake.benchmarking.baseline import HIGHER, LOWER, Metric
 from pepper_drake.benchmarking.batch import Task, run_tasks
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
+from pepper_drake.benchmarking.physics_alone import make_physics
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
@@ -30,8 +31,8 @@ GROUPS: dict[str, tuple[Case, ...]] = {
 """The scenes, each with our method."""
 _METHOD = "d"
 _APPROXIMATORS = ("trajectory", "lwr", "rbfn", "gmr", "lwpr")
-_STEPS, _ROUNDS = 200, 3
-"""Steps of the physics, 5 ms each, beside which the whole diagram is timed, and how often."""
+_ROUND, _ROUNDS = 1.0, 5
+"""Simulated time [s] for which the physics and the whole diagram take turns, and how often."""
 
 
 def gate_tasks() -> list[Task]:
@@ -116,25 +117,20 @@ def _learning() -> dict[str, Metric]:
 def physics_share() -> float:
     """Time of the physics alone over that of the whole diagram without cameras, 1 at best.
 
-    Both simulate the same plant at the same steps, by turns in this process, so that the ratio
-    holds on any machine. The median of some rounds.
+    Both simulate the same scene at the same steps, by turns in this process. The median of some
+    rounds.
     """
     scene = load_scene("table")
     config = ReachingConfig(station=StationConfig(cameras=False))
     primitive = make_primitive(None, scene.arm)
     reaching = Reaching(scene, primitive, make_coupling(scene.coupling), config)
-    simulator = Simulator(reaching)
-    simulator.Initialize()
-    plant, step = reaching.station.plant, config.station.time_step
-    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    state = plant.AllocateDiscreteVariables()
+    whole, physics = Simulator(reaching), make_physics(scene, reaching.station)
     shares = []
     for number in range(_ROUNDS + 1):  # The first round compiles and fills caches.
-        begin = time.process_time()
-        simulator.AdvanceTo((number + 1) * _STEPS * step)
-        between = time.process_time()
-        for _ in range(_STEPS):
-            plant.CalcForcedDiscreteVariableUpdate(context, state)
-            context.SetDiscreteState(state)
-        shares.append((time.process_time() - between) / (between - begin))
+        until, times = (number + 1) * _ROUND, [time.process_time()]
+        for simulator in (whole, physics):
+            simulator.AdvanceTo(until)
+            times.append(time.process_time())
+        in_whole, alone = np.diff(times)
+        shares.append(alone / in_whole)
     return float(np.median(shares[1:]))

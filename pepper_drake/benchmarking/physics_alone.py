@@ -1,0 +1,56 @@
+"""The physics alone: what a whole diagram's speed is measured against.
+
+Its ratio to the diagram's speed holds on any machine, where both run by turns in one process.
+"""
+
+import numpy as np
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from pepper_drake.diagrams.station import PepperStation, add_gravity_compensation
+from pepper_drake.models.objects import add_scene
+from pepper_drake.models.pepper import add_pepper
+from pepper_drake.models.scene import Scene
+
+
+def make_physics(scene: Scene, like: PepperStation) -> Simulator:
+    """Returns a simulator of a station's plant alone, all its motors holding their places.
+
+    Args:
+        scene: What stands around the robot.
+        like: The station, whose time step and motors' gains it has.
+    """
+    builder = DiagramBuilder()
+    pair: tuple[MultibodyPlant, SceneGraph] = AddMultibodyPlant(
+        MultibodyPlantConfig(
+            time_step=like.config.time_step,
+            contact_model="point",
+            discrete_contact_approximation="sap",
+            use_sampled_output_ports=False,
+        ),
+        builder,
+    )
+    plant, pepper = pair[0], add_pepper(pair[0])
+    add_scene(plant, scene)
+    for index in like.plant.GetJointActuatorIndices(like.pepper):
+        theirs = like.plant.get_joint_actuator(index)
+        mine = plant.GetJointActuatorByName(theirs.name(), pepper)
+        plant.get_mutable_joint_actuator(mine.index()).set_controller_gains(
+            theirs.get_controller_gains()
+        )
+    plant.Finalize()
+    for name, position in scene.robot.positions().items():
+        plant.GetJointByName(name, pepper).set_default_positions([position])
+    add_gravity_compensation(builder, plant)
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyContextFromRoot(simulator.get_mutable_context())
+    for number in range(plant.num_model_instances()):
+        instance = type(pepper)(number)
+        port = plant.get_desired_state_input_port(instance)
+        if port.size():
+            rows = plant.GetActuatedJointIndices(instance)
+            held = [plant.get_joint(row).default_positions()[0] for row in rows]
+            port.FixValue(context, np.concatenate((held, np.zeros(len(held)))))
+    return simulator
