@@ -177,14 +177,14 @@ class Planner(Protocol):
         ...
 
     def stale_space(
-        self, plan: ReachPlan, observation: Observation, newcomers: Vector
+        self, plan: ReachPlan, observation: Observation, new_obstacle: Vector
     ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately.
 
         Args:
             plan: What is performed.
             observation: What is known.
-            newcomers: (N, 3) what came since the arm started, in W [m].
+            new_obstacle: (N, 3) points of an obstacle that came since the arm started, in W [m].
         """
         ...
 

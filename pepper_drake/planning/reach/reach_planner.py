@@ -122,7 +122,7 @@ class ReachPlanner:
         return remaining_clearance(self._evaluator, plan, observation)
 
     def stale_space(
-        self, plan: ReachPlan, observation: Observation, newcomers: Vector
+        self, plan: ReachPlan, observation: Observation, new_obstacle: Vector
     ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
         params, space = self.params.unseen, observation.space
@@ -143,15 +143,15 @@ class ReachPlanner:
         # Of what came, the distance counts to where the arm is by the next image, too.
         near = centers[: round(_NEXT_IMAGE / duration) + 1].reshape(-1, 3)
         distance = np.inf
-        if len(newcomers):
+        if len(new_obstacle):
             X_WT = self._evaluator.scenes.torso_pose(observation)
             near_W = near @ X_WT.rotation().matrix().T + X_WT.translation()
             radius = float(np.max(self._evaluator.kinematics.spheres.radii))
-            distance = float(np.min(cKDTree(newcomers).query(near_W)[0])) - radius
-        if first == len(centers) and not len(newcomers):
+            distance = float(np.min(cKDTree(new_obstacle).query(near_W)[0])) - radius
+        if first == len(centers) and not len(new_obstacle):
             return StaleSpace()
-        ways = np.linalg.norm(np.diff(centers[: first + 2], axis=0), axis=2)
-        fastest = float(ways.max(initial=0.0)) / duration
+        steps = np.linalg.norm(np.diff(centers[: first + 2], axis=0), axis=2)
+        fastest = float(steps.max(initial=0.0)) / duration
         time = first * duration if first < len(centers) else np.inf
         return StaleSpace(place, time, fastest, distance)
 

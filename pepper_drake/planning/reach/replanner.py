@@ -48,7 +48,11 @@ class ReachReplanner:
         plan, time, latency = state.plan, observation.time, self.timing.latency
         assert plan is not None
         has_waited = self._has_waited(state, time)
-        state = self._watching_newcomer(state, observation)
+        new = self._new_obstacle(state, observation)
+        if state.suspended_plan is not None and len(new):
+            # The head looks at what the arm waits for: unseen, it would not be seen to leave.
+            x, y, z = new.mean(axis=0)
+            state = replace(state, look_at=(x, y, z))
         if has_waited and not len(observation.predicted_cloud):
             # An obstacle that has stood there for so long is not new any more.
             known = observation if state.planned_with is None else state.planned_with
@@ -57,8 +61,8 @@ class ReachReplanner:
         is_under_way = state.suspended_plan is None
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
-        stale = self.planner.stale_space(reach, observation, self._newcomers(state, observation))
         if is_under_way:
+            stale = self.planner.stale_space(reach, observation, new)
             stale = stale._replace(time=state.performed + stale.time)
             state = replace(state, look_at=stale.place, stale=stale)
         is_free = rest.least >= self._enough(reach)
@@ -85,15 +89,7 @@ class ReachReplanner:
             state = replace(state, checked=time)
         return self._retreat(state, plan, reach, seen.with_arm(start), due)
 
-    def _watching_newcomer(self, state: ReachState, observation: Observation) -> ReachState:
-        """Has the head look at what the arm waits for: unseen, it would not be seen to leave."""
-        new = self._newcomers(state, observation)
-        if state.suspended_plan is None or not len(new):
-            return state
-        x, y, z = new.mean(axis=0)
-        return replace(state, look_at=(x, y, z))
-
-    def _newcomers(self, state: ReachState, observation: Observation) -> Vector:
+    def _new_obstacle(self, state: ReachState, observation: Observation) -> Vector:
         """Returns the points (N, 3) near the goal at which nothing was when the arm started [m]."""
         began = state.started_with
         if began is None:

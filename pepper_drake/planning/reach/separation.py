@@ -5,8 +5,8 @@ Speed and separation monitoring (ISO/TS 15066:2016, 5.5.4) asks for the distance
     S_p = S_h + S_r + S_s + C + Z_d + Z_r,
 
 of what a person covers until the robot stands, of what the robot covers until it brakes and while
-it brakes, and of uncertainties. Here the hazard is a place on the arm's own way at which something
-may have come since it was seen. S_h, C and the Z are in the age up to which a place counts as seen
+it brakes, and of uncertainties. Here the hazard is a place on the arm's path at which something may
+have come since it was seen. S_h, C and the Z are in the age up to which a place counts as seen
 (`UnseenSpaceParams.recent`); what is left is that the arm has to stand before such a place, with
 
     t = speed * reaction + speed² / (2 slowing),
@@ -44,7 +44,7 @@ class SeparationParams:
     deceleration: float = 2.0
     """Deceleration a of the arm's fastest point [m/s²]: 0.5 m/s within the 0.25 s of `slowing`."""
     intrusion: float = 0.03
-    """Distance by which a newcomer may reach beyond what is seen of it, C and Z [m]."""
+    """Distance by which a new obstacle may reach beyond what is seen of it, C and Z [m]."""
     slowest: float = 0.02
     """Least share of a movement's speed: above zero, so that it gets to its end."""
 

@@ -23,7 +23,7 @@ NOTHING = np.zeros((0, 3))
 
 
 def front(points, left=NOTHING, since=0.0, normals=None):
-    """A newcomer whose shape tells nothing unless normals are given."""
+    """A new obstacle whose shape tells nothing unless normals are given."""
     return NewPoints(points, np.zeros_like(points) if normals is None else normals, left, since)
 
 

@@ -134,9 +134,9 @@ class ScriptedPlanner:
         )
 
     def stale_space(
-        self, plan: ReachPlan, observation: Observation, newcomers: npt.NDArray[np.float64]
+        self, plan: ReachPlan, observation: Observation, new_obstacle: npt.NDArray[np.float64]
     ) -> StaleSpace:
-        return self.stale_after_a_visit if len(newcomers) else self.stale
+        return self.stale_after_a_visit if len(new_obstacle) else self.stale
 
     def questions(self) -> list[str]:
         """Names of the questions that were asked."""
