@@ -26,10 +26,7 @@ ALLOWED = {
             "_PEAK_ACCELERATION"
         ),
     },
-    "diagrams/factory.py": {
-        "tuned": "HAND_RADIUS _GENTLE_DURATION _GENTLE_SPEED",
-        "numeric": "SHORTEST_PATH",
-    },
+    "diagrams/factory.py": {"numeric": "SHORTEST_PATH"},
     "diagrams/head_perception.py": {"sentinel": "_EVER"},
     "diagrams/marker_teaching.py": {"offline": "OUT_OF_REACH"},
     "diagrams/reach_simulation.py": {"offline": "_AFTERMATH _LONGEST"},

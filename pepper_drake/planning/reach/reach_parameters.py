@@ -216,6 +216,11 @@ class ReachTiming:
     """Time for which the arm waits for obstacles to leave, in all its retreats [s]."""
     detour_delay: float = 4.0
     """Time for which the arm waits for a new obstacle to leave before a detour is planned [s]."""
+    gentle_duration: float = 4.0
+    """Duration of a gentle movement, in those of the demonstration, whose fastest point would else
+    exceed 250 mm/s."""
+    gentle_speed: float = 0.15
+    """Share of the joints' rated speed that a gentle arm uses at most."""
     at_rest: float = 0.1
     """Joint speed below which a whole new plan may be made for an arm that waits [rad/s]."""
     clearance_lost: float = 0.003
