@@ -32,9 +32,6 @@ from pepper_drake.short_repr import short_repr
 Keys = npt.NDArray[np.int64]
 Points = npt.NDArray[np.float64]
 
-_MOST = 0.5
-"""A thing with this share of its points at the goal object is the object."""
-
 
 @dataclass(frozen=True, eq=False)
 class DynamicObstacleTracker:
@@ -147,7 +144,7 @@ def update_tracker(
     still = (view.time - times < parameters.near_field.kept) & ~view.sees_free_space(hidden, memory)
     hidden = np.concatenate((hidden[still], veil))
     times = np.concatenate((times[still], np.full(len(veil), view.time)))
-    views = _kept(watch.views, view, approach)
+    views = _kept(watch.views, view, parameters)
     return DynamicObstacleTracker(
         (*views, view),
         voxels.keys,
@@ -165,7 +162,7 @@ def without_object(
     watch: DynamicObstacleTracker,
     solids: Sequence[Solid],
     poses: Sequence[RigidTransform],
-    margin: float,
+    parameters: ObstacleParameters,
 ) -> DynamicObstacleTracker:
     """Tracker state without the goal object, which moved before it was known where to.
 
@@ -176,16 +173,19 @@ def without_object(
         watch: What was known before.
         solids: The object's shapes.
         poses: Poses X_WO of the object, from the last one known to the one of now.
-        margin: Points closer than this belong to it [m].
+        parameters: Margin of the object, and the share of points that makes a thing the object.
     """
 
     def is_object(points: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
         near = np.zeros(len(points), dtype=bool)
         for pose in poses:
-            near |= near_solids(points, solids, [pose] * len(solids), margin)
+            near |= near_solids(
+                points, solids, [pose] * len(solids), parameters.cloud.object_margin
+            )
         return near
 
-    things = tuple(one for one in watch.things if np.mean(is_object(one.points)) < _MOST)
+    most = parameters.approach.object_share
+    things = tuple(one for one in watch.things if np.mean(is_object(one.points)) < most)
     points, times = watch.hidden
     other = ~is_object(points)
     return replace(watch, things=things, hidden=(points[other], times[other]))
@@ -242,18 +242,20 @@ def _without_departed(
 
 
 def _kept(
-    views: Sequence[DepthFrame], view: DepthFrame, parameters: ApproachParameters
+    views: Sequence[DepthFrame], view: DepthFrame, parameters: ObstacleParameters
 ) -> list[DepthFrame]:
     """The views that a new one is added to.
 
     None is too old, and of those that show the same there is one from before what moves slowly came
     in, and those after it.
     """
-    alike = [one for one in views if view.is_like(one) and view.time - one.time >= parameters.apart]
+    memory, approach = parameters.memory, parameters.approach
+    earlier = [one for one in views if view.time - one.time >= approach.apart]
+    alike = [one for one in earlier if view.is_like(one, memory)]
     return [
         one
-        for one in views[-parameters.most_views :]
-        if view.time - one.time < parameters.visit and not any(one is other for other in alike[:-1])
+        for one in views[-approach.most_views :]
+        if view.time - one.time < approach.visit and not any(one is other for other in alike[:-1])
     ]
 
 

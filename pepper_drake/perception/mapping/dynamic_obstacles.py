@@ -31,8 +31,6 @@ Points = npt.NDArray[np.floating]
 _NOWHERE: Points = np.zeros((0, 3), np.float32)
 _WIDE = 9
 """Edge of the square of pixels that have to look through a place surely."""
-_LIKE = 0.15
-"""Views turned or moved against one another by less than this show the same, rad and m."""
 _REGISTRATIONS = 4
 """Steps in which a surface is registered with what it was."""
 
@@ -59,6 +57,7 @@ class ApproachParameters:
         sluggishness: Weight of resting against one point's moving, where its shape does not tell.
         apart: Time between compared images in which slow motion exceeds the noise [s].
         most_views: Number of earlier images that a new one is compared with, besides the last.
+        object_share: A thing with this share of its points at the goal object is the object.
     """
 
     spacing: float = 0.025
@@ -77,6 +76,7 @@ class ApproachParameters:
     sluggishness: float = 0.02
     apart: float = 0.5
     most_views: int = 9
+    object_share: float = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,11 +129,12 @@ class DepthFrame:
         clear = self._wide_clear if surely else self._clear
         return is_free_space(p_W, clear, self.intrinsics, self.X_WC, memory)
 
-    def is_like(self, other: "DepthFrame") -> bool:
-        """True if both views show almost the same."""
+    def is_like(self, other: "DepthFrame", memory: VoxelMapParameters) -> bool:
+        """True if both views show almost the same, by the parameters of a memory of them."""
         off = self.X_WC.InvertAndCompose(other.X_WC)
         turned = abs(off.rotation().ToAngleAxis().angle())
-        return turned < _LIKE and float(np.linalg.norm(off.translation())) < _LIKE
+        moved = float(np.linalg.norm(off.translation()))
+        return turned < memory.alike_angle and moved < memory.alike_distance
 
 
 @dataclass(frozen=True, eq=False)

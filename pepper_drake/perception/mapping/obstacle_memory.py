@@ -13,9 +13,6 @@ from pepper_drake.perception.mapping.dynamic_obstacle_tracker import DynamicObst
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
 
-_SETTLED_SCORE = 3
-"""Voxels of this score were seen often enough for an image to be held against them."""
-
 
 @dataclass(frozen=True)
 class ObstacleMemory:
@@ -69,9 +66,9 @@ class ObstacleMemory:
             space=SeenSpace(voxels, parameters=parameters),
         )
 
-    def settled_points(self) -> npt.NDArray[np.float32]:
+    def settled_points(self, parameters: VoxelMapParameters) -> npt.NDArray[np.float32]:
         """Returns places (P, 3) of what has stood there since it was seen first, in W [m]."""
-        settled = self.voxels.scores >= _SETTLED_SCORE
+        settled = self.voxels.scores >= parameters.settled_score
         if len(self.watch.transient_keys):
             settled &= ~np.isin(self.voxels.keys, self.watch.transient_keys)
         return self.voxels.positions[settled]

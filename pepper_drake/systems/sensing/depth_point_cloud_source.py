@@ -174,7 +174,7 @@ class DepthPointCloudSource(LeafSystem):
     def _look(self, context: Context, state: State) -> EventStatus:
         before = self._get_memory(context)
         X_WT = self._X_WT.Eval(context) if self._X_WT.HasValue(context) else before.X_WT
-        moved = has_moved(before.X_WT, X_WT)
+        moved = has_moved(before.X_WT, X_WT, self._mapper.parameters.validity)
         drives = moved and np.isfinite(before.time)
         memory = self._use_image(context, before, drives)
         if memory is not before or moved:

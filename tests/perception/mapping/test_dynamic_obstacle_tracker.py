@@ -127,6 +127,6 @@ def test_an_object_that_was_lifted_before_it_was_seen_there_has_not_come():
     ball = Solid(Sphere(0.08), RigidTransform())
     there = RigidTransform([0.0, 0.0, 0.82])
     before = RigidTransform([0.0, -0.3, 0.82])
-    assert without_object(watch, [ball], [before, there], 0.015).things == ()
+    assert without_object(watch, [ball], [before, there], PARAMETERS).things == ()
     # What is beside the object is not it.
-    assert without_object(watch, [ball], [before, before], 0.015).things == watch.things
+    assert without_object(watch, [ball], [before, before], PARAMETERS).things == watch.things
