@@ -367,7 +367,7 @@ def summary(report: dict) -> str:
         )
     if "wrong_goals" in goal:
         lines.append(
-            f"  wrong   {goal['wrong_goals']['wrong']} goals handed on in "
+            f"  wrong   {goal['wrong_goals']['wrong']} goals published in "
             f"{goal['wrong_goals']['frames']} frames without one"
         )
     return "\n".join(lines)

@@ -60,9 +60,22 @@ NUMBERS = (
     "compliance",
 )
 """Fields of a scenario that say how the loop works, in whatever scene and for whatever task."""
+_MOVED_IN_APPROACH = {
+    "visit": "transient_timeout",
+    "onward": "extrapolated",
+    "likely": "usual_speed",
+    "alike": "registered_within",
+    "sluggishness": "regularization",
+    "apart": "comparison_interval",
+}
 MOVED = {
     "perception.head_velocity": "perception.gaze.max_velocity",
     "perception.head_acceleration": "perception.gaze.max_acceleration",
+    "perception.goal.hand_on_improvement": "perception.goal.publish_improvement",
+} | {
+    f"perception.{camera}.approach.{former}": f"perception.{camera}.approach.{now}"
+    for camera in ("obstacles", "stereo_obstacles")
+    for former, now in _MOVED_IN_APPROACH.items()
 }
 """Fields by their names of the last release, which this one reads, too, and their names now."""
 

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.evaluation.perception_evaluation import PerceptionEvaluation, camera_before_marker
 from pepper_drake.perception.cameras.camera import CAMERA_TOP, CameraIntrinsics
-from pepper_drake.perception.cameras.noise import degrade_color
+from pepper_drake.perception.cameras.noise import apply_color_noise
 from pepper_drake.perception.goal.detection import detect_goal
 from pepper_drake.perception.goal.imm_filter import GoalState, update_goal
 
@@ -21,7 +21,7 @@ _FRAMES_A_VIEW = 20
 """Frames in a row from one place: what is mistaken once is mistaken again, and gets believed."""
 
 _WRONG_BEYOND = 0.02
-"""A goal handed on farther than this from the true one is a wrong goal [m]."""
+"""A goal published farther than this from the true one is a wrong goal [m]."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class WrongGoals:
         frames: Images looked at.
         measured: Images in which something was taken for the marker. Of half hidden ones that may
             be right.
-        wrong: Goals handed on that were wrong.
+        wrong: Published goals that were wrong.
     """
 
     frames: int
@@ -61,7 +61,7 @@ def count_false_positives(study: PerceptionEvaluation, frames: int, seed: int = 
             )
             kind = KINDS[frame // _FRAMES_A_VIEW % len(KINDS)]
             image = _spoil(study.rig.color_from(camera.ideal(), X_WC), kind, X_WC, study, rng)
-        noisy = degrade_color(image, camera, study.color_noise, seed=seed, frame=frame)
+        noisy = apply_color_noise(image, camera, study.color_noise, seed=seed, frame=frame)
         seen = detect_goal(noisy, 0.2 * frame, X_WC, camera, marked, params=config.marker)
         if seen is None:
             continue

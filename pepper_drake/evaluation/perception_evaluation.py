@@ -25,8 +25,8 @@ from pepper_drake.perception.cameras.noise import (
     NO_DEPTH_NOISE,
     ColorNoise,
     DepthNoise,
-    degrade_color,
-    degrade_depth,
+    apply_color_noise,
+    apply_depth_noise,
 )
 from pepper_drake.perception.cameras.texture import paint_texture, project_pattern
 from pepper_drake.perception.cloud_evaluation import CloudReport, evaluate_cloud, visible_surface
@@ -152,7 +152,7 @@ class PerceptionEvaluation:
         ignored = self._ignored(parameters)
         voxels, durations = VoxelMap.empty(), []
         for frame in range(frames):
-            image = degrade_depth(
+            image = apply_depth_noise(
                 perfect, CAMERA_DEPTH.intrinsics, self._depth_noise, seed=self._seed, frame=frame
             )
             start = time.perf_counter()
@@ -182,7 +182,7 @@ class PerceptionEvaluation:
         robot_points = goal_points = 0
         for number in range(poses):
             rig.set_positions(_draw_pose(rng))
-            image = degrade_depth(
+            image = apply_depth_noise(
                 rig.depth(near.name),
                 near.intrinsics,
                 self._depth_noise,
@@ -276,7 +276,7 @@ class PerceptionEvaluation:
         angle = rng.uniform(0, largest_angle)
         X_WC = camera_before_marker(X_WM, distance, angle, camera.intrinsics, rng)
         rendered = self.rig.color_from(camera.intrinsics.ideal().scaled(_SUPERSAMPLING), X_WC)
-        image = degrade_color(
+        image = apply_color_noise(
             rendered,
             camera.intrinsics,
             self.color_noise,
@@ -321,7 +321,7 @@ class PerceptionEvaluation:
             X_WP = self.rig.pose(self._stereo[0].name)
             image = project_pattern(image, depth, camera.intrinsics, X_WC, X_WP, seed=self._seed)
         noise = ColorNoise(sigma=2.0) if self.config.station.noise else self.color_noise
-        return degrade_color(image, camera.intrinsics, noise, seed=self._seed, frame=number)
+        return apply_color_noise(image, camera.intrinsics, noise, seed=self._seed, frame=number)
 
     def _ignored(self, parameters: ObstacleParameters) -> list[ExcludedSolids]:
         """The robot and the goal object, where they are."""

@@ -78,5 +78,5 @@ def outcome_of(result: ReachResult) -> Outcome:
         times,
         log.hand_position_torso_m[moving][None],
         end_errors=log.goal_distance_m[-1:],
-        arm_gaps=lambda: log.clearance_m[moving][None],
+        arm_distances=lambda: log.clearance_m[moving][None],
     )

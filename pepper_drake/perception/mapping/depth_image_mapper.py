@@ -111,11 +111,11 @@ class DepthImageMapper:
             self.parameters,
         )
         if image.drives:
-            watch = reset_while_driving(memory.watch, view, self.parameters)
+            tracker = reset_while_driving(memory.tracker, view, self.parameters)
         else:
             # The goal object stands on the table.
             table = -np.inf if X_WO is None else float(X_WO.translation()[2])
-            watch, voxels = update_tracker(
+            tracker, voxels = update_tracker(
                 self._without_object(memory, X_WO), voxels, view, excluded, self.parameters, table
             )
         surface = voxels.surface()
@@ -126,7 +126,7 @@ class DepthImageMapper:
             X_WO=X_WO,
             surface=surface,
             cloud=to_point_cloud(surface),
-            watch=watch,
+            tracker=tracker,
             space=memory.space.with_view(view, voxels),
         )
 
@@ -136,15 +136,15 @@ class DepthImageMapper:
         """Moving things without the goal object if it is known by now to have moved itself."""
         before, solids = memory.X_WO, self.object_solids
         if before is None or X_WO is None or not solids:
-            return memory.watch
+            return memory.tracker
         if not has_moved(before, X_WO, self.parameters.validity):
-            return memory.watch
+            return memory.tracker
         step = X_WO.translation() - before.translation()
         poses = [
             RigidTransform(X_WO.rotation(), before.translation() + share * step)
             for share in np.linspace(0.0, 1.0, _POSES)
         ]
-        return without_object(memory.watch, solids, poses, self.parameters)
+        return without_object(memory.tracker, solids, poses, self.parameters)
 
     def _excluded(self, image: DepthImage, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
         """The robot and the goal object, where they are in the image."""

@@ -29,7 +29,7 @@ class ObstacleMemory:
         surface: The map's points.
         cloud: The same in W.
         X_WT: The torso's pose for which the cloud in T is made, when someone asks for it.
-        watch: What moves.
+        tracker: Of moving obstacles.
         space: What is free, occupied and unknown.
     """
 
@@ -43,7 +43,7 @@ class ObstacleMemory:
     surface: SurfacePoints
     cloud: PointCloud
     X_WT: RigidTransform
-    watch: DynamicObstacleTracker
+    tracker: DynamicObstacleTracker
     space: SeenSpace
 
     @classmethod
@@ -62,15 +62,15 @@ class ObstacleMemory:
             surface=surface,
             cloud=to_point_cloud(surface),
             X_WT=RigidTransform(),
-            watch=DynamicObstacleTracker(),
+            tracker=DynamicObstacleTracker(),
             space=SeenSpace(voxels, parameters=parameters),
         )
 
     def settled_points(self, parameters: VoxelMapParameters) -> npt.NDArray[np.float32]:
         """Returns places (P, 3) of what has stood there since it was seen first, in W [m]."""
         settled = self.voxels.scores >= parameters.settled_score
-        if len(self.watch.transient_keys):
-            settled &= ~np.isin(self.voxels.keys, self.watch.transient_keys)
+        if len(self.tracker.transient_keys):
+            settled &= ~np.isin(self.voxels.keys, self.tracker.transient_keys)
         return self.voxels.positions[settled]
 
     def __deepcopy__(self, memo: dict) -> "ObstacleMemory":
