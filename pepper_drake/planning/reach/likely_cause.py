@@ -33,7 +33,7 @@ def likely_cause(
     if state.blind > params.cause.blind:
         return "cloud_missing", (
             f"the depth camera's images came so late or so seldom that the arm waited for "
-            f"them for {state.blind:.1f} s; {symptom}"
+            f"them for {state.blind:.1f} s"
         )
     if planned is None:
         return None
