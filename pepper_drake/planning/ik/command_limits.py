@@ -18,7 +18,7 @@ from pepper_drake.models.pepper import CoupledLimit
 Vector = npt.NDArray[np.float64]
 
 _SHARES = np.linspace(0.0, 1.0, 25)
-"""Shares of the way from what is asked for to full braking that are tried at a coupled limit,
+"""Shares between the desired acceleration and full braking that are tried at a coupled limit,
 twice: coarse, then fine."""
 _ROUNDING = 1e-10
 """Rounding allowed at a coupled limit [rad]."""
