@@ -173,16 +173,16 @@ class CameraModel(LeafSystem):
             self._calc_image,
             prerequisites_of_calc=ticket,
         )
-        self._time_stamp_out = self.DeclareVectorOutputPort(
+        self.DeclareVectorOutputPort(
             "time_stamp", 1, self._calc_time_stamp, prerequisites_of_calc=ticket
         )
-        self._X_WC_out = self.DeclareAbstractOutputPort(
+        self.DeclareAbstractOutputPort(
             "X_WC",
             lambda: Value(RigidTransform()),
             self._calc_X_WC,
             prerequisites_of_calc=ticket,
         )
-        self._position_out = self.DeclareVectorOutputPort(
+        self.DeclareVectorOutputPort(
             "position", num_positions, self._calc_position, prerequisites_of_calc=ticket
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._capture)
