@@ -16,9 +16,6 @@ from pepper_drake.planning.reach.movement import Movement
 
 Vector = npt.NDArray[np.float64]
 
-_STILL = 0.02
-"""Joint speed below which the arm counts as standing [rad/s]."""
-
 
 class HandPath(NamedTuple):
     """Reference of hand and joints at every time step of a movement.
@@ -51,6 +48,7 @@ class KinematicSimulator:
         kinematics: Of the arm.
         ik: Parameters of the inverse kinematics.
         settle: How long a motion goes on after its end at most, in tau.
+        still_speed: Joint speed below which the arm stands [rad/s].
     """
 
     def __init__(
@@ -59,8 +57,10 @@ class KinematicSimulator:
         kinematics: ArmKinematics,
         ik: DifferentialIkParams,
         settle: float,
+        still_speed: float = 0.02,
     ) -> None:
         self._kinematics, self._params, self._settle = kinematics, ik, settle
+        self._still_speed = still_speed
         self._ik = CompiledIk(model, kinematics.chain, kinematics.arm, ik)
         names = arm_joints(kinematics.arm)
         self.limits = model.command_limits(names, speed_fraction=ik.speed_fraction)
@@ -130,7 +130,7 @@ class KinematicSimulator:
                 time_step=self._params.time_step,
             )
             commands[n] = joints
-            if n >= path.ends and n % 5 == 0 and np.abs(velocity).max() < _STILL:
+            if n >= path.ends and n % 5 == 0 and np.abs(velocity).max() < self._still_speed:
                 off = self._kinematics.hand_pose(joints).translation() - path.positions[-1]
                 if np.sqrt(off @ off) < 0.5 * tolerance:
                     return commands[: n + 1]
