@@ -9,6 +9,7 @@ nothing came back nothing is known, and nothing changes.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -248,7 +249,7 @@ def is_free_space(
     """Tells which places (N, 3) an image looks through, by its `minimum_depth`."""
     if len(p_W) == 0 or clear.size == 0:
         return np.zeros(len(p_W), dtype=bool)
-    number = p_W.dtype.type
+    number: Any = p_W.dtype.type
     return np.asarray(
         _looks_through(
             np.array(p_W),
