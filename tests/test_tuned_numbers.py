@@ -109,7 +109,7 @@ ALLOWED = {
         "numeric": "_DAMPING",
         "offline": "_POSTURE_GAIN",
     },
-    "planning/ik/command_limits.py": {"numeric": "_SHARES _ROUNDING"},
+    "planning/ik/compiled_tick.py": {"numeric": "SHARES ROUNDING"},
     "planning/ik/goal_configurations.py": {"numeric": "_LIBRARY_SIZE _SEED _DAMPING _LARGEST_STEP"},
     "planning/ik/safe_command.py": {"numeric": "_SAME"},
     "planning/reach/barrier_for_path.py": {"numeric": "_TRIED"},

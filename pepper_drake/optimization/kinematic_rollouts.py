@@ -149,11 +149,7 @@ class KinematicRollouts:
 def distance_grid(arm: str, field: PointCloudDistance) -> DistanceGrid:
     """Returns the distances to obstacles in T where an arm can be."""
     region = arm_region(arm)
-
-    def near(points: Array) -> Array:
-        return field.distance(points, within=GRID_CAP)
-
-    return DistanceGrid(region, sample(region, near, field.solid_points, GRID_CAP)[None])
+    return DistanceGrid(region, sample(region, field.solid_points, GRID_CAP)[None])
 
 
 def arm_of(primitive: MovementPrimitive) -> str:

@@ -176,7 +176,10 @@ class ReachEvaluator:
         elif behind > params.following.plan:
             status = PlanStatus.CANNOT_FOLLOW
             message = f"the hand would fall {1000 * behind:.0f} mm behind its movement"
-        elif scene.checker.self_distances(joint_path[::5]).min() < params.self_clearance:
+        elif (
+            scene.checker.self_distances(joint_path[::5], params.self_clearance).min()
+            < params.self_clearance
+        ):
             status = PlanStatus.SELF_COLLISION
             message = "the arm would run into the robot's own body"
         elif collision_checked and clearance < params.clearance.start - allowance:

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.planning.ik.command_limits import stopping_distance
+from pepper_drake.planning.ik.compiled_tick import stopping_distance
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
