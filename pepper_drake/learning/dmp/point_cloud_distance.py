@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from pepper_drake.errors import InputError
+from pepper_drake.learning.dmp.point_cells import PointCells
 
 Array = npt.NDArray[np.float64]
 
@@ -67,6 +68,11 @@ class PointCloudDistance:
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(self._solid, _LEAF, balanced_tree=False, compact_nodes=False)
+
+    @cached_property
+    def cells(self) -> PointCells | None:
+        """The cloud and what it was extended by, in cells; None of an empty cloud."""
+        return PointCells.of(self._solid) if len(self._solid) else None
 
     @property
     def solid_points(self) -> Array:

@@ -4,11 +4,13 @@ With these a robot or an object is cut out of a cloud by its own shape, not by a
 """
 
 import functools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 from pydrake.geometry import Box, Capsule, Cylinder, Role, SceneGraph, Shape, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
@@ -43,16 +45,25 @@ class Solid:
             )
 
     @functools.cached_property
-    def bounding_radius(self) -> float:
-        """Radius of the smallest ball around the origin of S that holds the solid [m]."""
+    def kind(self) -> int:
+        """0 for a box, 1 for a cylinder, 2 for a sphere or a capsule."""
+        return 0 if isinstance(self.shape, Box) else 1 if isinstance(self.shape, Cylinder) else 2
+
+    @functools.cached_property
+    def dimensions(self) -> npt.NDArray[np.float64]:
+        """A box's half edges, else radius, half the length of the straight part and 0 (3,) [m]."""
         shape = self.shape
         if isinstance(shape, Box):
-            return float(np.linalg.norm(shape.size())) / 2
-        if isinstance(shape, Cylinder):
-            return float(np.hypot(shape.radius(), shape.length() / 2))
-        if isinstance(shape, Capsule):
-            return shape.radius() + shape.length() / 2
-        return shape.radius()
+            return np.asarray(shape.size()) / 2
+        half = 0.0 if isinstance(shape, Sphere) else shape.length() / 2
+        return np.array([shape.radius(), half, 0.0])
+
+    @functools.cached_property
+    def bounding_radius(self) -> float:
+        """Radius of the smallest ball around the origin of S that holds the solid [m]."""
+        if self.kind < 2:
+            return float(np.linalg.norm(self.dimensions))
+        return float(np.sum(self.dimensions))
 
     def signed_distance(self, p_S: Points) -> Points:
         """Computes the signed distance of points to the surface, negative inside.
@@ -63,21 +74,32 @@ class Solid:
         Returns:
             (N,) [m].
         """
-        shape = self.shape
-        if isinstance(shape, Sphere):
-            return np.linalg.norm(p_S, axis=1) - shape.radius()
-        if isinstance(shape, Capsule):
-            beyond = p_S.copy()
-            half = shape.length() / 2
-            beyond[:, 2] -= np.clip(p_S[:, 2], -half, half)
-            return np.linalg.norm(beyond, axis=1) - shape.radius()
-        if isinstance(shape, Box):
-            excess = np.abs(p_S) - shape.size() / 2
-        else:
-            across = np.hypot(p_S[:, 0], p_S[:, 1]) - shape.radius()
-            excess = np.stack([across, np.abs(p_S[:, 2]) - shape.length() / 2], axis=1)
-        outside = np.linalg.norm(np.maximum(excess, 0), axis=1)
-        return outside + np.minimum(excess.max(axis=1), 0)
+        return np.asarray(_signed_distances(self.kind, self.dimensions, np.array(p_S, order="C")))
+
+
+@njit(cache=True)
+def signed_distance(
+    kind: int, dimensions: npt.NDArray[np.float64], x: float, y: float, z: float
+) -> float:
+    """Signed distance of one point of a solid's own frame [m]; see `Solid`."""
+    if kind == 2:
+        beyond = max(abs(z) - dimensions[1], 0.0)
+        return math.sqrt(x * x + y * y + beyond * beyond) - dimensions[0]
+    if kind == 1:
+        a, b, c = math.sqrt(x * x + y * y) - dimensions[0], abs(z) - dimensions[1], -math.inf
+    else:
+        a, b, c = abs(x) - dimensions[0], abs(y) - dimensions[1], abs(z) - dimensions[2]
+    inside = min(max(a, b, c), 0.0)
+    a, b, c = max(a, 0.0), max(b, 0.0), max(c, 0.0)
+    return math.sqrt(a * a + b * b + c * c) + inside
+
+
+@njit(cache=True)
+def _signed_distances(kind: int, dimensions: npt.NDArray[np.float64], points: Points) -> Points:
+    distances = np.empty(len(points), points.dtype)
+    for n in range(len(points)):
+        distances[n] = signed_distance(kind, dimensions, points[n, 0], points[n, 1], points[n, 2])
+    return distances
 
 
 @dataclass(frozen=True)
