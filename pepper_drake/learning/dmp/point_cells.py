@@ -1,4 +1,4 @@
-"""Points sorted into the cells of a grid: made in a tenth of the time of a k-d tree."""
+"""The nearest of points that are sorted into cells: made in a tenth of a k-d tree's time."""
 
 import math
 from typing import NamedTuple
@@ -132,3 +132,90 @@ def least_gaps(centers: Array, radii: Array, cells: PointCells, within: float) -
         if nearest >= 0:
             least[m], last = best, nearest
     return least
+
+
+@njit(cache=True)
+def nearest_distances(places: Array, cells: PointCells, within: float) -> Array:
+    """Distance (N,) of places (N, 3) to the nearest point, infinite beyond `within` [m]."""
+    found = np.full(len(places), np.inf)
+    known = within  # Distance that the last place had at most.
+    for n in range(len(places)):
+        x, y, z = places[n]
+        if n:
+            u, v, w = x - places[n - 1, 0], y - places[n - 1, 1], z - places[n - 1, 2]
+            known += math.sqrt(u * u + v * v + w * w)
+        bound = min(known * (1.0 + 1e-9) + 1e-9, within)
+        distance = _nearest(x, y, z, bound, cells)
+        known = within
+        if distance < bound:
+            found[n] = known = distance
+    return found
+
+
+@njit(cache=True)
+def _nearest_points(
+    x: float, y: float, z: float, count: int, cells: PointCells, squares: Array
+) -> npt.NDArray[np.int64]:
+    """Indices (count,) of the points nearest to a place, and their squared distances [m²]."""
+    points, first, lower, counts, size = cells
+    chosen = np.empty(count, np.int64)
+    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    bound = size
+    while True:
+        whole, found = True, 0
+        for k, place in enumerate((x, y, z)):
+            least = np.floor((place - bound - lower[k]) / size)
+            most = np.floor((place + bound - lower[k]) / size)
+            whole &= least <= 0.0 and most >= counts[k] - 1.0
+            low[k] = int(min(max(least, 0.0), counts[k] - 1.0))
+            high[k] = int(min(max(most, 0.0), counts[k] - 1.0))
+        for i in range(low[0], high[0] + 1):
+            for j in range(low[1], high[1] + 1):
+                row = (i * counts[1] + j) * counts[2]
+                for n in range(first[row + low[2]], first[row + high[2] + 1]):
+                    u, v, w = x - points[n, 0], y - points[n, 1], z - points[n, 2]
+                    square = u * u + v * v + w * w
+                    if found == count and square >= squares[count - 1]:
+                        continue
+                    found = min(found + 1, count)
+                    k = found - 1
+                    while k > 0 and squares[k - 1] > square:
+                        squares[k], chosen[k] = squares[k - 1], chosen[k - 1]
+                        k -= 1
+                    squares[k], chosen[k] = square, n
+        # All within the bound were looked at; what is chosen beyond it need not be the nearest.
+        if whole or (found == count and squares[count - 1] <= bound * bound):
+            return chosen
+        bound *= 2.0
+
+
+@njit(cache=True)
+def blended_directions(
+    places: Array, cells: PointCells, count: int, blending: float
+) -> tuple[Array, Array]:
+    """Distances (N,) [m] to the nearest point, and directions (N, 3) away from the nearest few.
+
+    Args:
+        places: (N, 3) [m].
+        cells: The points.
+        count: Of points that a direction is blended of, at most as many as there are.
+        blending: Distance over which the weight of a point falls [m].
+    """
+    distances, directions = np.empty(len(places)), np.empty((len(places), 3))
+    squares, total = np.empty(count), np.empty(3)
+    for n in range(len(places)):
+        chosen = _nearest_points(places[n, 0], places[n, 1], places[n, 2], count, cells, squares)
+        nearest = math.sqrt(squares[0])
+        total[:] = 0.0
+        for k in range(count):
+            distance = math.sqrt(squares[k])
+            weight = math.exp((nearest - distance) / blending) / max(distance, 1e-9)
+            for i in range(3):
+                total[i] += weight * (places[n, i] - cells.points[chosen[k], i])
+        length = math.sqrt(np.sum(total * total))
+        if length <= 1e-9:
+            # Directions may cancel out inside a solid: there the nearest point alone decides.
+            total[:] = places[n] - cells.points[chosen[0]]
+            length = max(math.sqrt(np.sum(total * total)), 1e-12)
+        distances[n], directions[n] = nearest, total / length
+    return distances, directions

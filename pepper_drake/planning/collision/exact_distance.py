@@ -88,7 +88,12 @@ class ExactDistance:
             field: In a frame F.
             X_FT: The torso's pose in F; left out, F is T.
             within: An arm that is farther away than this is infinitely far [m].
+
+        Raises:
+            ValueError: A joint is not finite.
         """
+        if not np.isfinite(joints).all():
+            raise ValueError("joints must be finite")
         if field.cells is None:
             return np.full(len(joints), np.inf)
         X_FT = RigidTransform() if X_FT is None else X_FT
