@@ -96,7 +96,7 @@ class KinematicRollouts:
             poses.hand_position.reshape(*shape, 3),
             joints=joints,
             joint_limits=np.stack((limits.position_lower, limits.position_upper)),
-            arm_gaps=gaps,
+            arm_distances=gaps,
         )
 
     def joints(self, samples: Array) -> tuple[Array, Array]:

@@ -17,12 +17,6 @@ from pepper_drake.short_repr import short_repr
 
 Points = npt.NDArray[np.floating]
 
-_MOST_VIEWS = 32
-"""So many views are kept; the one that was seen longest ago goes first."""
-
-_MOST_ALIKE = 3
-"""So many views that show the same."""
-
 
 class SpaceState(enum.IntEnum):
     """Knowledge of a place: free, occupied or unknown."""
@@ -64,9 +58,11 @@ class SeenSpace:
         """
         if view.depth.size == 0:
             return replace(self, voxels=voxels)
-        alike = [one for one in self.views if view.is_like(one)][: 1 - _MOST_ALIKE]
+        most_alike, most = self.parameters.most_alike, self.parameters.most_views
+        alike = [one for one in self.views if view.is_like(one, self.parameters)]
+        alike = alike[: max(len(alike) + 1 - most_alike, 0)]
         others = tuple(one for one in self.views if not any(one is old for old in alike))
-        return replace(self, voxels=voxels, views=(*others, view)[-_MOST_VIEWS:])
+        return replace(self, voxels=voxels, views=(*others, view)[-most:])
 
     def states(
         self, p_W: Points, time: float

@@ -25,9 +25,6 @@ from pepper_drake.short_repr import figure_view, short_repr
 
 _KEY_BITS = 21
 _KEY_OFFSET = 1 << (_KEY_BITS - 1)
-_MAX_WEIGHT = 40.0
-"""Points that a voxel's mean remembers: it follows what changes slowly."""
-
 _LEAST_PIXELS = 4
 """Pixels, of nine, that have to have measured something for a voxel to be looked through."""
 
@@ -48,6 +45,13 @@ class VoxelMapParameters:
         depth_noise: Standard deviation of the depth at 1 m [m]; it grows with the square of depth.
         max_age: Voxels not hit for this long are forgotten [s]; by default no run is that long.
         max_distance: Voxels farther than this from the camera are forgotten [m].
+        max_weight: Points that a voxel's mean remembers: it follows what changes slowly.
+        settled_score: Voxels of this score were seen often enough for an image to be held against
+            them.
+        alike_distance: Views whose cameras are less apart than this [m], ...
+        alike_angle: ... and turned by less than this [rad], show the same.
+        most_alike: Number of views that show the same that are kept, ...
+        most_views: ... and of all views; the oldest goes first.
     """
 
     voxel_size: float = 0.0125
@@ -59,6 +63,12 @@ class VoxelMapParameters:
     depth_noise: float = 0.002
     max_age: float = 1e6
     max_distance: float = 3.0
+    max_weight: float = 40.0
+    settled_score: int = 3
+    alike_distance: float = 0.15
+    alike_angle: float = 0.15
+    most_alike: int = 3
+    most_views: int = 32
 
     def __post_init__(self) -> None:
         if not self.voxel_size > 0:
@@ -177,7 +187,7 @@ def add_points(
     weights, scores, times = voxels.weights.copy(), voxels.scores.copy(), voxels.hit_times.copy()
     total = weights[old] + weight[known]
     positions[old] = (positions[old] * weights[old, None] + position_sum[known]) / total[:, None]
-    fading = np.minimum(1.0, _MAX_WEIGHT / total)
+    fading = np.minimum(1.0, parameters.max_weight / total)
     all_normals[old] = (all_normals[old] + normal_sum[known]) * fading[:, None]
     weights[old] = total * fading
     scores[old] = np.minimum(scores[old] + parameters.hit, parameters.max_score)

@@ -12,6 +12,7 @@ from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.perception.mapping.solids import Solid, SolidSet
 from pepper_drake.planning.collision.arm_kinematics import ArmPoses
+from pepper_drake.planning.collision.clearance_table import FARTHEST
 from pepper_drake.planning.collision.distance_grid import DistanceGrid, Region, sample
 from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.collision.sphere_model import SphereModel, arm_link_names
@@ -22,9 +23,6 @@ GRID_SPACING = 0.02
 """Spacing of the distance grid [m]."""
 GRID_CAP = 0.08
 """Distances beyond this are all the same [m]: twice a sphere's radius."""
-
-FAR = 0.15
-"""Clearances beyond this do not matter [m]."""
 
 CLOUD, CLOUD_AND_BODY = 0, 1
 """The grid's layers."""
@@ -121,13 +119,13 @@ class ArmCollisionChecker:
         """Returns the least distance (N,) to seen obstacles at joints (N, 5) [rad] [m].
 
         It is exact where the arm is near, that of its spheres farther away, and infinite beyond
-        `FAR`.
+        `FARTHEST`.
         """
-        return self._shapes.distances(joints, self._field, self._X_FT, within=FAR)
+        return self._shapes.distances(joints, self._field, self._X_FT, within=FARTHEST)
 
     def object_distances(self, joints: Vector) -> Vector:
         """Returns the least distance (N,) to the goal object, as `distances` [m]."""
-        return self._shapes.distances(joints, self._object, self._X_TO.inverse(), within=FAR)
+        return self._shapes.distances(joints, self._object, self._X_TO.inverse(), within=FARTHEST)
 
     def self_distances(self, joints: Vector, within: float = np.inf) -> Vector:
         """Returns the least distance (N,) of forearm and hand to the robot's body [m].

@@ -75,6 +75,7 @@ class CompiledIk:
         ends: int,
         goal: Vector,
         tolerance: float,
+        still_speed: float,
     ) -> Vector:
         """Joint commands (N + 1, 5) [rad] of N ticks, each by `velocity` and the joints' limits.
 
@@ -87,6 +88,7 @@ class CompiledIk:
             ends: Tick from which on the commands end when the arm stands near its goal.
             goal: (3,) of the hand [m].
             tolerance: Distance that is near [m].
+            still_speed: Joint speed below which the arm stands [rad/s].
         """
         commands: Vector = track_path(
             np.array(start[0]),
@@ -101,5 +103,6 @@ class CompiledIk:
             ends,
             np.array(goal),
             tolerance,
+            still_speed,
         )
         return commands

@@ -28,8 +28,6 @@ SHARES = 24
 twice: coarse, then fine."""
 ROUNDING = 1e-10
 """Rounding allowed at a coupled limit [rad]."""
-STILL = 0.02
-"""Joint speed below which the arm counts as standing [rad/s]."""
 
 
 class IkNumbers(NamedTuple):
@@ -449,6 +447,7 @@ def track_path(
     ends: int,
     goal: Vector,
     tolerance: float,
+    still_speed: float,
 ) -> Vector:
     """Joint commands (N, 5) [rad] along a path; see `CompiledIk.track`."""
     count = len(positions) + 1
@@ -460,7 +459,7 @@ def track_path(
         )
         joints, velocity = limited_step(joints, velocity, wished, limits, time_step)
         commands[n] = joints
-        if n >= ends and n % 5 == 0 and np.abs(velocity).max() < STILL:
+        if n >= ends and n % 5 == 0 and np.abs(velocity).max() < still_speed:
             off = _hand(joints, chain)[1] - goal
             if np.sqrt(np.sum(off * off)) < tolerance:
                 return commands[: n + 1]

@@ -47,6 +47,7 @@ class KinematicSimulator:
         kinematics: Of the arm.
         ik: Parameters of the inverse kinematics.
         settle: How long a motion goes on after its end at most, in tau.
+        still_speed: Joint speed below which the arm stands [rad/s].
     """
 
     def __init__(
@@ -55,8 +56,10 @@ class KinematicSimulator:
         kinematics: ArmKinematics,
         ik: DifferentialIkParams,
         settle: float,
+        still_speed: float = 0.02,
     ) -> None:
         self._kinematics, self._params, self._settle = kinematics, ik, settle
+        self._still_speed = still_speed
         self._ik = CompiledIk(model, kinematics.chain, kinematics.arm, ik)
         names = arm_joints(kinematics.arm)
         self.limits = model.command_limits(names, speed_fraction=ik.speed_fraction)
@@ -122,4 +125,5 @@ class KinematicSimulator:
             ends=path.ends,
             goal=p[-1],
             tolerance=0.5 * tolerance,
+            still_speed=self._still_speed,
         )

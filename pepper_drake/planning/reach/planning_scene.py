@@ -25,9 +25,6 @@ from pepper_drake.planning.reach.support_surface import extrapolate_support_surf
 
 Vector = npt.NDArray[np.float64]
 
-_NEAR = 1.0
-"""Obstacles farther from the torso's frame than this are out of the arm's reach [m]."""
-
 
 @dataclass(frozen=True, eq=False)
 class PlanningScene:
@@ -127,7 +124,7 @@ class PlanningSceneBuilder:
             base_pose,
             observation.arm,
             X_TO,
-            cloud_T[np.linalg.norm(cloud_T, axis=1) < _NEAR],
+            cloud_T[np.linalg.norm(cloud_T, axis=1) < self._params.obstacle_range],
             checker,
         )
 
