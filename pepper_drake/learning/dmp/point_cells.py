@@ -154,13 +154,16 @@ def nearest_distances(places: Array, cells: PointCells, within: float) -> Array:
 
 @njit(cache=True)
 def _nearest_points(
-    x: float, y: float, z: float, count: int, cells: PointCells, squares: Array
+    x: float, y: float, z: float, bound: float, cells: PointCells, squares: Array
 ) -> npt.NDArray[np.int64]:
-    """Indices (count,) of the points nearest to a place, and their squared distances [m²]."""
+    """Indices (K,) of the points nearest to a place; their squared distances (K,) in `squares`.
+
+    They are looked for within a bound first [m], then farther away.
+    """
     points, first, lower, counts, size = cells
+    count = len(squares)
     chosen = np.empty(count, np.int64)
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
-    bound = size
     while True:
         whole, found = True, 0
         for k, place in enumerate((x, y, z)):
@@ -170,7 +173,13 @@ def _nearest_points(
             low[k] = int(min(max(least, 0.0), counts[k] - 1.0))
             high[k] = int(min(max(most, 0.0), counts[k] - 1.0))
         for i in range(low[0], high[0] + 1):
+            near = lower[0] + size * i
+            a = max(near - x, x - near - size, 0.0)
             for j in range(low[1], high[1] + 1):
+                near = lower[1] + size * j
+                b = max(near - y, y - near - size, 0.0)
+                if found == count and a * a + b * b >= squares[count - 1]:
+                    continue
                 row = (i * counts[1] + j) * counts[2]
                 for n in range(first[row + low[2]], first[row + high[2] + 1]):
                     u, v, w = x - points[n, 0], y - points[n, 1], z - points[n, 2]
@@ -203,8 +212,13 @@ def blended_directions(
     """
     distances, directions = np.empty(len(places)), np.empty((len(places), 3))
     squares, total = np.empty(count), np.empty(3)
+    bound = cells.size
     for n in range(len(places)):
-        chosen = _nearest_points(places[n, 0], places[n, 1], places[n, 2], count, cells, squares)
+        x, y, z = places[n]
+        if n:  # The last of the nearest is not farther than it was and the way since.
+            u, v, w = x - places[n - 1, 0], y - places[n - 1, 1], z - places[n - 1, 2]
+            bound = math.sqrt(squares[count - 1]) + math.sqrt(u * u + v * v + w * w) + 1e-9
+        chosen = _nearest_points(x, y, z, bound, cells, squares)
         nearest = math.sqrt(squares[0])
         total[:] = 0.0
         for k in range(count):
