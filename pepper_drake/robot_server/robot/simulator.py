@@ -5,6 +5,7 @@ machine is too slow, the robot's clock slows with the simulation, so that all st
 """
 
 import math
+import signal
 import time
 from dataclasses import dataclass
 
@@ -107,6 +108,7 @@ def simulate(config: SimulatorConfig, names: SharedNames) -> None:
         config: The robot.
         names: Its shared memory.
     """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which ends this process.
     SimulatedPepper(config, names).run()
 
 
