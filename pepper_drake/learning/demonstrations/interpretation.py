@@ -35,6 +35,7 @@ from pepper_drake.learning.demonstrations.importers.track import Track
 from pepper_drake.learning.demonstrations.orientation_columns import read_rotations
 from pepper_drake.learning.demonstrations.refusals import (
     HAND_DISTANCE,
+    MOST_CLIPPED,
     find_outliers,
     refuse_far,
     refuse_impossible,
@@ -165,6 +166,8 @@ def interpret_joints(track: Track, options: ImportOptions) -> JointRecording:
     names = tuple(str(found[k]) for k in kept)
     if len(set(names)) < len(names):
         raise InputError(f"{track.path}: a joint has two columns ({', '.join(names)[:80]})")
+    if options.clip_joints:
+        joints = _clipped(joints, names, notes)
     refuse_limits(joints, names, track.where)
     return JointRecording(track.name, track.times, joints, names, tuple(notes))
 
@@ -361,6 +364,8 @@ def _joints(
                 " --angle deg"
             )
     joints = track.joints * ANGLES[unit]
+    if options.clip_joints:
+        joints = _clipped(joints, names, notes)
     if not whole:
         joints_of_arm, joint_names = _part_of_an_arm(track, names, joints, notes)
         if joints_of_arm is not None:
@@ -378,6 +383,19 @@ def _joints(
         notes.append(f"the {arm} arm's joints, picked by name among {len(names)}")
     refuse_limits(columns[arm], arm_chain(arm).joint_names, track.where)
     return arm, columns[arm], arm_chain(arm).joint_names
+
+
+def _clipped(joints: Array, names: Sequence[str | None], notes: list[str]) -> Array:
+    """Returns joints (N, J) [rad] with what is a little beyond a limit at it, as ALMotion does."""
+    none = (-np.inf, np.inf)
+    lower, upper = np.array([joint_limits().get(str(name), none) for name in names]).T
+    inside = np.clip(joints, lower, upper)
+    over = np.abs(joints - inside)
+    moved = (over > 0.0) & (over <= MOST_CLIPPED)
+    if moved.any():
+        which = ", ".join(str(names[j]) for j in np.flatnonzero(moved.any(axis=0)))
+        notes.append(f"brought to Pepper's limits, by {over[moved].max():.2f} rad at most: {which}")
+    return np.where(moved, inside, joints)
 
 
 def _refuse_the_arm_at_rest(

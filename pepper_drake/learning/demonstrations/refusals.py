@@ -42,6 +42,9 @@ time."""
 LIMIT_SLACK = 0.06
 """Joints may be measured beyond their limits by this much [rad]."""
 
+MOST_CLIPPED = 0.5
+"""Joints beyond their limits by more than this [rad] are not brought to them."""
+
 HAND_DISTANCE, HAND_TURN = 0.03, 0.2
 """The hand may be so far from where the joints have it [m, rad], by the median of all samples."""
 
@@ -282,7 +285,9 @@ def refuse_limits(joints: Array, names: Sequence[str], label: Where) -> None:
         if over[k] > LIMIT_SLACK:
             # A joint that turns by more than a circle is not in radians.
             degrees = np.abs(joints).max() > 4.0
-            mend = "are they degrees (--angle deg)?" if degrees else "correct the row"
+            mend = "are they degrees (--angle deg)?" if degrees else "correct it"
+            if not degrees and over[k] <= MOST_CLIPPED:
+                mend = "correct it, or say --clip-joints to stop at the limit, as ALMotion does"
             raise InputError(
                 f"{label(k)}: joint {name} at {joints[k, j]:.4g} rad is beyond its limits,"
                 f" {lower:g} to {upper:g} rad; {mend}"
