@@ -67,6 +67,7 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     Raises:
         InputError: With file, line and the mend.
     """
+    track = track.without_repeats()
     notes = [f"read as {track.kind}", *track.notes]
     track = _with_times(track, options, notes)
     _refuse_order(track)
@@ -92,9 +93,10 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     if track.positions is not None:
         placed = _in_torso(placed, track, options, notes)
     where = track.where
-    refuse_far(placed.positions, where)
+    unit_known = (options.unit or track.unit) is not None
+    refuse_far(placed.positions, where, unit_known)
     if joints is None and (options.frame, options.start) == (None, None):
-        refuse_unreached(placed.positions, where)
+        refuse_unreached(placed.positions, where, unit_known)
     if options.unit is None:
         refuse_rest(placed.positions, placed.rotations, where)
     if options.time is None and track.time_unit is None:
@@ -151,9 +153,9 @@ def interpret_joints(track: Track, options: ImportOptions) -> JointRecording:
     Raises:
         InputError: It has none, or they are beyond their limits.
     """
+    track = track.without_repeats()
     notes = [f"read as {track.kind}", *track.notes]
     track = _with_times(track, options, notes)
-    _refuse_order(track)
     found = [joint_of(name) for name in track.joint_names]
     limits = joint_limits()
     kept = [k for k, name in enumerate(found) if name is not None and name in limits]
@@ -265,8 +267,9 @@ def _refuse_order(track: Track) -> None:
     if len(back):
         k = int(back[0])
         raise InputError(
-            f"{track.where(k + 1)}: time {track.times[k + 1]:g} s does not come after"
-            f" {track.times[k]:g} s; rows must be in order of time, each time once"
+            f"{track.where(k + 1)}: time {track.times[k + 1]:.10g} s does not come after"
+            f" {track.times[k]:.10g} s; rows must be in order of time, each time once (remove one"
+            " of them, or say --rate HZ where the samples are even)"
         )
 
 

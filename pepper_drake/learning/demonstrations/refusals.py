@@ -79,8 +79,8 @@ def refuse_impossible(demonstration: "Demonstration", where: Where | None = None
         refuse_joints(demonstration, label)
 
 
-def refuse_far(positions: Array, label: Where) -> None:
-    """Refuses positions that are metres away: another unit, another frame."""
+def refuse_far(positions: Array, label: Where, unit_known: bool = False) -> None:
+    """Refuses positions that are metres away: another unit, unless it is known, another frame."""
     far = np.linalg.norm(positions, axis=1)
     k = int(np.argmax(far))
     if far[k] <= FARTHEST:
@@ -88,17 +88,19 @@ def refuse_far(positions: Array, label: Where) -> None:
     units = [
         f"{word} (--unit {unit})"
         for unit, word, size in (("mm", "millimetres", 1e-3), ("cm", "centimetres", 1e-2))
-        if far[k] * size <= FARTHEST
+        if far[k] * size <= FARTHEST and not unit_known
     ]
     guess = f"are they {' or '.join(units[::-1])}, or in" if units else "are they in"
     hint = f"{guess} another unit or frame (--unit, --start X Y Z)?"
+    if unit_known:
+        hint = "say where the motion starts (--start X Y Z)"
     raise InputError(
         f"{label(k)}: the hand would be {far[k]:.3g} m from the torso, and the arm reaches 0.41 m;"
         f" positions must be metres in the torso frame: {hint}"
     )
 
 
-def refuse_unreached(positions: Array, label: Where) -> None:
+def refuse_unreached(positions: Array, label: Where, unit_known: bool = False) -> None:
     """Refuses a motion that is nowhere near what either arm reaches: another frame or unit."""
     shoulders = [arm_chain(arm).shoulder for arm in ("left", "right")]
 
@@ -112,12 +114,13 @@ def refuse_unreached(positions: Array, label: Where) -> None:
     here = away(positions)
     if here.min() <= 0.01:
         return
-    readings = {
-        "are they above the floor (--frame base_footprint)": positions - _UP,
-        "are they feet (--unit ft)": 0.3048 * positions,
-        "are they inches (--unit in)": 0.0254 * positions,
-        "are they centimetres (--unit cm)": 0.01 * positions,
-    }
+    readings = {"are they above the floor (--frame base_footprint)": positions - _UP}
+    if not unit_known:
+        readings |= {
+            "are they feet (--unit ft)": 0.3048 * positions,
+            "are they inches (--unit in)": 0.0254 * positions,
+            "are they centimetres (--unit cm)": 0.01 * positions,
+        }
     mends = [mend for mend, p in readings.items() if np.mean(away(p) <= 0.01) > 0.8]
     if here.min() <= REACH_SLACK and not mends:
         return
