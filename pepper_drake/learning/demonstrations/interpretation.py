@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
+from pepper_drake.learning.demonstrations import arm_chain as arms
 from pepper_drake.learning.demonstrations.arm_chain import ARMS, arm_chain, joint_limits, rotate
 from pepper_drake.learning.demonstrations.conditioning import (
     LEVER,
@@ -35,7 +36,6 @@ from pepper_drake.learning.demonstrations.importers.track import Track
 from pepper_drake.learning.demonstrations.orientation_columns import read_rotations
 from pepper_drake.learning.demonstrations.refusals import (
     HAND_DISTANCE,
-    MOST_CLIPPED,
     find_outliers,
     refuse_far,
     refuse_impossible,
@@ -93,9 +93,10 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     if track.positions is not None:
         placed = _in_torso(placed, track, options, notes)
     where = track.where
+    notes += _taken_as(track, options)
     unit_known = (options.unit or track.unit) is not None
     refuse_far(placed.positions, where, unit_known)
-    if joints is None and (options.frame, options.start) == (None, None):
+    if len(names) < 5 and (options.frame, options.start) == (None, None):
         refuse_unreached(placed.positions, where, unit_known)
     if options.unit is None:
         refuse_rest(placed.positions, placed.rotations, where)
@@ -169,7 +170,7 @@ def interpret_joints(track: Track, options: ImportOptions) -> JointRecording:
     if len(set(names)) < len(names):
         raise InputError(f"{track.path}: a joint has two columns ({', '.join(names)[:80]})")
     if options.clip_joints:
-        joints = _clipped(joints, names, notes)
+        joints = arms.clip_to_limits(joints, names, notes)
     refuse_limits(joints, names, track.where)
     return JointRecording(track.name, track.times, joints, names, tuple(notes))
 
@@ -229,6 +230,18 @@ def filtered(demonstration: Demonstration) -> Demonstration:
         f" smoothed with a cut-off of {cutoff:.1f} Hz, as recordings are"
     )
     return replace(smooth, notes=(*demonstration.notes, note))
+
+
+def _taken_as(track: Track, options: ImportOptions) -> list[str]:
+    """Returns a note on what neither the file nor the user says; of our own folders, none."""
+    own = track.positions is None or track.kind == "a folder of a demonstration"
+    said = {
+        "metres": options.unit or track.unit,
+        "seconds": options.time or track.time_unit,
+        "in the torso frame": options.frame or options.start or options.plane or track.frame,
+    }
+    taken = [word for word, value in said.items() if value is None]
+    return [f"taken as {', '.join(taken)}: nothing says otherwise"] if taken and not own else []
 
 
 def _with_times(track: Track, options: ImportOptions, notes: list[str]) -> Track:
@@ -368,7 +381,7 @@ def _joints(
             )
     joints = track.joints * ANGLES[unit]
     if options.clip_joints:
-        joints = _clipped(joints, names, notes)
+        joints = arms.clip_to_limits(joints, names, notes)
     if not whole:
         joints_of_arm, joint_names = _part_of_an_arm(track, names, joints, notes)
         if joints_of_arm is not None:
@@ -386,19 +399,6 @@ def _joints(
         notes.append(f"the {arm} arm's joints, picked by name among {len(names)}")
     refuse_limits(columns[arm], arm_chain(arm).joint_names, track.where)
     return arm, columns[arm], arm_chain(arm).joint_names
-
-
-def _clipped(joints: Array, names: Sequence[str | None], notes: list[str]) -> Array:
-    """Returns joints (N, J) [rad] with what is a little beyond a limit at it, as ALMotion does."""
-    none = (-np.inf, np.inf)
-    lower, upper = np.array([joint_limits().get(str(name), none) for name in names]).T
-    inside = np.clip(joints, lower, upper)
-    over = np.abs(joints - inside)
-    moved = (over > 0.0) & (over <= MOST_CLIPPED)
-    if moved.any():
-        which = ", ".join(str(names[j]) for j in np.flatnonzero(moved.any(axis=0)))
-        notes.append(f"brought to Pepper's limits, by {over[moved].max():.2f} rad at most: {which}")
-    return np.where(moved, inside, joints)
 
 
 def _refuse_the_arm_at_rest(

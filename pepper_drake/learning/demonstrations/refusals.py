@@ -8,7 +8,13 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.demonstrations.arm_chain import arm_chain, arm_of, joint_limits
+from pepper_drake.learning.demonstrations.arm_chain import (
+    MOST_CLIPPED,
+    arm_chain,
+    arm_of,
+    joint_limits,
+)
+from pepper_drake.learning.demonstrations.importers.options import TIMES
 
 if TYPE_CHECKING:
     from pepper_drake.learning.demonstrations.demonstration import Demonstration
@@ -41,9 +47,6 @@ time."""
 
 LIMIT_SLACK = 0.06
 """Joints may be measured beyond their limits by this much [rad]."""
-
-MOST_CLIPPED = 0.5
-"""Joints beyond their limits by more than this [rad] are not brought to them."""
 
 HAND_DISTANCE, HAND_TURN = 0.03, 0.2
 """The hand may be so far from where the joints have it [m, rad], by the median of all samples."""
@@ -162,10 +165,13 @@ def refuse_time(times: Array, positions: Array, label: Where) -> None:
     length = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
     duration = float(times[-1] - times[0])
     if step >= SLOW_STEP and 0.01 < length < SLOWEST * duration:
+        mean = length / duration
+        units = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+        fits = [(u, word) for u, word in units.items() if SLOWEST < mean / TIMES[u] < FASTEST]
+        unit, word = fits[0] if fits else ("ms", "milliseconds")
         raise InputError(
-            f"{label(len(times) - 1)}: {duration:.4g} s for {length:.2f} m, {length / duration:.2g}"
-            " m/s: times must be seconds; are they milliseconds (--time ms)? Say --time s if it was"
-            " that slow"
+            f"{label(len(times) - 1)}: {duration:.4g} s for {length:.2f} m, {mean:.2g} m/s: times"
+            f" must be seconds; are they {word} (--time {unit})? Say --time s if it was that slow"
         )
 
 

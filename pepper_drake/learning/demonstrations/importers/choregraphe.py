@@ -117,7 +117,7 @@ def read_exported_python(path: Path, text: str) -> list[Track]:
             found.append((within[-1] if within else "", curves))
     if not found:
         raise InputError(f"{path}: no joint of Pepper among the names")
-    tracks = []
+    tracks: list[Track] = []
     for number, (function, curves) in enumerate(found, start=1):
         name = path.stem if len(found) == 1 else f"{path.stem}_{function or number}"
         if name in [track.name for track in tracks]:
