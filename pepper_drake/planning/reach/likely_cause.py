@@ -32,8 +32,8 @@ def likely_cause(
         )
     if state.blind > params.cause.blind:
         return "cloud_missing", (
-            f"the depth camera's images came so late or so seldom that the arm waited for "
-            f"them for {state.blind:.1f} s; {symptom}"
+            f"the depth camera's images came so late or so seldom that the robot waited for "
+            f"them for {state.blind:.1f} s"
         )
     if planned is None:
         return None

@@ -119,7 +119,7 @@ class Observation:
     def image_message(self) -> str:
         """Which colour camera gave no image that could be looked at, as a sentence."""
         age, camera = float(self.image_ages.max()), int(np.argmax(self.image_ages))
-        words = f"the {('top', 'bottom')[camera]} camera gave no image that is one"
+        words = f"the {('top', 'bottom')[camera]} camera gave no usable image"
         return words if np.isinf(age) else f"{words} for {age:.1f} s"
 
     @property
