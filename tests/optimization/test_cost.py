@@ -68,7 +68,7 @@ def test_the_arm_among_obstacles_and_joints_near_their_limits():
     gaps, joints = np.full((2, 5), 0.03), np.zeros((2, 5, 2))
     gaps[1, 3], joints[0, :, 0], joints[1, :, 1] = 0.0, 0.95, -1.0
     outcome = straight(
-        arm_gaps=lambda: gaps, joints=joints, joint_limits=np.array([[-1.0] * 2, [1.0] * 2])
+        arm_distances=lambda: gaps, joints=joints, joint_limits=np.array([[-1.0] * 2, [1.0] * 2])
     )
     costs = TERMS["arm_to_obstacles"](
         outcome, task(obstacles=PointCloudDistance([[9.0, 9.0, 9.0]]))

@@ -19,6 +19,8 @@ EXTENSION = 0.12
 
 _SPACING = 0.02
 _NEIGHBOURS = 12
+_LEAF = 64
+"""Points in a leaf of the tree: few questions are asked of each tree, so it has to be made fast."""
 _ONES = np.ones(3)
 _BLENDING = 0.006
 
@@ -64,7 +66,7 @@ class PointCloudDistance:
 
     @cached_property
     def _tree(self) -> cKDTree:
-        return cKDTree(self._solid, balanced_tree=False, compact_nodes=False)
+        return cKDTree(self._solid, _LEAF, balanced_tree=False, compact_nodes=False)
 
     @property
     def solid_points(self) -> Array:

@@ -84,7 +84,7 @@ def background_points(
     """Background points, visible unless occluded: all surfaces, floor and table alike.
 
     Args:
-        before: (P, 3) the backdrop before this image, in W [m].
+        before: (P, 3) background points before this image, in W [m].
         depth: Depth image (height, width), m, 0 where nothing was measured.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.

@@ -28,8 +28,9 @@ LARGEST_IMAGE = 1280 * 960 * 4
 """Bytes kept for an image."""
 SLOWEST_SHOWN = 0.98
 """Rate of the robot's clock below which it is said to be slow."""
-_LATENCY = 0.9
-"""Share of the time between two images after which one is out."""
+LATENCY = 0.9
+"""Share of the time between two images after which one is out: until then it may be rendered beside
+the simulation, which need not wait."""
 _LIMP_JOINTS = tuple(
     name for group in ("head", "left_arm", "right_arm") for name in JOINT_GROUPS[group]
 )
@@ -87,16 +88,15 @@ class SimulatorConfig:
 
     Attributes:
         scene: Where it stands.
-        seed: Seed of the sensors' noise.
+        station: The simulated robot. A shorter latency of its cameras than `LATENCY` of their
+            period makes the robot's clock wait for images that are being rendered.
         rate: Rate of the robot's clock beside the wall's; 0 for as fast as the machine is.
-        camera_period: Time between two images of a camera [s].
         epoch: The robot's clock at the start [s since the epoch].
     """
 
     scene: Scene
-    seed: int = 0
+    station: StationConfig
     rate: float = 1.0
-    camera_period: float = 0.2
     epoch: float = 0.0
 
 
@@ -124,13 +124,7 @@ class SimulatedPepper:
         self._state = SharedRecord(STATE, names.state)
         self._command = SharedRecord(COMMAND, names.command)
         self._images = [SharedRecord(IMAGE, name) for name in names.images]
-        station_config = StationConfig(
-            seed=config.seed,
-            camera_period=config.camera_period,
-            # Until then an image may be rendered beside the simulation, which must not wait.
-            camera_latency=_LATENCY * config.camera_period,
-        )
-        self._station = PepperStation(config.scene, station_config, shared_control_model())
+        self._station = PepperStation(config.scene, config.station, shared_control_model())
         self._simulator = Simulator(self._station)
         self._context: Context = self._simulator.get_mutable_context()
         self._rows = [JOINTS.index(name) for name in BODY_JOINTS]

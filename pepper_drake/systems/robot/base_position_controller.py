@@ -45,10 +45,6 @@ class BaseMotion:
     places accelerates by itself: it is told the speed from which it would brake at the goal."""
 
 
-SENT_TO_PLACES = BaseMotion(has_reference=False, position_tolerance=0.005, yaw_tolerance=0.01)
-"""Motion of a base that takes places, as ALMotion's `moveTo` does, no finer than this."""
-
-
 def wrap_angle(angle: float) -> float:
     """The same angle in (-pi, pi]."""
     return float(-((np.pi - angle) % (2 * np.pi) - np.pi))

@@ -31,8 +31,8 @@ from pepper_drake.perception.cameras.image_future import (
 from pepper_drake.perception.cameras.noise import (
     ColorNoise,
     DepthNoise,
-    degrade_color,
-    degrade_depth,
+    apply_color_noise,
+    apply_depth_noise,
     drop_dark_patches,
 )
 from pepper_drake.systems.framework import LeafSystem
@@ -240,14 +240,14 @@ class CameraModel(LeafSystem):
         """Image of the sensor for one rendered from a pose; the number decides its noise."""
         image: Pixels
         if isinstance(self._noise, ColorNoise):
-            image = degrade_color(
+            image = apply_color_noise(
                 pixels, self.intrinsics, self._noise, seed=self._seed, frame=number
             )
         else:
             depth = drop_dark_patches(
                 pixels[..., 0], self.intrinsics, X_WC, self._noise, seed=self._seed
             )
-            image = degrade_depth(
+            image = apply_depth_noise(
                 depth, self.intrinsics, self._noise, seed=self._seed, frame=number
             )[..., None]
         image.setflags(write=False)

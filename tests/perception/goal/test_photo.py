@@ -4,7 +4,7 @@ import pytest
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CAMERA_TOP
-from pepper_drake.perception.cameras.noise import ColorNoise, degrade_color
+from pepper_drake.perception.cameras.noise import ColorNoise, apply_color_noise
 from pepper_drake.perception.goal.photo import find_in_photo, markers_shown
 
 CAMERA = CAMERA_TOP.intrinsics
@@ -40,7 +40,7 @@ def photos(draw_marker, facing):
             image = SPOILS[spoil](draw_marker(X_CM, CAMERA.ideal()))
             rgba = cv2.cvtColor(image, cv2.COLOR_GRAY2RGBA)
             noise = ColorNoise(1.5 if spoil == "too dark" else 3.0)
-            yield degrade_color(rgba, CAMERA, noise, seed=1, frame=frame), X_CM
+            yield apply_color_noise(rgba, CAMERA, noise, seed=1, frame=frame), X_CM
 
     return make
 
