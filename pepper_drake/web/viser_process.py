@@ -59,6 +59,7 @@ class _Page(GuardedHandler, WebSocketHandler):
             return
         _Page.browsers += 1
         self._is_counted = True
+        self.set_nodelay(True)  # Else a frame waits until the browser has confirmed the last one.
         subprotocol = Subprotocol(f"viser-v{viser.__version__}")
         try:
             self._upstream = await unix_connect(
