@@ -37,7 +37,7 @@ Vector = npt.NDArray[np.float64]
 PUBLISH_PERIOD = 1 / 32
 """Between two frames of the page [s]."""
 _CHECKS = 4
-"""How many times a frame a person is attended to: what they do waits for no more than 8 ms."""
+"""Times a frame that a person is attended to: what they do waits for no more than 8 ms."""
 
 
 @dataclass(frozen=True)
