@@ -1,4 +1,4 @@
-"""What no robot has, as a service on a port of its own: the truth, and a person's hand."""
+"""A service on a port of its own for what no robot has: the truth, and a person's hand."""
 
 import math
 from typing import Any
@@ -7,7 +7,7 @@ from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
 from pepper_drake.robot_server.wire.service import Service, ServiceError
 
 _FARTHEST = 2.0
-"""How far the goal may be moved along each axis [m]."""
+"""Largest offset of the goal along each axis [m]."""
 
 
 def make_extras(robot: SimulatedRobot) -> Service:
