@@ -98,7 +98,7 @@ def test_a_room_is_explored_kept_and_driven_through_around_what_stands_there(tmp
         await call(pepper, "stopLocalization")
         with pytest.raises(ServiceError, match="not localized"):
             await call(pepper, "getRobotPositionInMap")
-        # Another day: the odometry starts anew, and the robot stands a bit beside the place told.
+        # Another day: the odometry restarts, and the robot stands a bit beside the place told.
         assert await call(pepper, "loadExploration", path.rpartition("/")[2]) == 0
         told = [1.5, 0.12, math.pi / 2 + 0.1]
         place, _ = await call(pepper, "relocalizeInMap", told)
@@ -133,14 +133,14 @@ def test_what_cannot_be_is_said(tmp_path):
             ("startLocalization", (), "there is no map"),
             ("navigateToInMap", ([0.0, 0.0, 0.0],), "not localized"),
             ("getExplorationPath", (), "no exploration"),
-            ("loadExploration", ("yesterday.explo",), "there is no exploration /home/nao"),
-            ("loadExploration", ("../../etc/passwd",), "is no path"),
+            ("loadExploration", ("yesterday.explo",), "there is not an exploration /home/nao"),
+            ("loadExploration", ("../../etc/passwd",), "is not a path"),
         ]:
             with pytest.raises(ServiceError, match=words):
                 await call(pepper, method, *arguments)
         broken = tmp_path / "home/nao/.local/share/Explorer/broken.explo"
         broken.write_bytes(b"no map")
-        with pytest.raises(ServiceError, match=r"broken\.explo is no exploration"):
+        with pytest.raises(ServiceError, match=r"broken\.explo is not an exploration"):
             await call(pepper, "loadExploration", "broken.explo")
 
     virtual(scenario, files=tmp_path)

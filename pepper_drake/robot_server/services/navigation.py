@@ -110,7 +110,7 @@ class Navigation(Module):
         where = PurePosixPath(path)
         told, place = self._disk.place(str(PurePosixPath(_FOLDER) / where.parent), where.name)
         if not place.is_file():
-            raise ValueError(f"there is no exploration {told}")
+            raise ValueError(f"there is not an exploration {told}")
         try:
             with np.load(place, allow_pickle=False) as file:
                 log_odds, origin = (
@@ -118,9 +118,9 @@ class Navigation(Module):
                     np.array(file["origin"], float),
                 )
         except (OSError, ValueError, KeyError, zipfile.BadZipFile):
-            raise ValueError(f"{told} is no exploration") from None
+            raise ValueError(f"{told} is not an exploration") from None
         if log_odds.ndim != 2 or origin.shape != (2,) or not np.isfinite(log_odds).all():
-            raise ValueError(f"{told} is no exploration")
+            raise ValueError(f"{told} is not an exploration")
         self._map, self._path = FloorMap(log_odds, origin), told
         self._X_WM = np.array(self._moves.state.base_pose)
         self._is_localized = False
