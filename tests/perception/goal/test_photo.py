@@ -22,6 +22,8 @@ SPOILS = {
     "as it is": lambda image: image,
     "too bright": bloomed,
     "too dark": lambda image: (0.15 * image).astype(np.uint8),
+    "clipped": lambda image: np.clip(2.5 * image.astype(float), 0, 255).astype(np.uint8),
+    "blurred": lambda image: cv2.GaussianBlur(image, (0, 0), 0.8),
 }
 
 
@@ -53,8 +55,13 @@ def default_finds(image):
     return ids is not None and 7 in ids
 
 
-@pytest.mark.parametrize("spoil", SPOILS)
-@pytest.mark.parametrize("side", [11, 14, 21, 40])
+CASES = [
+    (spoil, side) for spoil in ("as it is", "too bright", "too dark") for side in (11, 14, 21, 40)
+]
+CASES += [(spoil, side) for spoil in ("clipped", "blurred") for side in (14, 17, 21)]
+
+
+@pytest.mark.parametrize(("spoil", "side"), CASES)
 def test_markers_are_found_as_often_as_by_opencv_and_their_covariance_is_true(photos, spoil, side):
     found = default = flipped = 0
     squares = []
