@@ -19,7 +19,6 @@ from collections.abc import Generator, Sequence
 from concurrent.futures import as_completed
 from contextlib import closing
 from dataclasses import asdict
-from pathlib import Path
 
 from tqdm import tqdm
 
@@ -30,6 +29,7 @@ from pepper_drake.evaluation.fault_table import (
     FaultCase,
     FaultResult,
     fault_cases,
+    load_results,
     markdown_table,
     run_fault,
 )
@@ -88,23 +88,6 @@ def make_cases(options: Namespace) -> list[FaultCase]:
     return cases
 
 
-def load_results(path: Path) -> dict[FaultCase, FaultResult]:
-    """The results that a folder has already.
-
-    Raises:
-        InputError: The file is not one of this app's.
-    """
-    if not path.exists():
-        return {}
-    try:
-        results = [FaultResult(**row) for row in json.loads(path.read_text())]
-    except (ValueError, TypeError) as error:
-        raise InputError(
-            f"{path} is not a table of this app ({error}); remove it or give another --output"
-        ) from error
-    return {FaultCase(row.fault, row.scene, row.seed): row for row in results}
-
-
 def run_missing(cases: Sequence[FaultCase], jobs: int) -> Generator[FaultResult]:
     """Yields what comes of each case, as it comes.
 
@@ -126,7 +109,7 @@ def main() -> int:
     cases = make_cases(options)
     options.output.mkdir(parents=True, exist_ok=True)
     path = options.output / "faults.json"
-    done = load_results(path)
+    done = load_results(path) if path.exists() else {}
     missing = [case for case in cases if case not in done]
     hide = options.quiet or not sys.stderr.isatty()
     with (
@@ -142,7 +125,7 @@ def main() -> int:
             if should_stop():
                 return cli.EXIT_INTERRUPTED
     results = [done[case] for case in cases]
-    (options.output / "faults.md").write_text(markdown_table(results))
+    write_atomically(options.output / "faults.md", markdown_table(results))
     unsafe = [result for result in results if not result.is_safe]
     if not options.quiet:
         print(f"{len(results)} runs, {len(unsafe)} of them not safe")

@@ -94,7 +94,7 @@ class SessionFolder:
         self.path, self._last = path, 0
         self.record = SessionRecord()
         if self.exists():
-            self.record = load_yaml(SessionRecord, path / SESSION)
+            self.record = load_yaml(SessionRecord, path_inside(path, SESSION))
             try:
                 self.record.check()
             except InputError as error:
@@ -115,7 +115,7 @@ class SessionFolder:
         motions = {name: self._demonstration(name, arm) for name in names}
         primitive = None
         if record.learned:
-            primitive = MovementPrimitive.load(self.path / PRIMITIVE)
+            primitive = MovementPrimitive.load(path_inside(self.path, PRIMITIVE))
         return Taught(
             tuple(motions[name] for name in record.demonstrations),
             primitive,

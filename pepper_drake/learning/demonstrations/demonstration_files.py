@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text, write_atomically
+from pepper_drake.files import path_inside, read_text, write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.conditioning import CAREFUL
 from pepper_drake.learning.demonstrations.demonstration import RECORDED, Demonstration
@@ -171,7 +171,8 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
 
 
 def _read_folder(path: Path) -> Track:
-    translation, rotation, joint_file = path / TRANSLATION, path / ROTATION, path / JOINTS
+    names_of_files = (TRANSLATION, ROTATION, JOINTS)
+    translation, rotation, joint_file = (path_inside(path, name) for name in names_of_files)
     joints: Array | None = None
     names: tuple[str, ...] = ()
     if joint_file.exists():
