@@ -83,7 +83,7 @@ def read_npy(path: Path, *, kinds: str = "fiub") -> npt.NDArray[Any]:
     try:
         return _parse_array(content, kinds)
     except _BROKEN:
-        raise InputError(f"{path}: not an npy file of numbers, or damaged") from None
+        raise InputError(f"{path}: not an NPY file of numbers, or damaged") from None
 
 
 def npz_names(path: Path) -> frozenset[str]:

@@ -350,7 +350,9 @@ def _recordings() -> dict[str, Format]:
         found["rosbag2_metadata"] = beside(found["rosbag2"], "metadata.yaml", 0)
     if "lerobot" in found:
         found["lerobot_info"] = beside(found["lerobot"], "meta/info.json", 2)
-    found["lasa"] = Format(lasa, lambda path: Demonstration.load(path, track="1"))
+    found["lasa"] = Format(
+        lasa, lambda path: Demonstration.load(path, track="1", plane=np.zeros(6))
+    )
     return {f"recording_{name}": form for name, form in found.items()}
 
 

@@ -102,7 +102,7 @@ class SessionFolder:
 
     def exists(self) -> bool:
         """Tells whether there is a session in the folder."""
-        return (self.path / SESSION).is_file()
+        return (self.path / SESSION).exists()
 
     def taught(self, arm: str) -> Taught:
         """Reads what was taught to an arm, "left" or "right".

@@ -63,6 +63,7 @@ def read_demonstration(path: Path, options: ImportOptions | None = None) -> Demo
         InputError: It holds none, several, or one that cannot be right; with the mend.
     """
     said = options or ImportOptions()
+    check_file(path)
     if path.is_dir():
         partial = read_partial(path)
         if partial is not None:
@@ -79,6 +80,7 @@ def read_demonstrations(path: Path, options: ImportOptions | None = None) -> lis
         InputError: It holds none, or one that cannot be right; with the mend.
     """
     said = options or ImportOptions()
+    check_file(path)
     if said.track is not None or (path.is_dir() and (path / PARTIAL).exists()):
         return [read_demonstration(path, said)]
     return [interpret(track, said) for track in read_all_tracks(path)]

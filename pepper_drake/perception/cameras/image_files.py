@@ -35,9 +35,8 @@ def read_image(path: str | Path) -> npt.NDArray[Any]:
     """
     path = Path(path)
     content = np.frombuffer(read_bytes(path, _LARGEST), np.uint8)
-    width, height = _size(content, path)
-    if width * height > _MOST_PIXELS:
-        raise InputError(f"{path}: {width}x{height} pixels are too many; give a smaller image.")
+    if _claimed_pixels(content, path) > _MOST_PIXELS:
+        raise InputError(f"{path}: more than {_MOST_PIXELS} pixels; give a smaller image.")
     try:
         image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if content.size else None
     except cv2.error:
@@ -55,12 +54,15 @@ def read_image(path: str | Path) -> npt.NDArray[Any]:
     return np.asarray(image)
 
 
-def _size(content: npt.NDArray[np.uint8], path: Path) -> tuple[int, int]:
-    """The width and height that an image's header claims."""
+def _claimed_pixels(content: npt.NDArray[np.uint8], path: Path) -> float:
+    """How many pixels an image's header claims."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return Image.open(io.BytesIO(content.tobytes()), formats=_FORMATS).size
+            image = Image.open(io.BytesIO(content.tobytes()), formats=_FORMATS)
+            return image.width * image.height
+    except Image.DecompressionBombError:
+        return np.inf
     except Exception:  # A damaged header fails in many ways.
         raise InputError(
             f"{path}: not an image that can be read; give a PNG, JPEG or TIFF file."

@@ -15,8 +15,8 @@ _LARGEST = 128 * 2**20
 """Largest cloud file [bytes]."""
 _NAMES = ("positions", "points", "xyz", "xyzs", "arr_0")
 """Names of arrays that hold points."""
-_KINDS = "fiubV"
-"""Elements of arrays: numbers, or records with fields x, y and z."""
+_KINDS = "fiubUSV"
+"""Elements of arrays: numbers, records with fields x, y and z, and words, which are refused."""
 _FARTHEST = 1e6
 """No point is farther away [m], whatever the unit."""
 _FARTHEST_ROOM = 15.0
