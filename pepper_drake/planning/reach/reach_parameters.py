@@ -176,7 +176,7 @@ class PlanningLatency:
     refusals, which try most, take longest."""
     plan: float = 0.1
     """Latency of checks, replans and retreats [s]; the arm goes on or brakes meanwhile. Measured
-    in scenes 2000 to 2002 on a busy machine: 90th percentiles 0.03, 0.07 and 0.03; answers take
+    in scenes 2000 to 2004 on a busy machine: 90th percentiles 0.03, 0.07 and 0.03; answers take
     effect at the supervisor's period."""
     check: float = 0.05
     """Latency of the remaining clearance [s]: a brake or a start follows it by this.
