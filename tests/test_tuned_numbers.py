@@ -47,13 +47,13 @@ ALLOWED = {
     "perception/cameras/camera_files.py": {
         "format": "_OFF_CENTRE _LARGEST NAOQI_RESOLUTIONS _NAOQI_CAMERAS"
     },
-    "perception/cameras/image_files.py": {"format": "_LARGEST"},
+    "perception/cameras/image_files.py": {"format": "_LARGEST _MOST_PIXELS"},
     "perception/cameras/images.py": {"format": "_FEWEST_LEVELS _CHANNELS"},
     "perception/cameras/noise.py": {"physics": "_SHIFTS", "sentinel": "NO_DEPTH_NOISE"},
     "perception/cameras/structured_light.py": {
         "physics": "_SHADOW_STEP _NEAREST _STRIDE _BEND _PATCH_CELLS _PATCH_CELL _PATCH_BLUR"
     },
-    "perception/cloud_evaluation.py": {"offline": "COVERED_WITHIN INCONSISTENT_BEYOND _CHUNK"},
+    "perception/cloud_evaluation.py": {"offline": "COVERED_WITHIN INCONSISTENT_BEYOND _FARTHEST"},
     "perception/gaze/head_aiming.py": {
         "geometry": "P_T_NECK HEAD_YAW_LIMIT",
         "numeric": "_HALVINGS",

@@ -36,9 +36,7 @@ class ReproductionParams:
 
 
 class Reproduction(Diagram):
-    """Pepper alone performs a primitive: the station, its arm soft, and the arm controller.
-
-    It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
+    """A soft arm performs a primitive: the station, simulated or a robot's, and the controller.
 
     .. pydrake_system::
 

@@ -1,7 +1,7 @@
 """The simulated Pepper of a live session: what it is told, and what it measures, between frames."""
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +37,8 @@ Vector = npt.NDArray[np.float64]
 
 PUBLISH_PERIOD = 1 / 32
 """Between two frames of the page [s]."""
+_CHECKS = 4
+"""Times a frame that a person is attended to: what they do waits for no more than 8 ms."""
 
 
 @dataclass(frozen=True)
@@ -140,14 +142,20 @@ class LiveSimulation:
         self.simulator.ResetStatistics()
         self._began = time.perf_counter()
 
-    def advance(self) -> None:
+    def advance(self, attend: Callable[[], None] = lambda: None) -> None:
         """Simulates up to the next frame.
+
+        Args:
+            attend: Called now and several times on the way, for what a person does meanwhile.
 
         Raises:
             PepperDrakeError: Drake's solver finds no next step.
         """
+        for part in range(1, _CHECKS + 1):
+            attend()
+            end = (self._frames + part / _CHECKS) * PUBLISH_PERIOD
+            simulate(self.simulator, end).check()
         self._frames += 1
-        simulate(self.simulator, self._frames * PUBLISH_PERIOD).check()
 
     def torso_pose(self) -> RigidTransform:
         """Returns X_WT."""

@@ -94,8 +94,6 @@ def test_terms_add_up_with_their_weights():
     outcome = straight(offset=0.2)
     assert cost(outcome, task()).sum(axis=1) == pytest.approx([0.6, 0.2 + 2.0])
     assert terms_of(cost, outcome, task()) == pytest.approx({"hand_to_goal": 0.3, "deviation": 0.0})
-    assert not cost.needs_arm
-    assert CostWeights(joint_limits=1.0).needs_arm
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ HEAD_YAW_LIMIT = 2.08567
 """Largest HeadYaw to either side [rad]."""
 
 _HALVINGS = 6
-"""With which the angles between two gazes are found, to a hundredth of the way."""
+"""Bisection steps between two gazes: to a hundredth of the angle between them."""
 
 Vector = npt.NDArray[np.float64]
 

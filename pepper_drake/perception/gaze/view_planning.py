@@ -1,8 +1,8 @@
-"""View planning: the next view, so that nothing around an object is unseen for long.
+"""View planning: the head's next best view of the surroundings of an object.
 
-What moves comes from where nobody looked. So the places around an object are kept with the times at
-which they were last in the image, and of the gazes that are possible the one is chosen that shows
-most of what was not seen for longest, for the time that it takes.
+Each point around the object has the time at which it was last in the image. Of the possible head
+angles those are chosen that show the most points, weighted by the time since they were last seen,
+for the time that the motion takes.
 """
 
 import functools

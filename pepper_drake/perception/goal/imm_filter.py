@@ -191,7 +191,7 @@ def update_goal(
         parameters: Noise, gates and thresholds.
 
     Returns:
-        What is believed now.
+        The state after it.
     """
     measurement = _with_floor(measurement, parameters)
     track = state.track

@@ -179,7 +179,7 @@ def depth_fault(
     allowed = parameters.margin + parameters.growth * z
     if np.mean(off > allowed) > parameters.contradicted:
         return DepthFault.CONTRADICTS_MAP
-    # What is nearer may be a thing that came, unless all is nearer by the same share.
+    # Nearer points may be a new obstacle, unless all are nearer by the same share.
     low, high = np.quantile(off / z, [0.2, 0.8])
     if np.mean(-off > allowed) > parameters.contradicted and high - low < parameters.same_share:
         return DepthFault.CONTRADICTS_MAP

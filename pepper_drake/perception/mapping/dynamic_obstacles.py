@@ -181,7 +181,7 @@ def associate(
         seen: (S, 3) all that the image shows of things, in W [m].
 
     Returns:
-        What is known now.
+        The tracked obstacles after the image.
     """
     bodies = [seen[chosen] for chosen in _clusters(seen, parameters)] if len(come.points) else []
     thin = _thinned(come.points, 0.5 * parameters.spacing)

@@ -1,9 +1,9 @@
-"""The part that the robot's own motion has in its nearness to an obstacle.
+"""Clearance that is lost by the robot's own motion, and not by an obstacle's.
 
-What comes to a robot that stands, or that goes away from it, comes no less for a robot that stops
-for good: who waits can go on when it has left, and who withdraws should. A stop helps where the
-robot itself goes nearer. So speed and separation are judged of what moves by itself (compare the
-speed and separation monitoring of ISO/TS 15066:2016, 5.5.4).
+A protective stop helps only if the robot itself moves towards the obstacle. An obstacle that
+approaches a robot at rest, or one that retreats, is not kept away by a stop: the robot waits until
+it has left, or goes on retreating. (Compare the speed and separation monitoring of
+ISO/TS 15066:2016, 5.5.4.)
 """
 
 

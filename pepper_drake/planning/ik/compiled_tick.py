@@ -24,7 +24,7 @@ from pepper_drake.planning.collision.arm_kinematics import ArmChain
 Vector = npt.NDArray[np.float64]
 
 SHARES = 24
-"""Parts of the way from what is asked for to full braking that are tried at a coupled limit,
+"""Shares between the desired acceleration and full braking that are tried at a coupled limit,
 twice: coarse, then fine."""
 ROUNDING = 1e-10
 """Rounding allowed at a coupled limit [rad]."""

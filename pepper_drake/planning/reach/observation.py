@@ -94,7 +94,7 @@ class Observation:
 
     @property
     def cloud_age(self) -> float:
-        """Time since the last depth image [s]; infinite before the first, and for one of later."""
+        """Time since the last depth image [s]; infinite before the first, or if dated later."""
         age = self.time - self.cloud_time
         return age if np.isfinite(age) and age > _FUTURE else np.inf
 

@@ -138,7 +138,7 @@ class ReachPlanner:
                 first = min(unseen.first)
                 x, y, z = unseen.regions[unseen.first.index(first)].mean(axis=0)
                 place = (x, y, z)
-        # Of what came, the distance counts to where the arm is by the next image, too.
+        # The distance to a new obstacle counts up to where the arm is by the next image.
         near = centers[: round(self.params.image_period / duration) + 1].reshape(-1, 3)
         distance = np.inf
         if len(new_obstacle):

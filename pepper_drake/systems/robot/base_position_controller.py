@@ -25,7 +25,7 @@ class BaseMotion:
     turning_acceleration: float = 0.75
     """Acceleration of the yaw rate [rad/s²]."""
     approach_rate: float = 4.0
-    """Rate at which the last of the way is made [1/s]."""
+    """Rate of the exponential approach to the goal [1/s]."""
     correction: float = 1.0
     """Gain [1/s] of the correction of following errors. Slower than the base's own controller by
     so much that it cannot rock."""

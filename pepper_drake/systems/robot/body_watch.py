@@ -37,10 +37,10 @@ class BodyWatch(LeafSystem):
     `active` (1), not zero while the reaching arm is watched by itself.
     Outputs: `clearance` (1) [m] to the cloud, now, infinite before the first tick and for an empty
     cloud; `approach_clearance` (1) [m], the same, and infinite where the body's own motion since
-    the tick before took none of it (`planning.collision.own_approach`): a body that stands has no
-    way to go from what comes to it. `stop_base` (1), 1 while something is, or is predicted, nearer
-    than `stop_distance` to where the base would come to a stand, and nearer than it is to where it
-    stands.
+    the tick before took none of it (`planning.collision.own_approach`): stopping a body that stands
+    does not help against an obstacle that approaches. `stop_base` (1), 1 while an obstacle, present
+    or predicted, is nearer than `stop_distance` to where the base would stop, and nearer than it is
+    to where the base is now.
     State: the three, the base's pose and the joints, every `time_step`. The spheres are the body's;
     they bulge out by up to 1 cm.
 

@@ -34,17 +34,17 @@ class CloudClearance(LeafSystem):
     `cloud`, and infinite where the arm's own motion takes none away
     (`planning.collision.own_approach`); `predicted_approach_clearance` (1) [m]: the same to
     `predicted_cloud`. All are infinite before the first tick, for an empty cloud, and while
-    `active` (1) is 0: an arm at rest has nothing to watch. State: the three, every `time_step`.
+    `active` (1) is 0: an arm at rest is not monitored. State: the three, every `time_step`.
 
-    Where moving obstacles are predicted counts when the arm itself is about to go there. An arm
-    that is there already, or moves away, is none the safer for being stopped.
+    Predicted obstacles count only if the arm itself moves towards them: stopping an arm that is
+    there already, or moves away, does not make it safer.
 
     Args:
         shapes: Of the arm.
         extension: How far each point reaches down, m (see `PointCloudDistance`); zero takes the
             cloud as it was seen.
-        lookahead: How far ahead the arm's motion is thought on [s]: at least a period and the time
-            that the arm needs to brake.
+        lookahead: Time for which the arm's motion is extrapolated [s]: at least a period and the
+            time that the arm needs to brake.
         slowest_approach: Speed below which it stands [m/s]; see `own_approach_clearance`.
         time_step: s.
     """
