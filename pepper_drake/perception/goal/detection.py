@@ -162,7 +162,8 @@ def check_image_size(image: npt.NDArray[Any], intrinsics: CameraIntrinsics) -> N
     if (width, height) != (intrinsics.width, intrinsics.height):
         raise InputError(
             f"image: is {width}x{height}, but the camera's intrinsics are those of "
-            f"{intrinsics.width}x{intrinsics.height}; scale them with CameraIntrinsics.resized."
+            f"{intrinsics.width}x{intrinsics.height}; give the calibration of such images, "
+            "or scale it (CameraIntrinsics.resized)."
         )
 
 

@@ -84,7 +84,9 @@ _POSITION = {
     "p", "pos", "position", "positions", "translation", "trans", "t", "point", "xyz", "coord",
     "coordinate", "location", "loc",
 }  # fmt: skip
-_ROTATION = {"q", "quat", "quaternion", "orientation", "rotation", "rot", "ori", "orient"}
+_ROTATION = {
+    "q", "quat", "quaternion", "orientation", "rotation", "rot", "ori", "orient", "or", "orn",
+}  # fmt: skip
 _VELOCITY = {"v", "vel", "velocity", "velocities", "linear", "speed", "d"}
 _ACCELERATION = {"a", "acc", "accel", "acceleration", "accelerations", "dd"}
 _ANGLES = {

@@ -273,7 +273,8 @@ def _time_unit(names: list[str], found: list[Meaning | None], time: int) -> str 
 
 def _frame(names: list[str], row: tuple[str, ...]) -> str | None:
     for i, name in enumerate(names):
-        if name.strip().lower().split(".")[-1] == "frame_id" and i < len(row) and row[i]:
+        is_frame = re.fullmatch(r"(.*[._])?frame_id", name.strip().lower()) and "child" not in name
+        if is_frame and i < len(row) and row[i]:
             return row[i].strip("\"'/")
     return None
 

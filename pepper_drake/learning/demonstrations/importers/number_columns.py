@@ -162,8 +162,10 @@ def _pose(base: Track, values: Array) -> Track:
             f"{base.where(int(wrong[0]))}: 8 columns, but the last four have norm"
             f" {norms[wrong[0]]:.4g} and are no unit quaternion; name the columns in a first line"
         )
-    return replace(base, kind="poses: time, position, quaternion", times=values[:, 0],
-                 positions=values[:, 1:4], rotations=values[:, 4:])  # fmt: skip
+    named = base.path.suffix.lower() == ".tum"
+    return replace(base, kind="TUM" if named else "poses: time, position, quaternion",
+                 times=values[:, 0], positions=values[:, 1:4], rotations=values[:, 4:],
+                 quaternion="xyzw" if named else None)  # fmt: skip
 
 
 def _without_times(base: Track, values: Array) -> Track:

@@ -34,6 +34,16 @@ def test_lasa_motions_lie_on_a_plane(tmp_path):
         Demonstration.load(path)
 
 
+def test_the_order_of_a_tum_file_is_known_by_its_name(tmp_path):
+    q = np.tile([0.5, 0.1, -0.7, 0.5], (len(T), 1)) + np.linspace(0, 0.1, len(T))[:, None]
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    text = format_table(np.column_stack((T, P, q)))
+    demo = Demonstration.load(write(tmp_path / "take.tum", text))
+    np.testing.assert_allclose(demo.rotations, q[:, [3, 0, 1, 2]], atol=1e-9)
+    with pytest.raises(InputError, match="order of the quaternion"):
+        Demonstration.load(write(tmp_path / "take.txt", text))
+
+
 def _plane():
     from pepper_drake.learning.demonstrations.importers import ImportOptions
 
