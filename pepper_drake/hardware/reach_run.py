@@ -1,5 +1,6 @@
 """One reach of a robot: checked before, paced by the clock, and handed over at the end."""
 
+import math
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -60,6 +61,26 @@ class HardwareReport(ReachReport):
     """Word of what went wrong with robot or link."""
     warnings: list[str] = field(default_factory=list)
     """Words of what was noticed and did not end the run."""
+    # Nobody measured these, which is not zero; the file has null.
+    contact_force: float = math.nan
+    goal_force: float = math.nan
+    arm_speed: float = math.nan
+    command_acceleration: float = math.nan
+
+    def summary(self) -> str:
+        """A few lines for the terminal: what a robot knows of itself."""
+        lines = [f"{self.outcome}" + (f": {self.message}" if self.message else "")]
+        lines.extend(self.performance.lines())
+        if self.believed_position_error is not None:
+            error = 1000 * self.believed_position_error
+            lines.append(f"  hand to goal      {error:6.1f} mm   (as the robot sees both)")
+        held = self.skipped_steps * CONTROL_PERIOD
+        lines.append(
+            f"  took {self.wall_seconds:.1f} s; for {held:.1f} s of it the arm was held while this "
+            "computer planned or was too slow"
+        )
+        lines.extend(f"  {word}: {LINK_FAULTS[word]}" for word in self.warnings)
+        return "\n".join(lines)
 
 
 @dataclass(frozen=True, eq=False)
