@@ -19,6 +19,7 @@ from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.dmp.coupling import BarrierCoupling
 from pepper_drake.models.movable_objects import (
     SPARES,
     with_movable_objects,
@@ -75,6 +76,7 @@ class LiveSimulation:
         config: ReachingConfig | None = None,
         movables: Collection[str] = (),
         coupling: str | None = None,
+        barrier: BarrierCoupling | None = None,
         spares: bool = False,
         realtime: bool = False,
     ) -> None:
@@ -85,6 +87,7 @@ class LiveSimulation:
             config: How the robot is simulated and the loop works.
             movables: Obstacles that can be moved, besides those that have a path in the scene.
             coupling: The obstacle coupling's name; the scene's if left out.
+            barrier: Constants of the coupling "barrier"; the usual ones if left out.
             spares: Whether there are obstacles more that can be put into the scene.
             realtime: Whether it runs no faster than real time.
         """
@@ -92,7 +95,7 @@ class LiveSimulation:
         self.diagram = LiveTeaching(
             with_spare_obstacles(movable) if spares else movable,
             make_primitive(None, scene.arm),
-            make_coupling(coupling or scene.coupling),
+            make_coupling(coupling or scene.coupling, barrier),
             config=config,
         )
         self.simulator = Simulator(self.diagram)

@@ -3,6 +3,7 @@ import time
 import numpy as np
 import pytest
 
+from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.models.scene import load_scene
 from pepper_drake.naoqi.constants import CHAINS, JOINTS
 from pepper_drake.robot_server.robot.robot_port import RobotCommand
@@ -15,7 +16,7 @@ _ELBOW, _WRIST = JOINTS.index("RElbowRoll"), JOINTS.index("RWristYaw")
 
 @pytest.fixture(scope="module")
 def robot():
-    with SimulatedRobot(SimulatorConfig(load_scene("free"))) as started:
+    with SimulatedRobot(SimulatorConfig(load_scene("free"), StationConfig())) as started:
         started.wait_until_ready()
         yield started
 

@@ -5,6 +5,7 @@ machine is too slow, the robot's clock slows with the simulation, so that all st
 """
 
 import math
+import signal
 import time
 from dataclasses import dataclass, replace
 
@@ -31,8 +32,9 @@ LARGEST_IMAGE = 1280 * 960 * 4
 """Bytes kept for an image."""
 SLOWEST_SHOWN = 0.98
 """Rate of the robot's clock below which it is said to be slow."""
-_LATENCY = 0.9
-"""Share of the time between two images after which one is out."""
+LATENCY = 0.9
+"""Share of the time between two images after which one is out: until then it may be rendered beside
+the simulation, which need not wait."""
 _LIMP_JOINTS = tuple(
     name for group in ("head", "left_arm", "right_arm") for name in JOINT_GROUPS[group]
 )
@@ -93,16 +95,15 @@ class SimulatorConfig:
 
     Attributes:
         scene: Where it stands.
-        seed: Seed of the sensors' noise.
+        station: The simulated robot. A shorter latency of its cameras than `LATENCY` of their
+            period makes the robot's clock wait for images that are being rendered.
         rate: Rate of the robot's clock beside the wall's; 0 for as fast as the machine is.
-        camera_period: Time between two images of a camera [s].
         epoch: The robot's clock at the start [s since the epoch].
     """
 
     scene: Scene
-    seed: int = 0
+    station: StationConfig
     rate: float = 1.0
-    camera_period: float = 0.2
     epoch: float = 0.0
 
 
@@ -113,6 +114,7 @@ def simulate(config: SimulatorConfig, names: SharedNames) -> None:
         config: The robot.
         names: Its shared memory.
     """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which ends this process.
     SimulatedPepper(config, names).run()
 
 
@@ -130,18 +132,12 @@ class SimulatedPepper:
         self._state = SharedRecord(STATE, names.state)
         self._command = SharedRecord(COMMAND, names.command)
         self._images = [SharedRecord(IMAGE, name) for name in names.images]
-        station_config = StationConfig(
-            seed=config.seed,
-            camera_period=config.camera_period,
-            # Until then an image may be rendered beside the simulation, which must not wait.
-            camera_latency=_LATENCY * config.camera_period,
-        )
-        scene = config.scene
+        scene, station_config = config.scene, config.station
         self._goal: npt.NDArray[np.float64] | None = None
         if not scene.goal.path:
             # Somebody may move it, unless it moves by itself.
             scene = replace(with_movable_objects(scene), obstacles=scene.obstacles)
-            station_config.goal_motion_port = True
+            station_config = replace(station_config, goal_motion_port=True)
             self._goal = np.zeros(6)
         self._station = PepperStation(scene, station_config, shared_control_model())
         self._simulator = Simulator(self._station)

@@ -1,5 +1,6 @@
 """Exports of motion capture: OptiTrack Motive's CSV and Vicon Nexus' or Tracker's CSV."""
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -199,13 +200,17 @@ def read_lasa(path: Path) -> list[Track]:
     from scipy.io import loadmat
 
     try:
-        content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
+        with warnings.catch_warnings(action="ignore"):  # Of variables that are not read.
+            content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
         demos = np.atleast_1d(content["demos"])[:100]
         found = [
             (np.asarray(d.t, dtype=float).ravel(), np.asarray(d.pos, dtype=float)) for d in demos
         ]
     except KeyError:
-        raise InputError(f"{path}: a .mat file without `demos`, as the LASA set has it") from None
+        raise InputError(
+            f"{path}: a .mat file without `demos`, as the LASA set has it; write its motion as a"
+            " table (writematrix) with a first line time,x,y,z"
+        ) from None
     except Exception as error:  # loadmat raises what its parser meets: any kind.
         raise InputError(
             f"{path}: no LASA motion ({type(error).__name__}: {_one_line(error)})"
