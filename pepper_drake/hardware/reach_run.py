@@ -145,7 +145,6 @@ class _Progress:
     def __init__(self, reaching: Reaching, simulator: Simulator, run: HardwareRun) -> None:
         self._reaching, self._simulator, self._run = reaching, simulator, run
         self._mode = ReachMode.LOOKING
-        self._was_slowed = False
 
     def is_over(self) -> bool:
         """Looks at what the robot is doing."""
@@ -155,12 +154,6 @@ class _Progress:
         if mode != self._mode:
             self._mode = mode
             self._run.say(f"{self._seconds():6.2f} s  {mode.name.lower()}")
-        station = self._reaching.station
-        inside = station.GetMyContextFromRoot(self._simulator.get_context())
-        is_slowed = station.GetOutputPort("link_status").Eval(inside).is_slowed
-        if is_slowed and not self._was_slowed:
-            self._run.say(f"{self._seconds():6.2f} s  arm_slowed: {LINK_FAULTS['arm_slowed']}")
-        self._was_slowed = self._was_slowed or is_slowed
         is_done = mode == ReachMode.DONE and self._is_finished()
         return is_done or mode == ReachMode.FAILED or self._seconds() > LONGEST
 
@@ -201,7 +194,7 @@ class _Progress:
             link_late=int(state["late"]),
             round_trip=float(state["round_trip"]),
             clock_bound=float(state["clock_bound"]),
-            warnings=["arm_slowed"] if self._was_slowed else [],
+            warnings=["arm_slowed"] if robot.was_slowed else [],
         )
         log = self.log()
         last = log["hand_position"][-1] - log["goal_position"][-1]

@@ -1,6 +1,8 @@
 """The station of a served robot, advanced with the clock."""
 
 import json
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.paced_run import DiagramClock, run_paced
 from pepper_drake.hardware.preflight import PreflightOptions
 from pepper_drake.hardware.reach_run import HardwareReport
+from pepper_drake.hardware.robot_run import HardwareRun, RobotRun
 from pepper_drake.hardware.station import HardwareStation
 from pepper_drake.hardware.transport import RobotAccess
 from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
@@ -187,3 +190,18 @@ def test_a_report_of_a_robot_tells_what_it_knows_and_what_slowed_it(tmp_path):
     saved = json.loads((tmp_path / "report.json").read_text())
     assert saved["arm_speed"] is None
     assert saved["warnings"] == ["arm_slowed"]
+
+
+def test_an_arm_that_the_robot_slows_is_told_once():
+    source, said = DiagramBuilder(), []
+    source.AddSystem(ConstantVectorSource([0.0]))
+    diagram, states = source.Build(), iter([False, True, True, False, True])
+    run = RobotRun(HardwareRun(RobotAccess("tcp://127.0.0.1:1"), say=said.append), "right")
+    run.link = SimpleNamespace(check=lambda: None, state=lambda: {"slowed": next(states)})
+    run.clock = DiagramClock(time.monotonic, time.sleep)
+    run.advance(diagram, lambda: run.was_slowed and len(said) > 0)
+    assert run.was_slowed
+    assert said == ["arm_slowed: the robot slows its arm near what it sees"]
+    steps = iter(range(5))
+    run.advance(diagram, lambda: next(steps) == 4)
+    assert len(said) == 1
