@@ -22,10 +22,10 @@ from matplotlib.figure import Figure
 
 from pepper_drake.cli import EXIT_DONE, EXIT_FAILED, make_parser, quiet_libraries, run
 from pepper_drake.errors import InputError
-from pepper_drake.files import write_atomically
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.demonstrations.check import examine
 from pepper_drake.learning.dmp.chain import BLEND, Chain, Step, plan_chain
+from pepper_drake.results.folder import whole_results
 
 REACHED = 0.01
 """A hand nearer to its goal than this [m] has reached it."""
@@ -52,7 +52,6 @@ def main() -> int:
         chain = chain.replanned(moment, index_of(number, steps, "--move"), goal)
         replans.append(time.perf_counter() - begun)
     motion = chain.demonstration()
-    motion.save(arguments.output / "chain")
     report = {
         "outcome": "planned",
         "reason": "",
@@ -66,10 +65,12 @@ def main() -> int:
         "replanning_seconds": replans,
         "seed": arguments.seed,
     }
-    draw(chain, motion).savefig(arguments.output / "chain.png", dpi=110)
-    if arguments.perform:
-        perform(arguments, report)
-    write_atomically(arguments.output / "report.json", json.dumps(report, indent=2) + "\n")
+    with whole_results(arguments.output, ("chain", "chain.png", "report.json")) as folder:
+        motion.save(folder / "chain")
+        if arguments.perform:
+            perform(arguments, report, folder / "chain")
+        draw(chain, motion).savefig(folder / "chain.png", dpi=110)
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
     if not arguments.quiet:
         print(
             f"{len(steps)} movements, {motion.duration:.2f} s, at most {report['top_speed']:.2f}"
@@ -179,13 +180,13 @@ def draw(chain: Chain, motion: Demonstration) -> Figure:
     return figure
 
 
-def perform(arguments: argparse.Namespace, report: dict[str, object]) -> None:
+def perform(arguments: argparse.Namespace, report: dict[str, object], chain: Path) -> None:
     """Performs the motion in simulation and adds what came of it to the report."""
     from pepper_drake.diagrams.factory import make_primitive
     from pepper_drake.diagrams.reproduction_simulation import ReproductionOptions, reproduce
 
     quiet_libraries()
-    primitive = make_primitive(arguments.output / "chain", arguments.arm)
+    primitive = make_primitive(chain, arguments.arm)
     result = reproduce(primitive, arguments.arm, ReproductionOptions(progress=not arguments.quiet))
     failed = result.final_position_error > REACHED
     report.update(

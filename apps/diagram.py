@@ -23,6 +23,7 @@ from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import SCENES, load_scene
 from pepper_drake.reporting.diagram_graph import make_diagram_graph
 from pepper_drake.reporting.diagram_picture import save_diagram_picture
+from pepper_drake.results.folder import whole_results
 from pepper_drake.scenario import Scenario, add_scenario_options, build_reaching, scenario_of
 
 DIAGRAMS = ("reaching", "station", "teaching")
@@ -83,24 +84,25 @@ def main() -> int:
     if options.scene is not None:
         scenario.scene = load_scene(options.scene)
     diagram = build(options.name, scenario)
-    options.output.mkdir(parents=True, exist_ok=True)
-
-    dot = options.output / f"{options.name}.dot"
-    dot.write_text(diagram.GetGraphvizString(options.depth), encoding="utf-8")
-    picture = options.output / f"{options.name}.svg"
+    dot, picture, ports = (f"{options.name}{end}" for end in (".dot", ".svg", "_ports.svg"))
     graph = make_diagram_graph(diagram, options.depth)
-    save_diagram_picture(graph, type(diagram).__name__, picture)
-    lines = [f"{picture} shows {len(graph.nodes)} systems; {dot} has every port"]
-
+    lines = [
+        f"{options.output / picture} shows {len(graph.nodes)} systems; "
+        f"{options.output / dot} has every port"
+    ]
     program = shutil.which("dot")
-    if program is None:
-        lines.append(
-            "Every port is not drawn: that takes the program dot (Debian/Ubuntu package graphviz)"
-        )
-    else:
-        ports = options.output / f"{options.name}_ports.svg"
-        subprocess.run([program, "-Tsvg", str(dot), "-o", str(ports)], check=True)
-        lines.append(f"{ports} draws every port")
+    with whole_results(options.output, (dot, picture, ports)) as folder:
+        (folder / dot).write_text(diagram.GetGraphvizString(options.depth), encoding="utf-8")
+        save_diagram_picture(graph, type(diagram).__name__, folder / picture)
+        if program is None:
+            lines.append(
+                "Every port is not drawn: that takes the program dot (Debian/Ubuntu package "
+                "graphviz)"
+            )
+        else:
+            command = [program, "-Tsvg", str(folder / dot), "-o", str(folder / ports)]
+            subprocess.run(command, check=True)
+            lines.append(f"{options.output / ports} draws every port")
     if not options.quiet:
         print("\n".join(lines))
     return cli.EXIT_DONE

@@ -21,7 +21,6 @@ from collections.abc import Generator, Sequence
 from concurrent.futures import as_completed
 from contextlib import closing
 from dataclasses import asdict
-from pathlib import Path
 
 from tqdm import tqdm
 
@@ -32,6 +31,7 @@ from pepper_drake.evaluation.fault_table import (
     FaultCase,
     FaultResult,
     fault_cases,
+    load_results,
     markdown_table,
     run_fault,
 )
@@ -98,23 +98,6 @@ def make_cases(options: Namespace) -> list[FaultCase]:
     return cases
 
 
-def load_results(path: Path) -> dict[FaultCase, FaultResult]:
-    """The results that a folder has already.
-
-    Raises:
-        InputError: The file is not one of this app's.
-    """
-    if not path.exists():
-        return {}
-    try:
-        results = [FaultResult(**row) for row in json.loads(path.read_text())]
-    except (ValueError, TypeError) as error:
-        raise InputError(
-            f"{path} is not a table of this app ({error}); remove it or give another --output"
-        ) from error
-    return {FaultCase(row.fault, row.scene, row.seed): row for row in results}
-
-
 def run_missing(
     cases: Sequence[FaultCase], scenario: Scenario, jobs: int
 ) -> Generator[FaultResult]:
@@ -140,7 +123,7 @@ def main() -> int:
     options.output.mkdir(parents=True, exist_ok=True)
     keep_scenario(scenario, options.output)
     path = options.output / "faults.json"
-    done = load_results(path)
+    done = load_results(path) if path.exists() else {}
     missing = [case for case in cases if case not in done]
     hide = options.quiet or not sys.stderr.isatty()
     with (
@@ -156,7 +139,7 @@ def main() -> int:
             if should_stop():
                 return cli.EXIT_INTERRUPTED
     results = [done[case] for case in cases]
-    (options.output / "faults.md").write_text(markdown_table(results))
+    write_atomically(options.output / "faults.md", markdown_table(results))
     unsafe = [result for result in results if not result.is_safe]
     if not options.quiet:
         print(f"{len(results)} runs, {len(unsafe)} of them not safe")

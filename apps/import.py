@@ -18,10 +18,17 @@ from pathlib import Path
 
 from pepper_drake.cli import EXIT_DONE, make_parser, run
 from pepper_drake.cli_demonstration import add_import_options, import_options
-from pepper_drake.files import write_atomically
 from pepper_drake.learning.demonstrations.check import examine
-from pepper_drake.learning.demonstrations.demonstration_files import read_demonstrations
+from pepper_drake.learning.demonstrations.demonstration_files import (
+    JOINTS,
+    ROTATION,
+    TRANSLATION,
+    read_demonstrations,
+)
 from pepper_drake.reporting.demonstration_figure import draw_demonstration
+from pepper_drake.results.folder import whole_results
+
+_RESULTS = (TRANSLATION, ROTATION, JOINTS, "check.json", "check.png")
 
 
 def main() -> int:
@@ -36,9 +43,10 @@ def main() -> int:
     for motion in motions:
         folder = arguments.output / free_name(motion.name, taken)
         report = examine(motion)
-        motion.save(folder)
-        write_atomically(folder / "check.json", json.dumps(report.to_data(), indent=2) + "\n")
-        draw_demonstration(motion, report).savefig(folder / "check.png", dpi=100)
+        with whole_results(folder, _RESULTS) as inside:
+            motion.save(inside)
+            (inside / "check.json").write_text(json.dumps(report.to_data(), indent=2) + "\n")
+            draw_demonstration(motion, report).savefig(inside / "check.png", dpi=100)
         if not arguments.quiet:
             print("\n".join(report.lines()))
             print(f"{report.name}: wrote {folder}")

@@ -17,7 +17,6 @@ from pepper_drake.cli import EXIT_DONE, make_parser, run
 from pepper_drake.cli_demonstration import add_import_options, import_options
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import distances
-from pepper_drake.files import write_atomically
 from pepper_drake.learning import (
     TORSO_HEIGHT,
     Demonstration,
@@ -134,13 +133,14 @@ def learn_rhythmic(demonstration: Demonstration, arguments: argparse.Namespace) 
         "position_distance": error,
         "checks": [examine(demonstration).to_data()],
     }
-    primitive.save(arguments.output / "rhythmic.yaml")
     path = primitive.rollout(3.0 * primitive.period)
     name = f"{demonstration.name}, three periods"
     cycle = Demonstration.from_positions(path.times, path.positions, path.velocities, name=name)
     figure = draw_demonstration(cycle, examine(cycle))
-    figure.savefig(arguments.output / "learn.png", dpi=110)
-    write_atomically(arguments.output / "report.json", json.dumps(report, indent=2) + "\n")
+    with whole_results(arguments.output, ("rhythmic.yaml", "learn.png", "report.json")) as folder:
+        primitive.save(folder / "rhythmic.yaml")
+        figure.savefig(folder / "learn.png", dpi=110)
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
     if not arguments.quiet:
         print(
             f"{demonstration.name}: a period of {primitive.period:.3f} s, reproduced to"
@@ -163,13 +163,14 @@ def learn_joints(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
         name=recording.name,
     )
-    primitive.save(arguments.output / "joints.yaml")
     path = primitive.rollout()
     times = recording.times - recording.times[0]
     own = [np.interp(times, path.times, column) for column in path.joints.T]
     error = float(np.abs(np.column_stack(own) - recording.joints).max())
     report = {"joints": list(primitive.names), "joint_distance": error, "notes": recording.notes}
-    write_atomically(arguments.output / "report.json", json.dumps(report, indent=2) + "\n")
+    with whole_results(arguments.output, ("joints.yaml", "report.json")) as folder:
+        primitive.save(folder / "joints.yaml")
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
     if not arguments.quiet:
         print(
             f"{recording.name}: {len(primitive.names)} joints, reproduced to {error:.2g} rad; wrote"

@@ -84,7 +84,10 @@ def show_in_window(options: Namespace) -> "tuple[list[Frames], str]":
         commands = draw(runs)
         if started is not None:
             server.wait_for_server(options.zmq_url, started)
-        return runs, server.send(commands, options.zmq_url)
+        web_url = server.send(commands, options.zmq_url)
+        if started is not None:
+            server.keep_server(started)
+        return runs, web_url
     except BaseException:
         if started is not None:
             started.terminate()

@@ -1,7 +1,8 @@
-"""Arrays in numpy's npz files, as anybody may hand them in: read within limits."""
+"""Arrays in numpy's npz and npy files, as anybody may hand them in: read within limits."""
 
 import io
 import math
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable
@@ -32,6 +33,7 @@ _BROKEN = (
     OverflowError,
     RuntimeError,  # Encrypted, or compressed in a way that numpy never does.
     SyntaxError,
+    tokenize.TokenError,
     RecursionError,
     MemoryError,
 )
@@ -66,6 +68,24 @@ def read_npz(
         raise InputError(f"{path}: not an npz file of numbers, or damaged") from None
 
 
+def read_npy(path: Path, *, kinds: str = "fiub") -> npt.NDArray[Any]:
+    """Reads the array of an npy file.
+
+    Args:
+        path: A file that numpy's `save` wrote.
+        kinds: Kinds of elements that are read, as `dtype.kind` has them.
+
+    Raises:
+        InputError: There is no such file, it is no npy file or is damaged, is too large, or its
+            elements are of another kind.
+    """
+    content = read_bytes(path, _ARRAYS_LIMIT)
+    try:
+        return _parse_array(content, kinds)
+    except _BROKEN:
+        raise InputError(f"{path}: not an NPY file of numbers, or damaged") from None
+
+
 def npz_names(path: Path) -> frozenset[str]:
     """Returns the names of the arrays that an npz file has.
 
@@ -93,7 +113,10 @@ def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
 def _read_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, kinds: str) -> npt.NDArray[Any]:
     with archive.open(entry) as file:
         # To the end and not beyond what was said, so that the checksum is compared.
-        content = file.read(entry.file_size + 1)
+        return _parse_array(file.read(entry.file_size + 1), kinds)
+
+
+def _parse_array(content: bytes, kinds: str) -> npt.NDArray[Any]:
     stream = io.BytesIO(content)
     version = np.lib.format.read_magic(stream)
     read = {

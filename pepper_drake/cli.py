@@ -6,6 +6,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -24,6 +25,8 @@ EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 """Ctrl-C or SIGTERM ended the app before it was done; what it had done is kept."""
+_IMPORTING = 0.02
+"""Time after which an interrupt comes again that came during an import [s]."""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -122,9 +125,11 @@ def run(main: Callable[[], int]) -> None:
 
     SIGTERM ends it as Ctrl-C does.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    limit_linear_algebra()
     try:
+        signal.signal(signal.SIGTERM, _interrupt)
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, _interrupt)
+        limit_linear_algebra()
         code = main()
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -139,6 +144,21 @@ def run(main: Callable[[], int]) -> None:
         print("interrupted", file=sys.stderr)
         code = EXIT_INTERRUPTED
     sys.exit(code)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Raises KeyboardInterrupt, but waits while something is being imported.
+
+    A library whose import is interrupted can make another error of it, and print its own lines.
+    """
+    while frame is not None:
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
+            again = threading.Timer(_IMPORTING, os.kill, (os.getpid(), number))
+            again.daemon = True
+            again.start()
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
 
 
 def limit_linear_algebra() -> None:

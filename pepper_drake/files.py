@@ -5,12 +5,13 @@ end or a link out of its folder is answered with one sentence, and never with a 
 memory.
 """
 
+import dataclasses
 import json
 import os
 import stat
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 from pepper_drake.errors import InputError
 
@@ -160,6 +161,31 @@ def _depth(value: Any) -> int:
                 below += item
         depth, level = depth + 1, below
     return depth
+
+
+def check_fields(record: Any, name: str, mend: str) -> None:
+    """Checks that the fields of a dataclass hold what its types say, when a file gave them.
+
+    Args:
+        record: The dataclass; those in its fields are checked, too, but not what lists hold.
+        name: Where it comes from, for the sentence that says what is wrong.
+        mend: The end of that sentence.
+
+    Raises:
+        InputError: A field is of another kind, or a number beyond `LARGEST_NUMBER`.
+    """
+    for field, hint in get_type_hints(type(record)).items():
+        value = getattr(record, field)
+        options = {get_origin(option) or option for option in (get_args(hint) or (hint,))}
+        kinds = {get_origin(hint)} if get_origin(hint) in (list, dict, tuple) else options
+        if float in kinds:
+            kinds.add(int)
+        if not any(type(value) is kind for kind in kinds):
+            raise InputError(f"{name}: {field} is of another kind; {mend}")
+        if isinstance(value, int | float) and not abs(value) <= LARGEST_NUMBER:
+            raise InputError(f"{name}: {field} is {value:g}; {mend}")
+        if dataclasses.is_dataclass(value):
+            check_fields(value, name, mend)
 
 
 def path_inside(folder: Path, name: str | Path) -> Path:

@@ -28,3 +28,29 @@ def start_app(
         stderr=subprocess.PIPE,
         text=True,
     )
+
+
+def family(process: int) -> set[int]:
+    """Returns a process and all that came of it."""
+    parents: dict[int, list[int]] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                words = (entry / "stat").read_text().rpartition(")")[2].split()
+            except OSError:
+                continue
+            parents.setdefault(int(words[1]), []).append(int(entry.name))
+    found, waiting = set(), [process]
+    while waiting:
+        one = waiting.pop()
+        found.add(one)
+        waiting += parents.get(one, [])
+    return found
+
+
+def running(process: int) -> bool:
+    """Tells whether a process is there and has not ended."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False

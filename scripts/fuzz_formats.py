@@ -1,5 +1,6 @@
 """The formats that `fuzz.py` corrupts: how a good file of each is made, and how one is read."""
 
+import dataclasses
 import importlib.util
 import json
 import shutil
@@ -8,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
@@ -79,6 +79,8 @@ def _is_sane(numbers: np.ndarray) -> bool:
 
 def formats() -> dict[str, Format]:
     """Returns the formats by name."""
+    from fuzz_formats_perception import perception_formats
+
     from pepper_drake.benchmarking.method_result import MethodResult
     from pepper_drake.learning import Demonstration, MovementPrimitive
     from pepper_drake.learning.dmp.bimanual import BimanualPrimitive
@@ -203,80 +205,99 @@ def formats() -> dict[str, Format]:
         "translation": Format(part("translation.txt"), lambda p: Demonstration.load(p.parent)),
         "rotation": Format(part("rotation.txt"), lambda p: Demonstration.load(p.parent)),
         "joints_csv": Format(part("joints.csv"), lambda p: Demonstration.load(p.parent)),
-        **_perception_formats(),
+        **_result_formats(),
+        **_taught_formats(),
+        **perception_formats(),
         **_recordings(),
     }
 
 
-def _perception_formats() -> dict[str, Format]:
-    """Files of cameras, images and clouds, and the scenario."""
-    from pepper_drake.perception.cameras.camera_files import load_intrinsics
-    from pepper_drake.perception.cameras.image_files import read_depth, read_image
-    from pepper_drake.perception.mapping.cloud_files import load_cloud
-    from pepper_drake.scenario import Scenario, load_scenario, save_scenario
+def _result_formats() -> dict[str, Format]:
+    """Results that runs leave and others read, as JSON."""
+    from pepper_drake.benchmarking.baseline import HIGHER, LOWER, Baseline, Metric
+    from pepper_drake.evaluation.fault_table import FaultCase, fault_result, load_results
+    from pepper_drake.results.reach_report import ReachReport
 
-    matrix = [525.0, 0.0, 319.5, 0.0, 525.0, 239.5, 0.0, 0.0, 1.0]
-    distortion = [0.1, -0.2, 0.001, 0.0, 0.0]
+    def baseline(folder: Path) -> Path:
+        metrics = {
+            "still.reached of 4": Metric(4, "1", HIGHER, 0.0),
+            "clearance": Metric(0.02, "m", LOWER, 0.001),
+        }
+        Baseline(metrics, "the first").save(folder / "baseline.json")
+        return folder / "baseline.json"
 
-    def scenario(folder: Path) -> Path:
-        save_scenario(Scenario(), folder / "scenario.yaml")
-        return folder / "scenario.yaml"
+    def report(folder: Path) -> Path:
+        ReachReport(outcome="reached", minimum_clearance=0.02).save(folder / "report.json")
+        return folder / "report.json"
 
-    def camera_info(folder: Path) -> Path:
-        (folder / "camera.yaml").write_text(
-            "image_width: 640\nimage_height: 480\ncamera_name: head\n"
-            f"camera_matrix: {{rows: 3, cols: 3, data: {matrix}}}\n"
-            "distortion_model: plumb_bob\n"
-            f"distortion_coefficients: {{rows: 1, cols: 5, data: {distortion}}}\n"
-        )
-        return folder / "camera.yaml"
+    def faults(folder: Path) -> Path:
+        cases = [FaultCase(f"depth:{kind}@0", "table", 3) for kind in ("freeze", "drop")]
+        rows = [dataclasses.asdict(fault_result(case, ReachReport())) for case in cases]
+        (folder / "faults.json").write_text(json.dumps(rows, indent=1))
+        return folder / "faults.json"
 
-    def file_storage(name: str) -> Callable[[Path], Path]:
-        def make(folder: Path) -> Path:
-            storage = cv2.FileStorage(str(folder / name), cv2.FILE_STORAGE_WRITE)
-            storage.write("image_width", 640)
-            storage.write("image_height", 480)
-            storage.write("camera_matrix", np.array(matrix).reshape(3, 3))
-            storage.write("distortion_coefficients", np.array(distortion))
-            storage.release()
-            return folder / name
-
-        return make
-
-    def image(name: str, dtype: type) -> Callable[[Path], Path]:
-        def make(folder: Path) -> Path:
-            pixels = np.arange(24 * 32, dtype=dtype).reshape(24, 32)
-            cv2.imwrite(str(folder / name), pixels)
-            return folder / name
-
-        return make
-
-    def cloud(name: str, head: str) -> Callable[[Path], Path]:
-        def make(folder: Path) -> Path:
-            rows = "".join(f"{0.1 * k} {-0.2 * k} 0.75\n" for k in range(10))
-            (folder / name).write_text(head + rows)
-            return folder / name
-
-        return make
-
-    pcd = (
-        "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
-        "WIDTH 10\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 10\nDATA ascii\n"
-    )
-    ply = (
-        "ply\nformat ascii 1.0\nelement vertex 10\nproperty float x\nproperty float y\n"
-        "property float z\nend_header\n"
-    )
     return {
-        "scenario": Format(scenario, load_scenario),
-        "camera_info": Format(camera_info, load_intrinsics),
-        "camera_yml": Format(file_storage("camera.yml"), load_intrinsics),
-        "camera_json": Format(file_storage("camera.json"), load_intrinsics),
-        "camera_xml": Format(file_storage("camera.xml"), load_intrinsics),
-        "image": Format(image("photo.png", np.uint8), read_image),
-        "depth_image": Format(image("depth.png", np.uint16), read_depth),
-        "pcd": Format(cloud("cloud.pcd", pcd), load_cloud),
-        "ply": Format(cloud("cloud.ply", ply), load_cloud),
+        "baseline": Format(baseline, Baseline.load),
+        "reach_report": Format(report, ReachReport.load),
+        "faults": Format(faults, lambda path: list(load_results(path).items())),
+    }
+
+
+def _taught_formats() -> dict[str, Format]:
+    """Sessions, tasks, joint primitives, recordings that were interrupted."""
+    from pepper_drake.learning import Demonstration, JointPrimitive
+    from pepper_drake.learning.demonstrations.arm_chain import arm_chain
+    from pepper_drake.learning.demonstrations.recording import _POSE, PARTIAL, read_partial
+    from pepper_drake.live.session_file import SessionFolder
+    from pepper_drake.scenario import load_tasks
+
+    shipped = MODELS / "demonstrations" / "reach"
+
+    def session(folder: Path) -> Path:
+        shutil.copytree(shipped, folder / "demonstrations" / "01")
+        _primitive().save(folder / "primitive.yaml")
+        (folder / "session.yaml").write_text(
+            "title: ''\nscene: teach\narm: right\ndemonstrations: ['01']\nlearned: '01'\n"
+            "tasks: [Lead the hand.]\noffsets: {cup: [0.1, 0.0, -0.02]}\n"
+        )
+        return folder / "session.yaml"
+
+    def tasks(folder: Path) -> Path:
+        (folder / "tasks.yaml").write_text(
+            "tasks:\n- {name: lift, offset: [0.0, 0.0, 0.1]}\n- {wait: 0.5}\n- {hand: 0.1}\n"
+            "- {name: home, returns: true}\n"
+        )
+        return folder / "tasks.yaml"
+
+    def joint_primitive(folder: Path) -> Path:
+        motion = Demonstration.load(shipped)
+        primitive = JointPrimitive.fit(motion.times, motion.joints, motion.joint_names, num_basis=6)
+        primitive.save(folder / "joints.yaml")
+        return folder / "joints.yaml"
+
+    def partial(folder: Path) -> Path:
+        rows = [
+            ",".join(map(str, (0.02 * k, 0.1 + 0.01 * k, -0.1, 0.2, 1, 0, 0, 0, *[0.1] * 5)))
+            for k in range(12)
+        ]
+        header = ",".join((*_POSE, *arm_chain("right").joint_names))
+        (folder / PARTIAL).write_text("\n".join([header, *rows, "0.24,0.3"]))
+        return folder / PARTIAL
+
+    def pose(folder: Path) -> Path:
+        rows = "".join(f"{0.1 * k} {0.01 * k} 0 0.2 1 0 0 0\n" for k in range(8))
+        (folder / "cup_pose.txt").write_text("# time, position, w x y z\n" + rows)
+        return folder / "cup_pose.txt"
+
+    def taught(path: Path) -> object:
+        return SessionFolder(path.parent).taught("right")
+
+    return {
+        "session_folder": Format(session, taught),
+        "tasks": Format(tasks, load_tasks),
+        "joint_primitive": Format(joint_primitive, lambda path: JointPrimitive.load(path)),
+        "partial": Format(partial, lambda path: read_partial(path.parent)),
+        "pose": Format(pose, Demonstration.load),
     }
 
 
@@ -284,6 +305,8 @@ def _recordings() -> dict[str, Format]:
     """Recordings of other tools, as the tests write them."""
     if str(ROOT) not in sys.path:
         sys.path.append(str(ROOT))
+    from scipy.io import savemat
+
     from pepper_drake.learning import Demonstration
     from tests.learning.demonstrations.importers.recordings import (
         BINARIES,
@@ -304,11 +327,33 @@ def _recordings() -> dict[str, Format]:
 
         return Format(make, read)
 
+    def lasa(folder: Path) -> Path:
+        times = np.linspace(0.0, 1.0, 30)
+        motion = {"t": times[None], "pos": np.stack((20.0 * times, 5.0 * times**2))}
+        savemat(folder / "angle.mat", {"demos": np.array([motion, motion], dtype=object)})
+        return folder / "angle.mat"
+
+    def beside(form: Format, name: str, up: int) -> Format:
+        def make(folder: Path) -> Path:
+            return form.make(folder).parents[up] / name
+
+        return Format(
+            make, lambda path: Demonstration.load(path.parents[len(Path(name).parts) - 1])
+        )
+
     writers = dict(TEXTS)
     for name, (library, write) in BINARIES.items():
         if importlib.util.find_spec(library):
             writers[name] = write
-    return {f"recording_{name}": recording(write) for name, write in writers.items()}
+    found = {name: recording(write) for name, write in writers.items()}
+    if "rosbag2" in found:
+        found["rosbag2_metadata"] = beside(found["rosbag2"], "metadata.yaml", 0)
+    if "lerobot" in found:
+        found["lerobot_info"] = beside(found["lerobot"], "meta/info.json", 2)
+    found["lasa"] = Format(
+        lasa, lambda path: Demonstration.load(path, track="1", plane=np.zeros(6))
+    )
+    return {f"recording_{name}": form for name, form in found.items()}
 
 
 def _primitive():  # noqa: ANN202

@@ -2,38 +2,54 @@
 
   hostile.py teach                     100,000 messages to the teaching page
   hostile.py reach --count 20000       to the page of reach.py --live
+  hostile.py play                      to the window that play.py leaves open
 
 Random bytes, messages of the pages with numbers and names that make no sense, damaged ones, long
 ones, and requests that are no HTTP or never end. Websites and tokens of others must be refused. The
-app must go on serving the page meanwhile, and end in order. Exit code 1 if it does not.
+app must go on serving the page meanwhile, keep its memory, and end in order; whatever it recorded
+of the arm must be within the joints' limits. Exit code 1 if not.
 """
 
 import argparse
 import asyncio
 import random
 import re
+import resource
 import signal
+import socket
 import struct
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import msgpack
-from app_process import start_app
+import numpy as np
+from app_process import family, running, start_app
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 from tornado.websocket import WebSocketClosedError, websocket_connect
+
+from pepper_drake.learning import Demonstration
+from pepper_drake.learning.demonstrations.arm_chain import joint_limits
 
 RUNS = {
     "teach": ("--no-cameras",),
     "reach": ("--live",),
-    "play": ("pepper_drake/models/demonstrations/reach",),
+    "play": ("pepper_drake/models/demonstrations/reach", "--zmq-url"),
+    "record": ("--live",),
+    "perceive": ("--live",),
     "reproduce": ("--live",),
 }
 _CONNECTIONS = 24
 _STARTING = 180.0
 """Longest time that an app may take to show its page [s]."""
+_MORE = 0.05
+"""Share by which the memory may grow after the first half of the messages."""
+_BEYOND_LIMITS = 1e-3
+"""Distance by which a recorded joint may pass its limit: the error of the control [rad]."""
 
 
 def make_message(dice: random.Random, names: list[str]) -> bytes:
@@ -76,8 +92,9 @@ def make_message(dice: random.Random, names: list[str]) -> bytes:
 class Attack:
     """Messages sent, and their reception."""
 
-    def __init__(self, url: str, count: int, seed: int, process: subprocess.Popen[str]) -> None:
+    def __init__(self, url: str, count: int, seed: int, process: int) -> None:
         self._url, self._count, self._process = url, count, process
+        self.memory: list[float] = []
         self._dice, self._names = random.Random(seed), ["Stop (Space)"]
         self.sent = self.closed = 0
 
@@ -88,9 +105,20 @@ class Attack:
         request = HTTPRequest(self._url.replace("http:", "ws:"), headers=headers)
         return await websocket_connect(request, subprotocols=[f"viser-v{viser.__version__}"])
 
+    def _goes_on(self) -> bool:
+        return self.sent < self._count and running(self._process)
+
+    async def watch(self) -> None:
+        """Notes the memory at each tenth of the messages."""
+        while self._goes_on():
+            if self.sent >= (len(self.memory) + 1) * self._count // 10:
+                self.memory.append(memory(self._process))
+            await asyncio.sleep(0.2)
+        self.memory.append(memory(self._process))
+
     async def send(self) -> None:
         """Sends messages until all are sent, over one connection after the other."""
-        while self.sent < self._count and self._process.poll() is None:
+        while self._goes_on():
             try:
                 socket = await self.connect()
             except Exception:  # Whatever tells that there is no room at the moment.
@@ -119,7 +147,7 @@ class Attack:
     async def dawdle(self) -> None:
         """Opens connections that say nothing sensible, or never come to an end."""
         host, port = re.findall(r"//([^:/]+):(\d+)", self._url)[0]
-        while self.sent < self._count and self._process.poll() is None:
+        while self._goes_on():
             try:
                 _, writer = await asyncio.open_connection(host, int(port))
                 start = self._dice.choice(
@@ -140,18 +168,55 @@ class Attack:
             if answer.code != 403:
                 wrong.append(f"{headers} is answered with {answer.code}")
         workers = [self.send() for _ in range(_CONNECTIONS)]
-        await asyncio.gather(*workers, *(self.dawdle() for _ in range(8)))
-        if self._process.poll() is not None:
-            return [*wrong, f"the app ended with {self._process.returncode}"]
+        await asyncio.gather(*workers, *(self.dawdle() for _ in range(8)), self.watch())
+        if not running(self._process):
+            return [*wrong, "the app ended"]
+        if self.memory[-1] > (1.0 + _MORE) * self.memory[len(self.memory) // 2 - 1]:
+            wrong.append("the memory grew")
         answer = await fetch(self._url, raise_error=False, request_timeout=60.0)
         if answer.code != 200:
             wrong.append(f"the page is answered with {answer.code} afterwards")
         return wrong
 
 
-def start(app: str, folder: str) -> tuple[subprocess.Popen[str], str]:
+def memory(process: int) -> float:
+    """Memory of a process and of all that it started [MiB]."""
+    pages = 0
+    for one in family(process):
+        try:
+            pages += int(Path(f"/proc/{one}/statm").read_text().split()[1])
+        except OSError:
+            continue
+    return pages * resource.getpagesize() / 2**20
+
+
+def server_of(url: str) -> int:
+    """The process of the meshcat server that takes commands at an address."""
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = entry.read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if b"pepper_drake.playback.server" in words and url.encode() in words:
+            return int(entry.parent.name)
+    raise SystemExit(f"no meshcat server at {url}")
+
+
+def joints_beyond(folder: Path) -> Iterator[str]:
+    """Yields which joints in demonstrations below a folder are beyond their limits."""
+    limits = joint_limits()
+    for file in folder.rglob("joints.csv"):
+        motion = Demonstration.load(file.parent)
+        joints = np.asarray(motion.joints)
+        for name, column in zip(motion.joint_names, joints.T, strict=True):
+            lower, upper = limits[name]
+            if column.min() < lower - _BEYOND_LIMITS or column.max() > upper + _BEYOND_LIMITS:
+                yield f"{file}: {name} goes from {column.min():.3f} to {column.max():.3f} rad"
+
+
+def start(app: str, folder: str, options: tuple[str, ...]) -> tuple[subprocess.Popen[str], str]:
     """Starts an app; returns it and its page's address."""
-    process = start_app(app, f"{folder}/results", *RUNS[app], stdout=subprocess.PIPE)
+    process = start_app(app, f"{folder}/results", *options, stdout=subprocess.PIPE)
     assert process.stdout is not None
     for line in process.stdout:
         if found := re.search(r"http://\S+", line):
@@ -170,19 +235,31 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        process, url = start(options.app, folder)
+        arguments = RUNS[options.app]
+        if options.app == "play":
+            with socket.create_server(("127.0.0.1", 0)) as free:
+                arguments += (f"tcp://127.0.0.1:{free.getsockname()[1]}",)
+        process, url = start(options.app, folder, arguments)
+        attacked = process.pid
+        if options.app == "play":  # Its window stays when it has ended.
+            process.wait(_STARTING)
+            attacked = server_of(arguments[-1])
         began = time.monotonic()
-        attack = Attack(url, options.count, options.seed, process)
+        attack = Attack(url, options.count, options.seed, attacked)
         try:
             wrong = asyncio.run(attack.run())
         finally:
+            if options.app == "play":
+                start_app("play", folder, "--stop", *arguments[1:]).wait(60.0)
             process.send_signal(signal.SIGTERM)
             _, errors = process.communicate(timeout=120.0)
+        wrong += joints_beyond(Path(folder))
     if process.returncode not in (0, 1, 130) or "Traceback" in errors:
         wrong.append(f"the app ended with {process.returncode}: {errors[-500:]}")
     print(
         f"{options.app}: {attack.sent} messages in {time.monotonic() - began:.0f} s, "
-        f"{attack.closed} connections closed, exit code {process.returncode}; "
+        f"{attack.closed} connections closed, exit code {process.returncode}, "
+        f"{' '.join(f'{size:.0f}' for size in attack.memory)} MiB; "
         f"{'; '.join(wrong) or 'the page was served throughout'}"
     )
     return 1 if wrong else 0

@@ -4,24 +4,29 @@
   kills.py reach optimize --moments 10
 
 Every other end is by SIGKILL, the others by SIGTERM. All runs of an app write into one folder,
-one after the other. After each, every file there must be readable; after SIGTERM the app must have
-ended within 30 s, with two lines at most and exit code 0 or 130. At last a run is left alone: it
-must leave what the first one left. Exit code 1 at a finding.
+one after the other, each a fork of a process that has imported the app: until then there is nothing
+to lose. After each, every file there must be readable, and no process of the run may be left; after
+SIGTERM the app must have ended within 30 s, with two lines at most and exit code 0 or 130. At last
+a run is left alone: it must leave what the first one left. Exit code 1 at a finding.
 """
 
 import argparse
 import json
+import multiprocessing
+import os
 import random
 import signal
-import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from pathlib import Path
 
 import cv2
-from app_process import start_app
+from app_process import family, running
 
+from pepper_drake import cli
+from pepper_drake.__main__ import load_app
 from pepper_drake.array_files import read_npz
 from pepper_drake.errors import InputError
 from pepper_drake.yaml_files import read_yaml
@@ -36,7 +41,11 @@ APPS: dict[str, tuple[str, ...]] = {
     "import": (f"{_DEMONSTRATION}/translation.txt",),
     "optimize": (_DEMONSTRATION, "--goal-offset", "0", "0.05", "0.05"),
     "compare": (),
-    "reach": ("--scene", "free", "--no-recording"),
+    "reach": ("--scene", "free", "--no-recording", "--set", "station.cameras=false"),
+    "faults": (*("--signals", "depth", "--starts", "0", "--scenes", "free,table", "--jobs", "2"),),
+    "play": (_DEMONSTRATION, "--html", "page.html"),
+    "describe": (),
+    "diagram": (),
     "perceive": ("--frames", "1", "--samples", "1", "--poses", "1"),
     "benchmark": ("--methods", "a", "--scenes", "1"),
     "calibrate": ("--postures", "8"),
@@ -51,6 +60,8 @@ _ENDLESS = {"teach": 20.0, "serve_naoqi": 20.0}
 _INTERRUPTED = (0, 130)
 _PATIENCE = 30.0
 _LONGEST = 600.0
+_OTHERS = 5.0
+"""Longest time for which the processes of an app may go on after it [s]."""
 
 
 def broken(folder: Path) -> list[str]:
@@ -75,48 +86,88 @@ def broken(folder: Path) -> list[str]:
     return found
 
 
-def whole_run(app: str, folder: Path, options: tuple[str, ...]) -> tuple[int, set[str]]:
+def start(app: str, folder: Path, options: tuple[str, ...]) -> tuple[int, Path]:
+    """Starts an app in a fork of this process, which has imported it.
+
+    Returns:
+        The process, and the file of its errors.
+    """
+    errors = folder.with_suffix(".errors")
+    process = os.fork()
+    if process:
+        return process, errors
+    os.setsid()
+    for target, mode in ((0, os.O_RDONLY), (1, os.O_WRONLY), (2, os.O_WRONLY | os.O_CREAT)):
+        path = errors if target == 2 else os.devnull
+        os.dup2(os.open(path, mode | (os.O_TRUNC if target == 2 else 0), 0o600), target)
+    sys.argv = [f"{app}.py", *options, "--quiet", "--output", str(folder)]
+    code = 1
+    try:
+        cli.run(load_app(app).main)
+    except SystemExit as error:
+        code = int(error.code or 0)
+    except BaseException:
+        traceback.print_exc()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def wait(process: int, seconds: float) -> int | None:
+    """Waits for a process; returns its exit code, or minus its signal; None if it goes on."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        ended, status = os.waitpid(process, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.01)
+    return None
+
+
+def whole_run(app: str, folder: Path, options: tuple[str, ...]) -> tuple[int | None, set[str]]:
     """Lets an app do its work; returns its exit code and the names of what it left."""
-    process = start_app(app, folder, *options, "--quiet")
-    try:
-        process.communicate(timeout=_ENDLESS.get(app, _LONGEST))
-    except subprocess.TimeoutExpired:
-        process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=_PATIENCE)
+    process, _ = start(app, folder, options)
+    code = wait(process, _ENDLESS.get(app, _LONGEST))
+    if code is None:
+        os.kill(process, signal.SIGTERM)
+        code = wait(process, _PATIENCE)
     names = {entry.name for entry in folder.iterdir()} if folder.exists() else set()
-    return process.returncode, names
+    return code, names
 
 
-def end_once(process: subprocess.Popen[str], after: float, number: int) -> str:
+def end_once(process: int, errors: Path, after: float, number: int) -> str:
     """Ends an app; returns what was wrong with how it ended."""
-    try:
-        process.communicate(timeout=after)
+    if wait(process, after) is not None:
         return ""
-    except subprocess.TimeoutExpired:
-        process.send_signal(number)
-    try:
-        _, errors = process.communicate(timeout=_PATIENCE)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
+    others = family(process) - {process}
+    os.kill(process, number)
+    code = wait(process, _PATIENCE)
+    if code is None:
+        os.kill(process, signal.SIGKILL)
+        wait(process, _PATIENCE)
         return f"did not end within {_PATIENCE:g} s"
-    lines = errors.strip().splitlines()
-    if number == signal.SIGTERM and process.returncode not in (*_INTERRUPTED, -signal.SIGTERM):
-        return f"exit code {process.returncode}: {lines[-1:]}"
-    # A process that has not yet come to our code ends as Python's own do.
+    end = time.monotonic() + _OTHERS
+    while (left := [one for one in others if running(one)]) and time.monotonic() < end:
+        time.sleep(0.05)
+    if left:
+        words = Path(f"/proc/{left[0]}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+        return f"{len(left)} processes outlive it: {words[:80]}"
+    lines = errors.read_text().strip().splitlines() if errors.exists() else []
+    if number == signal.SIGTERM and code not in (*_INTERRUPTED, -signal.SIGTERM):
+        return f"exit code {code}: {lines[-1:]}"
     return f"{len(lines)} lines: {lines[-1]}" if len(lines) > 2 else ""
 
 
 def try_app(app: str, moments: int, dice: random.Random, folder: Path) -> int:
     """Ends an app at random moments; returns the number of findings."""
     options = APPS[app]
+    load_app(app)
     began = time.monotonic()
     code, left = whole_run(app, folder, options)
     duration, findings = time.monotonic() - began, 0
     for moment in range(moments):
         number = signal.SIGKILL if moment % 2 else signal.SIGTERM
-        after = dice.uniform(0.05, 1.0) * duration
-        wrong = end_once(start_app(app, folder, *options, "--quiet"), after, number)
+        after = dice.uniform(0.0, 1.0) * duration
+        wrong = end_once(*start(app, folder, options), after, number)
         for words in (*broken(folder), *([wrong] if wrong else [])):
             findings += 1
             print(f"{app}, {signal.Signals(number).name} after {after:.1f} s: {words}", flush=True)
@@ -125,8 +176,16 @@ def try_app(app: str, moments: int, dice: random.Random, folder: Path) -> int:
     if (last_code, last) != (code, left):
         findings += 1
         print(f"{app}: the last run ended with {last_code} and {last}, not {code} and {left}")
-    print(f"{app:12} {moments} ends within {duration:.0f} s: {findings} findings", flush=True)
+    print(f"{app:12} {moments} ends within {duration:.1f} s: {findings} findings", flush=True)
     return findings
+
+
+def _try_apart(app: str, moments: int, seed: int) -> None:
+    """Ends an app at random moments in a process that has imported no other; exits with 1."""
+    with tempfile.TemporaryDirectory() as folder:
+        results = Path(folder) / "results"
+        findings = try_app(app, moments, random.Random(f"{seed} {app}"), results)
+    sys.exit(1 if findings else 0)
 
 
 def main() -> int:
@@ -138,13 +197,17 @@ def main() -> int:
     parser.add_argument("--moments", type=int, default=50, help="of each app")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    dice, findings = random.Random(options.seed), 0
+    codes = []
     for app in options.apps or APPS:
         if app not in APPS:
             parser.error(f'"{app}" is unknown; there are {", ".join(APPS)}')
-        with tempfile.TemporaryDirectory() as folder:
-            findings += try_app(app, options.moments, dice, Path(folder) / "results")
-    return 1 if findings else 0
+        process = multiprocessing.get_context("spawn").Process(
+            target=_try_apart, args=(app, options.moments, options.seed)
+        )
+        process.start()
+        process.join()
+        codes.append(process.exitcode)
+    return 1 if any(codes) else 0
 
 
 if __name__ == "__main__":

@@ -4,9 +4,9 @@
   soak.py --minutes 5 --page           with a page that shows each reach
 
 Each round fits a movement, tries 40 of its kin on the equations and 8 on the kinematics, reaches
-once in the full simulation, and writes and loads its results. Memory is compared with that after
-the first rounds, threads and open files with those after the first. Exit code 1 if the memory grew
-by more than 5 % or anything was left.
+once in the full simulation with its cameras, and writes and loads its results. Memory, threads and
+open files are compared with those after the first rounds. Exit code 1 if the memory grew by more
+than 5 % or anything was left.
 """
 
 import argparse
@@ -33,7 +33,7 @@ from pepper_drake.playback.loading import load_motion
 from pepper_drake.scenario import Scenario, build_reaching
 from pepper_drake.web.drake_page import open_meshcat
 
-WARM_UP = 5
+WARM_UP = 6
 """Rounds after which the memory counts: caches fill, the allocator finds its size."""
 ALLOWED = 0.05
 """Part by which the memory may grow."""
@@ -49,7 +49,7 @@ def usage() -> tuple[float, int, int]:
 
 
 def one_round(number: int, scene: str, *, page: bool) -> str:
-    """Does once what the program does, and returns the reach's outcome."""
+    """Does once what the program does; returns the reach's outcome and what its cameras saw."""
     demonstration = Demonstration.load(MODELS_DIR / "demonstrations" / "reach")
     primitive = MovementPrimitive.fit(demonstration)
     dice = np.random.default_rng(number)
@@ -66,7 +66,8 @@ def one_round(number: int, scene: str, *, page: bool) -> str:
     with tempfile.TemporaryDirectory() as folder:
         save_result(result, Path(folder))
         load_motion(Path(folder))
-    return result.report.outcome
+    report = result.report
+    return f"{scene} {report.outcome}, cloud of {report.cloud.points} points"
 
 
 def wait_for_renderers() -> None:
@@ -85,7 +86,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--scene", default="free")
+    parser.add_argument("--scenes", nargs="+", default=["free", "table"], help="in turns")
     parser.add_argument("--page", action="store_true", help="with a page in each round")
     options = parser.parse_args()
     limit_linear_algebra()
@@ -94,7 +95,8 @@ def main() -> int:
     rounds: list[tuple[float, int, int]] = []
     began = time.monotonic()
     while time.monotonic() < end or len(rounds) < WARM_UP + 2:
-        outcome = one_round(len(rounds), options.scene, page=options.page)
+        scene = options.scenes[len(rounds) % len(options.scenes)]
+        outcome = one_round(len(rounds), scene, page=options.page)
         wait_for_renderers()
         rounds.append(usage())
         memory, threads, files = rounds[-1]

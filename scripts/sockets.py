@@ -16,7 +16,7 @@ import time
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from pathlib import Path
 
-from app_process import start_app
+from app_process import family, start_app
 
 _DEMONSTRATION = "pepper_drake/models/demonstrations/reach"
 
@@ -50,24 +50,6 @@ _AFTER_PAGE = 5.0
 
 _LISTENING = "0A"
 """State of a listening socket in /proc/net/tcp."""
-
-
-def family(process: int) -> set[int]:
-    """Returns a process and all that came of it."""
-    parents: dict[int, list[int]] = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                words = (entry / "stat").read_text().rpartition(")")[2].split()
-            except OSError:
-                continue
-            parents.setdefault(int(words[1]), []).append(int(entry.name))
-    found, waiting = set(), [process]
-    while waiting:
-        one = waiting.pop()
-        found.add(one)
-        waiting += parents.get(one, [])
-    return found
 
 
 def listening(processes: set[int]) -> set[str]:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from pepper_drake.array_files import npz_names, read_npz
+from pepper_drake.array_files import npz_names, read_npy, read_npz
 from pepper_drake.errors import InputError
 
 
@@ -79,3 +79,16 @@ def test_pickles_npy_files_and_pipes_are_refused(tmp_path):
     os.mkfifo(path)
     with pytest.raises(InputError, match="not a regular file"):
         read_npz(path)
+
+
+def test_an_array_alone_is_read_and_what_is_none_is_refused(tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, np.arange(6).reshape(2, 3))
+    np.testing.assert_array_equal(read_npy(path), [[0, 1, 2], [3, 4, 5]])
+    good = path.read_bytes()
+    # A header in which a bracket stays open, and one that claims more numbers than there are.
+    for wrong in (good.replace(b"(2, 3)", b"((2, 3"), good.replace(b"(2, 3)", b"(9, 3)")):
+        assert wrong != good
+        path.write_bytes(wrong)
+        with pytest.raises(InputError, match=r"a\.npy: not an NPY file"):
+            read_npy(path)

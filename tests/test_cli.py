@@ -1,3 +1,5 @@
+import time
+
 import pytest
 
 from pepper_drake import cli
@@ -44,6 +46,26 @@ def test_errors_become_a_line_and_a_code(error, code, line, capsys):
         cli.run(main)
     assert exit_info.value.code == code
     assert capsys.readouterr().err == line
+
+
+def test_an_import_is_not_interrupted_but_what_comes_after_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "half_a_library.py").write_text(
+        "import signal\nsignal.raise_signal(signal.SIGTERM)\nwhole = True\n"
+    )
+    seen = []
+
+    def main():
+        import half_a_library
+
+        seen.append(half_a_library.whole)
+        time.sleep(10.0)
+
+    with pytest.raises(SystemExit) as exit_info:
+        cli.run(main)
+    assert exit_info.value.code == 130
+    assert capsys.readouterr().err == "interrupted\n"
+    assert seen == [True]
 
 
 def test_a_fault_of_our_own_is_not_hidden():

@@ -1,5 +1,6 @@
 """A sample of `scripts/fuzz.py`: corrupted files are accepted or refused, and no more."""
 
+import os
 import random
 
 import fuzz
@@ -33,6 +34,33 @@ def test_what_is_no_file_is_refused_at_once(tmp_path, name):
     path.unlink()
     path.symlink_to("/dev/zero")
     with pytest.raises(InputError):
+        FORMATS[name].read(path)
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(InputError):
+        FORMATS[name].read(path)
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(InputError):
+        FORMATS[name].read(path)
+
+
+FOLDERS = (
+    "translation", "rotation", "joints_csv", "partial", "session_folder", "bimanual", "mesh", "log",
+    "report", "run_scene", "reproduction", "recording_rosbag2", "recording_rosbag2_metadata",
+    "recording_lerobot", "recording_lerobot_info",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [name for name in FOLDERS if name in FORMATS])
+def test_a_link_out_of_a_folder_that_was_handed_in_is_refused(tmp_path, name):
+    folder = tmp_path / "handed"
+    folder.mkdir()
+    path = FORMATS[name].make(folder)
+    other = tmp_path / f"elsewhere{path.suffix}"
+    path.rename(other)
+    path.symlink_to(other)
+    with pytest.raises(InputError, match="leads out of its folder"):
         FORMATS[name].read(path)
 
 

@@ -47,7 +47,7 @@ ALLOWED = {
     "perception/cameras/camera_files.py": {
         "format": "_OFF_CENTRE _LARGEST NAOQI_RESOLUTIONS _NAOQI_CAMERAS"
     },
-    "perception/cameras/image_files.py": {"format": "_LARGEST"},
+    "perception/cameras/image_files.py": {"format": "_LARGEST _MOST_PIXELS"},
     "perception/cameras/images.py": {"format": "_FEWEST_LEVELS _CHANNELS"},
     "perception/cameras/noise.py": {"physics": "_SHIFTS", "sentinel": "NO_DEPTH_NOISE"},
     "perception/cameras/structured_light.py": {

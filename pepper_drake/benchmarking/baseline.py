@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import LARGEST_NUMBER, read_json, write_atomically
+from pepper_drake.files import LARGEST_NUMBER, check_fields, read_json, write_atomically
 
 HIGHER, LOWER = "higher", "lower"
 
@@ -93,6 +93,7 @@ class Baseline:
         except (AttributeError, KeyError, TypeError):
             raise InputError(f"{path}: this is not a baseline; {mend}") from None
         for name, metric in metrics.items():
+            check_fields(metric, f"{path}: {name}", mend)
             _check(metric, f"{path}: {name}")
         return baseline
 

@@ -12,6 +12,7 @@ from pepper_drake import cli
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.methods import get_method
+from pepper_drake.signals import end_with_parent
 
 LONGEST_RUN = 600.0
 """No run takes longer [s]; one that does is ended and counts as an error."""
@@ -118,6 +119,7 @@ def _run_apart(task: Task, folder: Path) -> MethodResult:
 
 def _in_process(task: Task, folder: Path) -> None:
     """Runs a task and keeps its result."""
+    end_with_parent()
     cli.limit_linear_algebra()
     cli.quiet_libraries()
     task.file(folder).unlink(missing_ok=True)

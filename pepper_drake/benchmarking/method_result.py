@@ -3,12 +3,12 @@
 import json
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, Self, get_args, get_type_hints
+from typing import Any, Self
 
 import numpy as np
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import LARGEST_NUMBER, read_json
+from pepper_drake.files import check_fields, read_json
 
 OUTCOMES = ("reached", "touched", "refused", "failed", "error")
 """Outcomes of a run: the hand is at its goal and nothing was touched; a link touched an
@@ -83,13 +83,7 @@ class MethodResult:
                 f"{path}: this is not a result with the fields "
                 f"{', '.join(field.name for field in fields(cls))}; {mend}"
             ) from None
-        for name, hint in get_type_hints(cls).items():
-            value = getattr(result, name)
-            kinds = float | int | None if float in (hint, *get_args(hint)) else hint
-            if not isinstance(value, kinds) or (isinstance(value, bool) and hint is not bool):
-                raise InputError(f"{path}: {name} is of another kind; {mend}")
-            if isinstance(value, int | float) and not abs(value) <= LARGEST_NUMBER:
-                raise InputError(f"{path}: {name} is {value:g}; {mend}")
+        check_fields(result, str(path), mend)
         if result.outcome not in OUTCOMES:
             raise InputError(f'{path}: outcome is "{result.outcome}"; {mend}')
         return result

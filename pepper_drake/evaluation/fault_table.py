@@ -2,8 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
+from pepper_drake.errors import InputError
+from pepper_drake.files import check_fields, read_json
 from pepper_drake.models.scene import load_scene
 from pepper_drake.results.reach_report import ReachReport
 from pepper_drake.scenario import Scenario, build_reaching
@@ -102,6 +105,22 @@ def fault_result(case: FaultCase, report: ReachReport) -> FaultResult:
     """Takes from a report what the table tells."""
     names = FaultResult.__dataclass_fields__.keys() - asdict(case).keys()
     return FaultResult(**asdict(case), **{name: getattr(report, name) for name in names})
+
+
+def load_results(path: Path) -> dict[FaultCase, FaultResult]:
+    """The results that a file has, a list of `FaultResult` in JSON.
+
+    Raises:
+        InputError: There is no such file, or it holds something else.
+    """
+    mend = "remove it or give another --output"
+    try:
+        results = [FaultResult(**row) for row in read_json(path)]
+    except TypeError:
+        raise InputError(f"{path}: not a table of faults' results; {mend}") from None
+    for result in results:
+        check_fields(result, str(path), mend)
+    return {FaultCase(row.fault, row.scene, row.seed): row for row in results}
 
 
 def markdown_table(results: Iterable[FaultResult]) -> str:

@@ -127,6 +127,26 @@ def _with_axes(
     return drawn
 
 
+def load_depth(
+    path: Path, intrinsics: CameraIntrinsics, *, scale: float | None = None
+) -> npt.NDArray[np.float32]:
+    """Reads a depth image in metres, 0 where nothing was measured.
+
+    Args:
+        path: See `read_depth`.
+        intrinsics: See `depth_in_metres`.
+        scale: Length of the image's unit [m], see `depth_in_metres`.
+
+    Raises:
+        InputError: It cannot be read, or does not fit the camera.
+    """
+    image = read_depth(path)
+    try:
+        return depth_in_metres(image, intrinsics, scale=scale)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
 def report_depth(
     path: Path, intrinsics: CameraIntrinsics, folder: Path, *, scale: float | None = None
 ) -> tuple[dict[str, Any], str]:
@@ -141,7 +161,7 @@ def report_depth(
     Returns:
         The report, and a few lines for the terminal. `points` is 0 where nothing was measured.
     """
-    depth = depth_in_metres(read_depth(path), intrinsics, scale=scale)
+    depth = load_depth(path, intrinsics, scale=scale)
     everything = replace(CloudParameters(), floor_height=-np.inf, max_range=intrinsics.far)
     surface = observe_surfaces(depth, intrinsics, RigidTransform(), everything)
     measured = depth[depth > 0]

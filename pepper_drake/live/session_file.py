@@ -94,7 +94,7 @@ class SessionFolder:
         self.path, self._last = path, 0
         self.record = SessionRecord()
         if self.exists():
-            self.record = load_yaml(SessionRecord, path / SESSION)
+            self.record = load_yaml(SessionRecord, path_inside(path, SESSION))
             try:
                 self.record.check()
             except InputError as error:
@@ -102,7 +102,7 @@ class SessionFolder:
 
     def exists(self) -> bool:
         """Tells whether there is a session in the folder."""
-        return (self.path / SESSION).is_file()
+        return (self.path / SESSION).exists()
 
     def taught(self, arm: str) -> Taught:
         """Reads what was taught to an arm, "left" or "right".
@@ -115,7 +115,7 @@ class SessionFolder:
         motions = {name: self._demonstration(name, arm) for name in names}
         primitive = None
         if record.learned:
-            primitive = MovementPrimitive.load(self.path / PRIMITIVE)
+            primitive = MovementPrimitive.load(path_inside(self.path, PRIMITIVE))
         return Taught(
             tuple(motions[name] for name in record.demonstrations),
             primitive,

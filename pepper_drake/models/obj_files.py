@@ -49,10 +49,14 @@ def _check(path: Path, changed: int, size: int) -> None:
     counts = {"v": 0, "vt": 0, "vn": 0}
     faces = 0
     for number, line in enumerate(read_text(path, OBJ_LIMIT).split("\n"), start=1):
-        words = line.partition("#")[0].split()
+        content = line.partition("#")[0]
+        words = content.split()
         if not words:
             continue
         where = f"{path} line {number}"
+        if not content.rstrip("\r").replace("\t", " ").isprintable():
+            # To Python some of these are spaces; to what reads the mesh after us they are not.
+            raise InputError(f"{where}: has control characters or spaces of another kind")
         kind, values = words[0], words[1:]
         if kind in counts:
             vector = _vector(kind, values, where)

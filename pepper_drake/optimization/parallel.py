@@ -17,7 +17,7 @@ import numpy.typing as npt
 from pepper_drake.cli import limit_linear_algebra, quiet_libraries
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.optimization.problem import Evaluate, Problem
-from pepper_drake.signals import undisturbed
+from pepper_drake.signals import end_with_parent, undisturbed
 
 Array = npt.NDArray[np.float64]
 
@@ -138,6 +138,7 @@ def processes(jobs: int) -> Iterator[Executor | None]:
 
 def _prepare_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
     limit_linear_algebra()
     quiet_libraries()
 

@@ -5,9 +5,11 @@ answers at its address, be it this one or a stock `meshcat-server`.
 """
 
 import contextlib
+import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from ipaddress import ip_address
@@ -29,6 +31,8 @@ _ANSWER_MS = 10_000
 _START_SECONDS = 20.0
 QUIT = b"quit"
 """The command that ends the server."""
+_KEEP = b"keep"
+"""Line on a server's standard input before that closes; without it the server ends, too."""
 
 
 def is_listening(url: str) -> bool:
@@ -52,6 +56,8 @@ def is_listening(url: str) -> bool:
 def start_server(url: str, host: str | None = None) -> subprocess.Popen[bytes]:
     """Starts a server at an address, as a process of its own, and does not wait for it.
 
+    It ends when this process does, however that ends, unless `keep_server` is called before.
+
     Args:
         url: Where it takes commands; an address of this computer alone, for whoever sends commands
             runs what he likes in the browsers.
@@ -74,7 +80,7 @@ def start_server(url: str, host: str | None = None) -> subprocess.Popen[bytes]:
     hosts = [] if host is None else [host]
     return subprocess.Popen(
         [sys.executable, "-m", "pepper_drake.playback.server", url, *hosts],
-        stdin=subprocess.DEVNULL,
+        stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
@@ -92,6 +98,20 @@ def wait_for_server(url: str, server: subprocess.Popen[bytes]) -> None:
         if server.poll() is not None or time.monotonic() > deadline:
             raise InputError(f"{url}: no meshcat server can be started here; try another --zmq-url")
         time.sleep(0.02)
+
+
+def keep_server(server: subprocess.Popen[bytes]) -> None:
+    """Lets a server that was just started outlive this process: its window has something to show.
+
+    Raises:
+        InputError: It has ended.
+    """
+    assert server.stdin is not None
+    try:
+        server.stdin.write(_KEEP)
+        server.stdin.close()
+    except BrokenPipeError:
+        raise InputError("the meshcat server has ended; play again") from None
 
 
 def send(commands: "Sequence[Command]", url: str) -> str:
@@ -168,5 +188,14 @@ def serve(url: str, host: str | None = None) -> None:
     Bridge(url, Access.to(host)).run()
 
 
+def _end_unless_kept() -> None:
+    said = b""
+    while more := os.read(sys.stdin.fileno(), len(_KEEP) + 1):
+        said += more
+    if said != _KEEP:
+        os._exit(1)
+
+
 if __name__ == "__main__":
+    threading.Thread(target=_end_unless_kept, daemon=True).start()
     serve(*sys.argv[1:])

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_json
+from pepper_drake.files import check_fields, read_json
 from pepper_drake.results.performance import PerformanceReport
 
 Vector = npt.NDArray[np.float64]
@@ -125,9 +125,11 @@ class ReachReport:
         try:
             cloud = CloudReport(**data.pop("cloud"))
             performance = PerformanceReport(**data.pop("performance"))
-            return cls(**data, cloud=cloud, performance=performance)
+            report = cls(**data, cloud=cloud, performance=performance)
         except (AttributeError, KeyError, TypeError):
             raise InputError(f"{path}: this is not a report of a reach; run it again") from None
+        check_fields(report, str(path), "run it again")
+        return report
 
     def summary(self) -> str:
         """A few lines for the terminal."""

@@ -1,9 +1,14 @@
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 
+import pytest
+
+from pepper_drake.errors import InputError
 from pepper_drake.evaluation.fault_table import (
     FaultCase,
     fault_cases,
     fault_result,
+    load_results,
     markdown_table,
     run_fault,
 )
@@ -27,6 +32,18 @@ def test_every_sensible_fault_comes_from_both_starts_in_every_scene():
     assert {case.seed for case in cases} == {5, 6}
     for case in cases:
         parse_fault(case.fault)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("contacts", "3"), ("contact_force", "1e300"), ("seed", True), ("new", 1)]
+)
+def test_results_are_read_back_and_others_are_refused(tmp_path, field, value):
+    path, row = tmp_path / "faults.json", asdict(fault_result(CASE, REPORT))
+    path.write_text(json.dumps([row]))
+    assert load_results(path) == {CASE: fault_result(CASE, REPORT)}
+    path.write_text(json.dumps([row | {field: value}]))
+    with pytest.raises(InputError, match=r"faults\.json"):
+        load_results(path)
 
 
 def test_a_named_stop_without_a_touch_is_safe():

@@ -45,6 +45,7 @@ def test_a_cube_is_a_solid(check, faces):
         (CUBE + FACES + "f 1 2 0", "there is no v number 0"),
         (CUBE + FACES + "f 1 2 -9", "there is no v number -9"),
         (CUBE + FACES + "f 1 2 99999999999999999999", "there is no v number"),
+        (CUBE + FACES + "f 1 2 \x1e3", "control characters"),
         (CUBE + FACES + "f 1 2 x", "there is no v number x"),
         (CUBE + FACES + "f 1/1 2/1 3/1", "there is no vt number 1; there are 0"),
         (CUBE + FACES + "f 1 2", "a face has 3 to 64 corners"),

@@ -3,6 +3,7 @@ import base64
 import socket
 import subprocess
 import sys
+import time
 import urllib.error
 import urllib.request
 
@@ -101,6 +102,22 @@ def test_a_server_that_cannot_listen_is_reported():
 def test_what_is_no_address_is_named(url):
     with pytest.raises(InputError, match=r"it must be like tcp://127\.0\.0\.1:6000"):
         server.is_listening(url)
+
+
+@pytest.mark.parametrize(("kept", "code"), [(False, 1), (True, None)])
+def test_a_server_outlives_who_started_it_only_if_its_window_is_shown(kept, code):
+    process = server.start_server(free_url())
+    try:
+        if kept:
+            server.keep_server(process)
+            time.sleep(1.0)
+        else:
+            process.stdin.close()  # As the system does when a process ends, however it does.
+            process.wait(10)
+        assert process.poll() == code
+    finally:
+        process.kill()
+        process.wait(10)
 
 
 @pytest.fixture

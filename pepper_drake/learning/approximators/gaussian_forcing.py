@@ -18,6 +18,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.files import LARGEST_NUMBER
 from pepper_drake.learning.phase import Array, hold
 
 
@@ -162,7 +163,9 @@ class GaussianForcing:
             raise ValueError("centres and widths must be two lists of the same length")
         if weights.ndim != 2 or len(weights) != basis.num_features:
             raise ValueError(f"weights must have {basis.num_features} rows of the same length")
-        finite = all(np.isfinite(a).all() for a in (basis.centres, basis.widths, weights))
-        if not finite or np.any(basis.widths == 0.0):
-            raise ValueError("centres, widths and weights must be finite, widths not zero")
+        numbers = (basis.centres, basis.widths, weights)
+        if not all(np.all(np.abs(a) <= LARGEST_NUMBER) for a in numbers) or np.any(
+            basis.widths <= 0.0
+        ):
+            raise ValueError("centres, widths and weights must be finite, widths positive")
         return cls(basis, weights)

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text, write_atomically
+from pepper_drake.files import path_inside, read_text, write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.conditioning import CAREFUL
 from pepper_drake.learning.demonstrations.demonstration import RECORDED, Demonstration
@@ -63,6 +63,7 @@ def read_demonstration(path: Path, options: ImportOptions | None = None) -> Demo
         InputError: It holds none, several, or one that cannot be right; with the mend.
     """
     said = options or ImportOptions()
+    check_file(path)
     if path.is_dir():
         partial = read_partial(path)
         if partial is not None:
@@ -79,6 +80,7 @@ def read_demonstrations(path: Path, options: ImportOptions | None = None) -> lis
         InputError: It holds none, or one that cannot be right; with the mend.
     """
     said = options or ImportOptions()
+    check_file(path)
     if said.track is not None or (path.is_dir() and (path / PARTIAL).exists()):
         return [read_demonstration(path, said)]
     return [interpret(track, said) for track in read_all_tracks(path)]
@@ -171,7 +173,8 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
 
 
 def _read_folder(path: Path) -> Track:
-    translation, rotation, joint_file = path / TRANSLATION, path / ROTATION, path / JOINTS
+    names_of_files = (TRANSLATION, ROTATION, JOINTS)
+    translation, rotation, joint_file = (path_inside(path, name) for name in names_of_files)
     joints: Array | None = None
     names: tuple[str, ...] = ()
     if joint_file.exists():

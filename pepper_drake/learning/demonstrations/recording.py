@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import path_inside, read_bytes
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.demonstrations.text_files import format_table, parse_table
 
@@ -35,6 +36,8 @@ REST_SPEED, REST_TURN_RATE = 0.005, 0.06
 
 _POSE = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
 _FEWEST = 5
+_LARGEST = 2**28
+"""Largest partial file [bytes]: four hours at 100 Hz."""
 _SYNC_PERIOD = 1.0
 
 
@@ -170,12 +173,9 @@ def read_partial(folder: Path) -> Demonstration | None:
         InputError: The file is broken, or holds fewer than five samples.
     """
     path = folder / PARTIAL
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
+    if not path_inside(folder, PARTIAL).exists():
         return None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    content = read_bytes(path, _LARGEST)
     # The last row may be torn; a machine that stopped may have left zeros after it.
     whole, _, _ = content.rstrip(b"\0").rpartition(b"\n")
     header, _, body = whole.decode("utf-8", errors="replace").partition("\n")
@@ -193,9 +193,12 @@ def read_partial(folder: Path) -> Demonstration | None:
     if names[: len(_POSE)] != _POSE:
         raise InputError(f"{path}, line 1: the header must be {','.join(_POSE)},JOINT,...")
     table = parse_table("\n" + body, path, (len(names),), "as named in the header", separator=",")
-    return recorded_demonstration(
-        table[:, 0], table[:, 1:], names[len(_POSE) :], name=folder.resolve().name
-    )
+    try:
+        return recorded_demonstration(
+            table[:, 0], table[:, 1:], names[len(_POSE) :], name=folder.resolve().name
+        )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def recover(folder: Path) -> Demonstration:

@@ -27,7 +27,7 @@ import numpy.typing as npt
 from scipy.interpolate import make_interp_spline
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import write_atomically
+from pepper_drake.files import path_inside, write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
@@ -168,7 +168,9 @@ class BimanualPrimitive:
         Raises:
             InputError: A file is missing or broken.
         """
-        path = Path(folder) / "pair.yaml"
+        path, absolute, relative = (
+            path_inside(Path(folder), f"{name}.yaml") for name in ("pair", "absolute", "relative")
+        )
         data = read_yaml(path, _FILE_LIMIT)
         hold_rate = data.get("hold_rate") if isinstance(data, dict) else None
         if isinstance(hold_rate, bool) or not isinstance(hold_rate, int | float):
@@ -176,8 +178,8 @@ class BimanualPrimitive:
         if not 0.1 <= hold_rate <= 1e4:
             raise InputError(f"{path}: hold_rate is {hold_rate:g}; it must be 0.1 to 10000")
         return cls(
-            MovementPrimitive.load(Path(folder) / "absolute.yaml"),
-            MovementPrimitive.load(Path(folder) / "relative.yaml"),
+            MovementPrimitive.load(absolute),
+            MovementPrimitive.load(relative),
             float(hold_rate),
         )
 

@@ -1,31 +1,42 @@
 """Reads images and depth images from files."""
 
 import io
+import warnings
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
 
+from pepper_drake.array_files import npz_names, read_npy, read_npz
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_bytes
 
-_LARGEST = 256 * 2**20
+_LARGEST = 128 * 2**20
 """Largest image file [bytes]."""
+_MOST_PIXELS = 2**26
+"""Pixels of the largest image: a small file may claim to hold billions."""
+_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "JPEG2000")
 
 
 def read_image(path: str | Path) -> npt.NDArray[Any]:
     """Reads an image as OpenCV does, with all its bits and channels, colours in the order BGR.
 
     Args:
-        path: PNG, JPEG, TIFF, or whatever else OpenCV reads.
+        path: PNG, JPEG, TIFF, BMP, PNM, WebP or JPEG 2000.
 
     Returns:
         (height, width[, channels]).
+
+    Raises:
+        InputError: There is no such file, it is no image, is damaged, or is too large.
     """
     path = Path(path)
     content = np.frombuffer(read_bytes(path, _LARGEST), np.uint8)
+    if _claimed_pixels(content, path) > _MOST_PIXELS:
+        raise InputError(f"{path}: more than {_MOST_PIXELS} pixels; give a smaller image.")
     try:
         image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if content.size else None
     except cv2.error:
@@ -43,6 +54,21 @@ def read_image(path: str | Path) -> npt.NDArray[Any]:
     return np.asarray(image)
 
 
+def _claimed_pixels(content: npt.NDArray[np.uint8], path: Path) -> float:
+    """Number of pixels that an image's header claims."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            image = Image.open(io.BytesIO(content.tobytes()), formats=_FORMATS)
+            return image.width * image.height
+    except Image.DecompressionBombError:
+        return np.inf
+    except Exception:  # A damaged header fails in many ways.
+        raise InputError(
+            f"{path}: not an image that can be read; give a PNG, JPEG or TIFF file."
+        ) from None
+
+
 def read_depth(path: str | Path) -> npt.NDArray[Any]:
     """Reads a depth image as it is stored; `depth_in_metres` says what its values mean.
 
@@ -55,17 +81,13 @@ def read_depth(path: str | Path) -> npt.NDArray[Any]:
     path = Path(path)
     if path.suffix.lower() not in (".npy", ".npz"):
         return read_image(path)
-    try:
-        loaded = np.load(io.BytesIO(read_bytes(path, _LARGEST)), allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            return loaded
-        name = "depth" if "depth" in loaded.files else loaded.files[0]
-        if name != "depth" and len(loaded.files) > 1:
-            raise InputError(f"{path}: has several arrays; name the depth image depth.")
-        return np.asarray(loaded[name])
-    except InputError:
-        raise
-    except Exception:  # A damaged file fails in many ways.
-        raise InputError(
-            f"{path}: is not a NumPy file of a depth image that can be read."
-        ) from None
+    if path.suffix.lower() == ".npy":
+        return read_npy(path)
+    names = npz_names(path)
+    if len(names) > 1 and "depth" not in names:
+        raise InputError(f"{path}: has several arrays; name the depth image depth.")
+    arrays = read_npz(path, ["depth"] if "depth" in names else None)
+    if not arrays:
+        raise InputError(f"{path}: has no array.")
+    (depth,) = arrays.values()
+    return depth

@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.array_files import npz_names, read_npy, read_npz
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_bytes
 
-_LARGEST = 512 * 2**20
+_LARGEST = 128 * 2**20
 """Largest cloud file [bytes]."""
 _NAMES = ("positions", "points", "xyz", "xyzs", "arr_0")
 """Names of arrays that hold points."""
+_KINDS = "fiubUSV"
+"""Elements of arrays: numbers, records with fields x, y and z, and words, which are refused."""
 _FARTHEST = 1e6
 """No point is farther away [m], whatever the unit."""
 _FARTHEST_ROOM = 15.0
@@ -37,11 +40,16 @@ def load_cloud(path: str | Path, *, scale: float = 1.0) -> npt.NDArray[np.float6
             appearance; or the library that reads it is not installed.
     """
     path = Path(path)
-    readers = {".pcd": _pcd, ".ply": _ply, ".npz": _npz, ".npy": _npy}
+    readers = {
+        ".pcd": lambda path: _pcd(path, io.BytesIO(read_bytes(path, _LARGEST))),
+        ".ply": lambda path: _ply(path, io.BytesIO(read_bytes(path, _LARGEST))),
+        ".npz": _npz,
+        ".npy": lambda path: _array(path, read_npy(path, kinds=_KINDS)),
+    }
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: clouds are read from {', '.join(readers)} files.")
-    points = reader(path, io.BytesIO(read_bytes(path, _LARGEST)))
+    points = reader(path)
     points = points[np.isfinite(points).all(axis=1)] * scale
     if len(points) == 0:
         raise InputError(f"{path}: holds no finite point.")
@@ -64,7 +72,10 @@ def _columns(path: Path, table: Any, names: Any) -> npt.NDArray[np.float64]:
     missing = [name for name in "xyz" if name not in (names or ())]
     if missing:
         raise InputError(f"{path}: has no field {missing[0]}.")
-    return np.column_stack([np.asarray(table[name], dtype=float).ravel() for name in "xyz"])
+    columns = [np.asarray(table[name]) for name in "xyz"]
+    if any(column.dtype.kind not in "iuf" for column in columns):
+        raise InputError(f"{path}: a field x, y or z holds no numbers.")
+    return np.column_stack([column.astype(float).ravel() for column in columns])
 
 
 def _pcd(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
@@ -115,26 +126,12 @@ def _array(path: Path, array: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
     return np.asarray(array.reshape(-1, array.shape[-1])[:, :3], dtype=float)
 
 
-def _npz(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
-    try:
-        with np.load(file, allow_pickle=False) as arrays:
-            names = list(arrays.files)
-            known = [name for name in _NAMES if name in names] or names
-            if len(known) > 1 and known == names:
-                raise InputError(
-                    f"{path}: has {', '.join(names[:5])}; name the points positions, points or xyz."
-                )
-            array = arrays[known[0]] if known else np.zeros(0)
-    except InputError:
-        raise
-    except Exception:  # A damaged archive fails in many ways.
-        raise InputError(f"{path}: is not an NPZ archive of arrays that can be read.") from None
-    return _array(path, array)
-
-
-def _npy(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
-    try:
-        array = np.load(file, allow_pickle=False)
-    except Exception:  # A damaged file fails in many ways.
-        raise InputError(f"{path}: is not an NPY array that can be read.") from None
-    return _array(path, array)
+def _npz(path: Path) -> npt.NDArray[np.float64]:
+    names = sorted(npz_names(path))
+    known = [name for name in _NAMES if name in names] or names
+    if len(known) > 1 and known == names:
+        raise InputError(
+            f"{path}: has {', '.join(names[:5])}; name the points positions, points or xyz."
+        )
+    arrays = read_npz(path, known[:1], kinds=_KINDS)
+    return _array(path, arrays.get(known[0], np.zeros(0)) if known else np.zeros(0))

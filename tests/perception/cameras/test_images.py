@@ -1,3 +1,5 @@
+import zlib
+
 import cv2
 import numpy as np
 import pytest
@@ -98,3 +100,14 @@ def test_a_photo_that_is_to_be_turned_is_refused(tmp_path, orientation):
     else:
         with pytest.raises(InputError, match=r"photo\.jpg: .*EXIF"):
             read_image(path)
+
+
+def test_an_image_that_claims_too_many_pixels_is_not_unpacked(tmp_path):
+    path = tmp_path / "bomb.png"
+    cv2.imwrite(str(path), GRAY)
+    content = bytearray(path.read_bytes())
+    content[16:24] = (60_000).to_bytes(4, "big") * 2
+    content[29:33] = zlib.crc32(content[12:29]).to_bytes(4, "big")
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"bomb\.png: more than 67108864 pixels"):
+        read_image(path)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.demonstrations.importers.table import LARGEST_NUMBER
+from pepper_drake.files import path_inside
+from pepper_drake.learning.demonstrations.importers.table import LARGEST_NUMBER, check_file
 from pepper_drake.learning.demonstrations.importers.track import Track
 
 SUFFIXES = (".bag", ".db3", ".mcap")
@@ -34,6 +35,9 @@ def read_bag(path: Path) -> list[Track]:
     Raises:
         InputError: A library is missing, the bag is broken, or has no such topic.
     """
+    if path.is_dir():
+        for file in path.iterdir():
+            check_file(path_inside(path, file.name))
     messages = _mcap_messages(path) if _is_json_mcap(path) else _ros_messages(path)
     series: dict[str, _Series] = {}
     count = 0

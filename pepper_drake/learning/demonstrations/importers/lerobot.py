@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text
+from pepper_drake.files import path_inside, read_text
 from pepper_drake.learning.demonstrations.importers.bags import EXTRA
 from pepper_drake.learning.demonstrations.importers.headers import meaning
 from pepper_drake.learning.demonstrations.importers.table import LARGEST_NUMBER, check_file
@@ -20,6 +20,8 @@ STATE = "observation.state"
 
 _MOST_ROWS = 2_000_000
 _MOST_FILES = 1000
+_MOST_VALUES = 8_000_000
+"""Numbers of a file: a hundred bytes each, once they are read."""
 
 
 def is_dataset(path: Path) -> bool:
@@ -40,7 +42,7 @@ def read_dataset(path: Path) -> list[Track]:
         raise InputError(f"{path}: a LeRobot dataset without parquet files in data/")
     episodes: dict[int, list[tuple[float, Any]]] = {}
     for file in files:
-        check_file(file)
+        check_file(path_inside(root, file.resolve()) if path.is_dir() else file)
         for episode, time, state in _rows(file, rate):
             episodes.setdefault(episode, []).append((time, state))
     return [
@@ -65,7 +67,7 @@ def _root_of(file: Path) -> Path:
 
 
 def _features(root: Path, path: Path) -> tuple[list[str], float]:
-    info = root / "meta" / "info.json"
+    info = path_inside(root, "meta/info.json")
     try:
         check_file(info)
         data = json.loads(read_text(info))
@@ -101,6 +103,8 @@ def _rows(file: Path, rate: float) -> list[tuple[int, float, Any]]:
         if STATE not in present:
             raise InputError(f"{file}: no column {STATE}")
         wanted = [c for c in (STATE, "timestamp", "episode_index", "frame_index") if c in present]
+        if (count := _values(source.metadata, wanted)) > _MOST_VALUES:
+            raise InputError(f"{file}: {count} numbers; at most {_MOST_VALUES} are read")
         columns = source.read(columns=wanted).to_pydict()
         states = columns[STATE]
         count = len(states)
@@ -114,6 +118,15 @@ def _rows(file: Path, rate: float) -> list[tuple[int, float, Any]]:
     except Exception as error:  # pyarrow raises what its parser meets.
         text = " ".join(str(error).split())[:120]
         raise InputError(f"{file}: not a parquet file that can be read ({text})") from None
+
+
+def _values(metadata: Any, columns: list[str]) -> int:
+    """Number of values in some columns of a parquet file, as its metadata says."""
+    groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
+    chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
+    return sum(
+        chunk.num_values for chunk in chunks if chunk.path_in_schema.startswith(tuple(columns))
+    )
 
 
 def _track(path: Path, name: str, rows: list[tuple[float, Any]], names: list[str]) -> Track:

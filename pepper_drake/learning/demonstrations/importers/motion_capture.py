@@ -1,12 +1,18 @@
 """Exports of motion capture: OptiTrack Motive's CSV and Vicon Nexus' or Tracker's CSV."""
 
+import contextlib
+import io
+import struct
 import warnings
+import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pepper_drake.errors import InputError
+from pepper_drake.files import read_bytes
 from pepper_drake.learning.demonstrations.importers.options import LENGTHS
 from pepper_drake.learning.demonstrations.importers.table import Table, number, numbers
 from pepper_drake.learning.demonstrations.importers.track import Track
@@ -22,6 +28,11 @@ _MOTIVE_UNITS = {
 }
 _VICON_TITLES = ("trajectories", "objects", "segments", "global trajectories")
 _VICON_OTHERS = ("devices", "joints", "model outputs", "events")
+
+_COMPRESSED = 15
+"""Kind of a compressed variable in a MATLAB file of version 5."""
+_LARGEST_UNPACKED = 64 * 2**20
+"""Most that the compressed variables of such a file may hold [bytes]."""
 
 
 def is_motive(table: Table) -> bool:
@@ -189,6 +200,23 @@ def _tidy(name: str) -> str:
     return name.replace(":", "_") or "marker"
 
 
+def _unpacked(data: bytes) -> int:
+    """Size of what the compressed variables of a MATLAB file hold, up to a little over the limit.
+
+    A variable is a kind and a size of four bytes each, and that many bytes, after a header of 128
+    whose last two tell their order.
+    """
+    order, start, total = "<" if data[126:128] == b"IM" else ">", 128, 0
+    while start + 8 <= len(data) and total <= _LARGEST_UNPACKED:
+        kind, size = struct.unpack_from(f"{order}II", data, start)
+        if kind == _COMPRESSED:
+            with contextlib.suppress(zlib.error):  # The library tells what is damaged.
+                packed = data[start + 8 : start + 8 + size]
+                total += len(zlib.decompressobj().decompress(packed, _LARGEST_UNPACKED + 1))
+        start += 8 + size
+    return total
+
+
 def read_lasa(path: Path) -> list[Track]:
     """Reads a motion of the LASA handwriting set: a .mat file with a list `demos` of 2-D paths.
 
@@ -199,9 +227,14 @@ def read_lasa(path: Path) -> list[Track]:
     """
     from scipy.io import loadmat
 
+    data = read_bytes(path)
+    if _unpacked(data) > _LARGEST_UNPACKED:
+        raise InputError(f"{path}: holds more than {_LARGEST_UNPACKED // 2**20} MiB; cut it")
     try:
+        # It reads streams, which its type hints do not know.
+        stream: Any = io.BytesIO(data)
         with warnings.catch_warnings(action="ignore"):  # Of variables that are not read.
-            content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
+            content = loadmat(stream, squeeze_me=True, struct_as_record=False)
         demos = np.atleast_1d(content["demos"])[:100]
         found = [
             (np.asarray(d.t, dtype=float).ravel(), np.asarray(d.pos, dtype=float)) for d in demos

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration
@@ -115,4 +116,12 @@ def test_a_missing_library_is_named_with_the_way_to_get_it(library, name, tmp_pa
     info = '{"fps": 50, "features": {"observation.state": {"names": ["x", "y", "z"]}}}'
     (tmp_path / "meta" / "info.json").write_text(info)
     with pytest.raises(InputError, match=rf"{library}.*pip install"):
+        Demonstration.load(path)
+
+
+def test_a_matlab_file_that_unpacks_to_gigabytes_is_refused(tmp_path):
+    path = tmp_path / "bomb.mat"
+    savemat(path, {"demos": np.zeros(9_000_000)}, do_compression=True)
+    assert path.stat().st_size < 100_000
+    with pytest.raises(InputError, match=r"bomb\.mat: holds more than 64 MiB"):
         Demonstration.load(path)
