@@ -1,5 +1,6 @@
 """One reach of a robot: checked before, paced by the clock, and handed over at the end."""
 
+import math
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -60,6 +61,26 @@ class HardwareReport(ReachReport):
     """Word of what went wrong with robot or link."""
     warnings: list[str] = field(default_factory=list)
     """Words of what was noticed and did not end the run."""
+    # Nobody measured these, which is not zero; the file has null.
+    contact_force: float = math.nan
+    goal_force: float = math.nan
+    arm_speed: float = math.nan
+    command_acceleration: float = math.nan
+
+    def summary(self) -> str:
+        """A few lines for the terminal: what a robot knows of itself."""
+        lines = [f"{self.outcome}" + (f": {self.message}" if self.message else "")]
+        lines.extend(self.performance.lines())
+        if self.believed_position_error is not None:
+            error = 1000 * self.believed_position_error
+            lines.append(f"  hand to goal      {error:6.1f} mm   (as the robot sees both)")
+        held = self.skipped_steps * CONTROL_PERIOD
+        lines.append(
+            f"  took {self.wall_seconds:.1f} s; for {held:.1f} s of it the arm was held while this "
+            "computer planned or was too slow"
+        )
+        lines.extend(f"  {word}: {LINK_FAULTS[word]}" for word in self.warnings)
+        return "\n".join(lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +145,6 @@ class _Progress:
     def __init__(self, reaching: Reaching, simulator: Simulator, run: HardwareRun) -> None:
         self._reaching, self._simulator, self._run = reaching, simulator, run
         self._mode = ReachMode.LOOKING
-        self._was_slowed = False
 
     def is_over(self) -> bool:
         """Looks at what the robot is doing."""
@@ -134,12 +154,6 @@ class _Progress:
         if mode != self._mode:
             self._mode = mode
             self._run.say(f"{self._seconds():6.2f} s  {mode.name.lower()}")
-        station = self._reaching.station
-        inside = station.GetMyContextFromRoot(self._simulator.get_context())
-        is_slowed = station.GetOutputPort("link_status").Eval(inside).is_slowed
-        if is_slowed and not self._was_slowed:
-            self._run.say(f"{self._seconds():6.2f} s  arm_slowed: {LINK_FAULTS['arm_slowed']}")
-        self._was_slowed = self._was_slowed or is_slowed
         is_done = mode == ReachMode.DONE and self._is_finished()
         return is_done or mode == ReachMode.FAILED or self._seconds() > LONGEST
 
@@ -180,7 +194,7 @@ class _Progress:
             link_late=int(state["late"]),
             round_trip=float(state["round_trip"]),
             clock_bound=float(state["clock_bound"]),
-            warnings=["arm_slowed"] if self._was_slowed else [],
+            warnings=["arm_slowed"] if robot.was_slowed else [],
         )
         log = self.log()
         last = log["hand_position"][-1] - log["goal_position"][-1]

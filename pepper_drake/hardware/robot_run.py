@@ -13,7 +13,7 @@ from pydrake.systems.framework import Diagram
 
 from pepper_drake.hardware.dead_man import KEYBOARD
 from pepper_drake.hardware.link_config import LinkConfig
-from pepper_drake.hardware.link_fault import HANDED_OVER, LinkFault
+from pepper_drake.hardware.link_fault import HANDED_OVER, LINK_FAULTS, LinkFault
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.paced_run import DiagramClock, Pacing, run_paced
 from pepper_drake.hardware.preflight import PreflightOptions
@@ -60,6 +60,7 @@ class RobotRun:
         clock: The diagram's clock.
         fault: What went wrong with robot or link, if anything did.
         is_stopped: Whether whoever runs it ended it.
+        was_slowed: Whether the robot slowed its arm near what it saw.
     """
 
     def __init__(self, run: HardwareRun, arm: str, **config: object) -> None:
@@ -79,7 +80,7 @@ class RobotRun:
             **config,  # type: ignore[arg-type]
         )
         self.fault: LinkFault | None = None
-        self.is_stopped = False
+        self.is_stopped = self.was_slowed = False
 
     def __enter__(self) -> Self:
         """Checks the robot and begins to measure.
@@ -166,6 +167,9 @@ class RobotRun:
             except LinkFault as fault:
                 self.fault = fault
                 return True
+            if not self.was_slowed and self.link.state()["slowed"]:
+                self.was_slowed = True
+                self._run.say(f"arm_slowed: {LINK_FAULTS['arm_slowed']}")
             self.is_stopped = self.is_stopped or self._run.should_stop()
             return self.is_stopped or is_over()
 

@@ -162,7 +162,7 @@ class LiveSession:
     def record(self) -> None:
         """Takes the arm limp, if it is not, and records from now on."""
         if self.mode == Mode.RECORDED:
-            self._notify("It is recorded already; Stop ends it")
+            self._notify("Already recording; Stop ends it")
             return
         if self._folder is not None:
             names = self.simulation.diagram.recorder.joint_names
@@ -186,7 +186,7 @@ class LiveSession:
     def learn(self) -> None:
         """Learns one movement from all demonstrations."""
         if self.mode != Mode.GUIDED:
-            self._notify(f"Pepper is {self.mode}; Stop comes before Learn")
+            self._notify(f"Pepper is {self.mode}; press Stop before Learn")
         elif self.demonstration is None:
             self._notify("There is nothing to learn yet; Record a movement first")
         else:
@@ -210,7 +210,7 @@ class LiveSession:
     def reach(self) -> None:
         """Takes the arm back to where the movement starts, and performs it."""
         if self.mode == Mode.RECORDED:
-            self._notify("The arm is being led; Stop comes before Reach")
+            self._notify("The arm is being led; press Stop before Reach")
         elif self.taught.learned is None:
             self._notify("There is nothing to perform yet; Record a movement, then Learn it")
         else:
@@ -271,7 +271,7 @@ class LiveSession:
         before = self._before[-1]
         objects_only = before.taught_the_same(self.taught)
         if self.mode != Mode.GUIDED and not objects_only:
-            self._notify(f"Pepper is {self.mode}; Stop comes before Undo")
+            self._notify(f"Pepper is {self.mode}; press Stop before Undo")
             return
         self._before.pop()
         self._restore(before)
@@ -282,7 +282,7 @@ class LiveSession:
     def start_over(self) -> None:
         """Goes back to what the lesson began with; Undo brings the rest back."""
         if self.mode != Mode.GUIDED:
-            self._notify(f"Pepper is {self.mode}; Stop comes before Start over")
+            self._notify(f"Pepper is {self.mode}; press Stop before Start over")
         elif self._lesson is not None:
             try:
                 start = self._of_lesson(self._lesson)
@@ -453,7 +453,7 @@ class LiveSession:
             return f"Stopped: {state.message}; Reach again, or Stop to lead the hand"
         if mode == Mode.LOOKING:
             seen = self.simulation.goal_is_seen()
-            return "Pepper looks at the scene" if seen else "Pepper searches the goal's marker"
+            return "Pepper looks at the scene" if seen else "Pepper looks for the goal's marker"
         if mode == Mode.PLANNING:
             return "Pepper plans its movement around what it sees"
         if mode == Mode.WAITING:

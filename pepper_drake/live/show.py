@@ -21,6 +21,7 @@ from pepper_drake.live.drawing import LiveDrawing
 from pepper_drake.live.page import CLEARANCE_SHOWN, Action, LivePage
 from pepper_drake.live.robot_drawing import RobotDrawing
 from pepper_drake.live.session import LiveSession, Mode
+from pepper_drake.live.simulation import CHECKS
 from pepper_drake.models.movable_objects import SPARES
 from pepper_drake.perception.goal.marker import detect_markers
 from pepper_drake.systems.guiding.gamepad_velocity import (
@@ -67,7 +68,7 @@ class LiveApp:
         self._grabbed: dict[str, Vector] = {}
         self._mode: Mode | None = None
         self._hint, self._pace = "", session.simulation.pace
-        self._frame = 0
+        self._frame = self._checks = 0
         self._samples: deque[Vector] = deque(maxlen=_HISTORY)
         self._listed: tuple[object, ...] = ()
         self._play_from: float | None = None
@@ -136,7 +137,12 @@ class LiveApp:
         mode = self.session.mode
         if mode in _LIMP:
             self._lead(entered=self._mode not in _LIMP)
-        self._mode = mode
+            if self.page is not None and self._checks % CHECKS == CHECKS // 2:
+                # In the middle of the frame: whoever leads the hand sees it move sooner.
+                with self.page.server.atomic():
+                    self._robot.update(self.session.simulation.query())
+                self.page.server.flush()
+        self._mode, self._checks = mode, self._checks + 1
 
     def _lead(self, *, entered: bool) -> None:
         """Moves the guide as mouse, keys or game pad say."""

@@ -37,7 +37,7 @@ Vector = npt.NDArray[np.float64]
 
 PUBLISH_PERIOD = 1 / 32
 """Between two frames of the page [s]."""
-_CHECKS = 4
+CHECKS = 4
 """Times a frame that a person is attended to: what they do waits for no more than 8 ms."""
 
 
@@ -151,9 +151,9 @@ class LiveSimulation:
         Raises:
             PepperDrakeError: Drake's solver finds no next step.
         """
-        for part in range(1, _CHECKS + 1):
+        for part in range(1, CHECKS + 1):
             attend()
-            end = (self._frames + part / _CHECKS) * PUBLISH_PERIOD
+            end = (self._frames + part / CHECKS) * PUBLISH_PERIOD
             simulate(self.simulator, end).check()
         self._frames += 1
 

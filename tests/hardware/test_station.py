@@ -1,5 +1,9 @@
 """The station of a served robot, advanced with the clock."""
 
+import json
+import time
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
@@ -15,6 +19,8 @@ from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.paced_run import DiagramClock, run_paced
 from pepper_drake.hardware.preflight import PreflightOptions
+from pepper_drake.hardware.reach_run import HardwareReport
+from pepper_drake.hardware.robot_run import HardwareRun, RobotRun
 from pepper_drake.hardware.station import HardwareStation
 from pepper_drake.hardware.transport import RobotAccess
 from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
@@ -164,3 +170,38 @@ def test_nobody_at_the_address():
         link.wait_until_ready()
     assert e.value.word == "robot_unreachable"
     assert str(e.value).count("no robot answers") == 1
+
+
+def test_a_report_of_a_robot_tells_what_it_knows_and_what_slowed_it(tmp_path):
+    report = HardwareReport(
+        outcome="reached",
+        believed_position_error=0.0012,
+        wall_seconds=20.0,
+        skipped_steps=50,
+        warnings=["arm_slowed"],
+    )
+    lines = report.summary().splitlines()
+    assert lines[0] == "reached"
+    assert "  hand to goal         1.2 mm   (as the robot sees both)" in lines
+    assert any("took 20.0 s; for 1.0 s" in line for line in lines)
+    assert lines[-1] == "  arm_slowed: the robot slows its arm near what it sees"
+    assert "0 mm/s" not in report.summary()  # Nobody measured the arm's speed.
+    report.save(tmp_path / "report.json")
+    saved = json.loads((tmp_path / "report.json").read_text())
+    assert saved["arm_speed"] is None
+    assert saved["warnings"] == ["arm_slowed"]
+
+
+def test_an_arm_that_the_robot_slows_is_told_once():
+    source, said = DiagramBuilder(), []
+    source.AddSystem(ConstantVectorSource([0.0]))
+    diagram, states = source.Build(), iter([False, True, True, False, True])
+    run = RobotRun(HardwareRun(RobotAccess("tcp://127.0.0.1:1"), say=said.append), "right")
+    run.link = SimpleNamespace(check=lambda: None, state=lambda: {"slowed": next(states)})
+    run.clock = DiagramClock(time.monotonic, time.sleep)
+    run.advance(diagram, lambda: run.was_slowed and len(said) > 0)
+    assert run.was_slowed
+    assert said == ["arm_slowed: the robot slows its arm near what it sees"]
+    steps = iter(range(5))
+    run.advance(diagram, lambda: next(steps) == 4)
+    assert len(said) == 1

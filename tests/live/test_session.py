@@ -165,11 +165,11 @@ def test_buttons_that_make_no_sense_say_so_and_change_nothing(make_session, tmp_
         assert session.mode == Mode.GUIDED
     session.record()
     session.record()
-    assert "recorded already" in session.status
+    assert "Already recording" in session.status
     session.reach()
-    assert "Stop comes before Reach" in session.status
+    assert "press Stop before Reach" in session.status
     session.learn()
-    assert "Stop comes before Learn" in session.status
+    assert "press Stop before Learn" in session.status
     assert session.mode == Mode.RECORDED
     session.advance()
     session.stop()

@@ -133,7 +133,7 @@ def test_what_cannot_be_is_said(tmp_path):
             ("startLocalization", (), "there is no map"),
             ("navigateToInMap", ([0.0, 0.0, 0.0],), "not localized"),
             ("getExplorationPath", (), "no exploration"),
-            ("loadExploration", ("yesterday.explo",), "there is not an exploration /home/nao"),
+            ("loadExploration", ("yesterday.explo",), "there is no exploration /home/nao"),
             ("loadExploration", ("../../etc/passwd",), "is not a path"),
         ]:
             with pytest.raises(ServiceError, match=words):

@@ -110,7 +110,7 @@ class Navigation(Module):
         where = PurePosixPath(path)
         told, place = self._disk.place(str(PurePosixPath(_FOLDER) / where.parent), where.name)
         if not place.is_file():
-            raise ValueError(f"there is not an exploration {told}")
+            raise ValueError(f"there is no exploration {told}")
         try:
             with np.load(place, allow_pickle=False) as file:
                 log_odds, origin = (
