@@ -7,6 +7,7 @@
   benchmark.py --methods d,own.py:plan        a planner of your own beside ours
   benchmark.py --scene table --scenes 20      one scene, twenty seeds of the noise
   benchmark.py --replay d:17                  one run again, to look at: recording.html
+  benchmark.py --set planner.clearance.want=0.02 --output out/want    other numbers of the loop
   benchmark.py --gate                         is anything worse than benchmarks/baseline.json?
 
 A run that is in the output folder is not repeated: interrupt it and continue later, or add scenes
@@ -18,6 +19,7 @@ file for each run in results/, and for each scene in scenes/, which others can r
 import contextlib
 import sys
 from argparse import ArgumentParser, Namespace
+from operator import attrgetter
 from pathlib import Path
 
 from tqdm import tqdm
@@ -36,6 +38,13 @@ from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.scene_families import FAMILIES
 from pepper_drake.optimization.parallel import dask_cluster
 from pepper_drake.reporting.benchmark_report import record_failures, replay_folder, save_benchmark
+from pepper_drake.scenario import (
+    NUMBERS,
+    Scenario,
+    add_scenario_options,
+    keep_scenario,
+    scenario_of,
+)
 from pepper_drake.systems.faults.fault import parse_faults
 
 _BASELINE = Path(__file__).resolve().parents[1] / "benchmarks" / "baseline.json"
@@ -110,6 +119,7 @@ def make_parser() -> ArgumentParser:
         metavar="REASON",
         help="run --gate and write what it measures to the baseline, with the reason",
     )
+    add_scenario_options(parser, NUMBERS)
     parser.add_argument(
         "--replay", metavar="METHOD:SEED", help="run one again and record it, as d:17"
     )
@@ -137,6 +147,24 @@ def _count(text: str) -> int:
     return number
 
 
+def has_numbers(options: Namespace) -> bool:
+    """True if the options name numbers of the loop."""
+    return options.scenario is not None or bool(options.set)
+
+
+def chosen_numbers(options: Namespace) -> Scenario:
+    """The numbers of the loop that the options name.
+
+    Raises:
+        InputError: They do not fit, or are what the methods differ in.
+    """
+    scenario, usual = scenario_of(options), Scenario()
+    for name in ("planner.adapt", "planner.collision_checked", "planner_class"):
+        if attrgetter(name)(scenario) != attrgetter(name)(usual):
+            raise InputError(f"{name}: the methods differ in it; leave it as it is")
+    return scenario
+
+
 def make_cases(options: Namespace, seed: int) -> list[Case]:
     """The cases of a seed, one for each family."""
     if options.moving and options.scene is not None:
@@ -160,6 +188,7 @@ def make_cases(options: Namespace, seed: int) -> list[Case]:
             options.calibration,
             None if family == _TABLE else family,
             options.sensors,
+            str(options.output / "scenario.yaml") if has_numbers(options) else None,
         )
         for family in families
     ]
@@ -175,15 +204,22 @@ def make_tasks(options: Namespace) -> list[Task]:
     cases[0].build()
     for method in methods:
         method.check()
-        if (options.robot != "ideal" or options.fault) and not isinstance(method.run, DiagramReach):
+        if isinstance(method.run, DiagramReach):
+            continue
+        if options.robot != "ideal" or options.fault:
             raise InputError(
                 f"method {method.letter} has no robot that could be worn or fail; leave it out of "
+                "--methods"
+            )
+        if has_numbers(options):
+            raise InputError(
+                f"method {method.letter} is none of ours and takes no scenario; leave it out of "
                 "--methods"
             )
     return [Task(method.letter, case) for case in cases for method in methods]
 
 
-def replay(options: Namespace) -> int:
+def replay(options: Namespace, scenario: Scenario) -> int:
     """Runs one method on one scene again, with recording."""
     letter, _, seed = options.replay.partition(":")
     method = get_method(letter)
@@ -193,6 +229,7 @@ def replay(options: Namespace) -> int:
     case, *others = make_cases(options, int(seed))
     if others:
         raise InputError("--replay is of one run; give --family one name")
+    keep_scenario(scenario, options.output)
     folder = replay_folder(options.output, Task(letter, case))
     if method.run.options is not None:
         words = " ".join([*case.reach_options, *method.run.options])
@@ -231,11 +268,14 @@ def main() -> int:
     options = cli.parse(make_parser())
     cli.quiet_libraries()
     if options.gate or options.update_baseline is not None:
+        if has_numbers(options):
+            raise InputError("--gate is of the usual numbers; leave --scenario and --set out")
         return gate(options)
+    scenario = chosen_numbers(options)
     if options.replay is not None:
-        return replay(options)
+        return replay(options, scenario)
     tasks = make_tasks(options)
-    options.output.mkdir(parents=True, exist_ok=True)
+    keep_scenario(scenario, options.output)
     cluster = dask_cluster(options.dask) if options.dask else contextlib.nullcontext()
     hidden = options.quiet or not sys.stderr.isatty()
     with cluster as executor, tqdm(total=len(tasks), unit="run", disable=hidden) as bar:

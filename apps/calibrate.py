@@ -12,26 +12,25 @@ hand, its top towards the fingers; where exactly is found, too.
   calibrate.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
   calibrate.py --robot worn --arm left --postures 12 --reason "new left wrist"
 
-Results: calibration.yaml, calibration.json. Exit code 0: calibrated; 1: the marker was seen too
-seldom, or does not fit the robot; 2: bad input; 130: ended by Ctrl-C.
+Results: calibration.yaml, calibration.json; simulated, also scenario.yaml. Exit code 0: calibrated;
+1: the marker was seen too seldom, or does not fit the robot; 2: bad input; 130: ended by Ctrl-C.
 """
 
 import json
 import sys
 from argparse import ArgumentParser, Namespace
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 from tqdm import tqdm
 
 from pepper_drake import cli
-from pepper_drake.cli_robot import chosen_wear
 from pepper_drake.diagrams.calibration_run import (
     CalibrationParams,
     CalibrationResult,
     calibrate_simulated,
 )
-from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.hardware.calibration_run import calibrate_robot
 from pepper_drake.hardware.options import (
@@ -45,6 +44,7 @@ from pepper_drake.models.robot_calibration import (
     save_calibration,
     simulated_robot,
 )
+from pepper_drake.models.robot_wear import ROBOTS
 from pepper_drake.models.scene import HandMarker
 from pepper_drake.perception.calibration.marker_calibration import (
     FEWEST_POSTURES,
@@ -52,8 +52,9 @@ from pepper_drake.perception.calibration.marker_calibration import (
 )
 from pepper_drake.perception.goal.marker import MARKER_DICTIONARY, check_marker
 from pepper_drake.results.folder import whole_results
+from pepper_drake.scenario import add_scenario_options, save_scenario, scenario_of
 
-RESULTS = ("calibration.yaml", "calibration.json")
+RESULTS = ("calibration.yaml", "calibration.json", "scenario.yaml")
 """The files that a run leaves."""
 
 MOST_POSTURES = 60
@@ -70,6 +71,7 @@ def make_parser() -> ArgumentParser:
         "ideal or worn: with the errors that the seed draws (default: %(default)s)",
     )
     add_link_options(parser)
+    add_scenario_options(parser, ("station",))
     parser.add_argument(
         "--arm",
         choices=("left", "right"),
@@ -135,7 +137,10 @@ def main() -> int:
     options = cli.parse(make_parser())
     cli.quiet_libraries()
     params = chosen_params(options)
-    is_robot = check_station(options, {})
+    is_robot = check_station(options, {"scenario": None, "set": []})
+    scenario = replace(scenario_of(options), seed=options.seed)
+    if options.robot in ROBOTS:
+        scenario.robot = options.robot
     robot = (
         robot_access(options).address if is_robot else simulated_robot(options.robot, options.seed)
     )
@@ -152,9 +157,11 @@ def main() -> int:
             run = hardware_run(options, should_stop)
             result = calibrate_robot(params, options.seed, run, lambda _: bar.update())
         else:
-            config = StationConfig(seed=options.seed, wear=chosen_wear(options))
             result = calibrate_simulated(
-                params, config, on_look=lambda _: bar.update(), should_stop=should_stop
+                params,
+                scenario.reaching_config().station,
+                on_look=lambda _: bar.update(),
+                should_stop=should_stop,
             )
     if result is None:
         return cli.EXIT_INTERRUPTED
@@ -169,6 +176,8 @@ def main() -> int:
         save_calibration(calibration, folder / "calibration.yaml")
         numbers = json.dumps(report(result, params), indent=2)
         (folder / "calibration.json").write_text(numbers + "\n")
+        if not is_robot:
+            save_scenario(scenario, folder / "scenario.yaml")
     if not options.quiet:
         print(summary(calibration, result))
         print(f"Results are in {options.output}")

@@ -6,8 +6,10 @@ the moment when the arm starts, and writes a table.
   faults.py --jobs 2                      the table of docs/faults.md: takes about an hour
   faults.py --scenes table,shelf,clutter  in three scenes
   faults.py --signals depth,cloud --starts reach
+  faults.py --set safety.FIELD=VALUE --output out/mine     with other numbers of the loop
 
-Runs whose results are in the folder are not repeated. Results: faults.json, faults.md.
+Runs whose results are in the folder are not repeated. Results: faults.json, faults.md, and
+scenario.yaml with the numbers of the loop, which are the same for all runs of a folder.
 Exit code 0: every outcome is safe; 1: a touch was too fast, a command outside its limits, or a run
 ended by an exception; 2: bad input.
 """
@@ -36,6 +38,13 @@ from pepper_drake.evaluation.fault_table import (
 from pepper_drake.files import write_atomically
 from pepper_drake.models.scene import load_scene
 from pepper_drake.optimization.parallel import processes
+from pepper_drake.scenario import (
+    NUMBERS,
+    Scenario,
+    add_scenario_options,
+    keep_scenario,
+    scenario_of,
+)
 from pepper_drake.systems.faults.fault import SIGNALS, parse_fault
 
 
@@ -63,6 +72,7 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--jobs", type=int, default=1, metavar="N", help="runs at a time (default: %(default)s)"
     )
+    add_scenario_options(parser, NUMBERS)
     return parser
 
 
@@ -88,7 +98,9 @@ def make_cases(options: Namespace) -> list[FaultCase]:
     return cases
 
 
-def run_missing(cases: Sequence[FaultCase], jobs: int) -> Generator[FaultResult]:
+def run_missing(
+    cases: Sequence[FaultCase], scenario: Scenario, jobs: int
+) -> Generator[FaultResult]:
     """Yields what comes of each case, as it comes.
 
     Raises:
@@ -96,9 +108,10 @@ def run_missing(cases: Sequence[FaultCase], jobs: int) -> Generator[FaultResult]
     """
     with processes(jobs) as executor:
         if executor is None:
-            yield from map(run_fault, cases)
+            yield from (run_fault(case, scenario) for case in cases)
         else:
-            for future in as_completed([executor.submit(run_fault, case) for case in cases]):
+            runs = [executor.submit(run_fault, case, scenario) for case in cases]
+            for future in as_completed(runs):
                 yield future.result()
 
 
@@ -106,15 +119,16 @@ def main() -> int:
     """Runs the app."""
     options = cli.parse(make_parser())
     cli.quiet_libraries()
-    cases = make_cases(options)
+    cases, scenario = make_cases(options), scenario_of(options)
     options.output.mkdir(parents=True, exist_ok=True)
+    keep_scenario(scenario, options.output)
     path = options.output / "faults.json"
     done = load_results(path) if path.exists() else {}
     missing = [case for case in cases if case not in done]
     hide = options.quiet or not sys.stderr.isatty()
     with (
         cli.stop_on_interrupt() as should_stop,
-        closing(run_missing(missing, options.jobs)) as results_as_they_come,
+        closing(run_missing(missing, scenario, options.jobs)) as results_as_they_come,
         tqdm(total=len(cases), initial=len(cases) - len(missing), disable=hide, unit=" run") as bar,
     ):
         for result in results_as_they_come:

@@ -35,7 +35,6 @@ from typing import Any
 from tqdm import tqdm
 
 from pepper_drake import cli
-from pepper_drake.diagrams.factory import prepare_scene
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.scene import load_scene
@@ -43,6 +42,7 @@ from pepper_drake.optimization.averaging import decay_over
 from pepper_drake.optimization.comparison import compare_methods
 from pepper_drake.optimization.cost import CostFunction, CostWeights, parse_cost
 from pepper_drake.optimization.cost_terms import Task
+from pepper_drake.optimization.diagram_rollouts import DiagramRollouts
 from pepper_drake.optimization.history import History, HistoryKeeper
 from pepper_drake.optimization.methods import METHODS, make_optimizer
 from pepper_drake.optimization.movement_problem import (
@@ -68,10 +68,16 @@ from pepper_drake.optimization.search import search
 from pepper_drake.reporting.optimization_figures import draw_comparison, save_reproductions
 from pepper_drake.reporting.optimization_report import save_search
 from pepper_drake.results.folder import INTERRUPTED, whole_results
-from pepper_drake.scenario import add_scenario_options, numbers_of
+from pepper_drake.scenario import (
+    NUMBERS,
+    Scenario,
+    add_scenario_options,
+    save_scenario,
+    scenario_of,
+)
 
 HISTORY = "history.npz"
-RESULTS = ("report.json", "primitive.yaml", HISTORY, "cost.png", "paths.png")
+RESULTS = ("report.json", "primitive.yaml", HISTORY, "cost.png", "paths.png", "scenario.yaml")
 """The files that a search leaves."""
 
 DECAYING = ("algorithm3", "enac")
@@ -138,7 +144,7 @@ def make_parser() -> ArgumentParser:
         help="the equations alone; the whole arm; or the full simulation (default: %(default)s)",
     )
     add("--scene", metavar="SCENE", help="where to reach, with --rollouts diagram (default: table)")
-    add_scenario_options(parser, only_numbers=True)
+    add_scenario_options(parser, NUMBERS)
     add(
         "--free",
         choices=FREE,
@@ -175,17 +181,15 @@ def make_evaluator(
     elsewhere = options.goal is not None or options.goal_offset is not None
     end_state = not options.fixed_end and (elsewhere or free == "hand") and not diagram
     parameters = make_parameters(primitive, free, options.kernels, end_state=end_state)
-    scene = prepare_scene(load_scene(options.scene or "table")) if diagram else None
     task = chosen_task(options, primitive, cost)
-    return make_rollouts(
-        options.rollouts,
-        parameters,
-        task,
-        cost,
-        scene=scene,
-        seed=options.seed,
-        config=numbers_of(options) if diagram else None,
-    )
+    scenario = chosen_scenario(options) if diagram else None
+    return make_rollouts(options.rollouts, parameters, task, cost, scenario)
+
+
+def chosen_scenario(options: Namespace) -> Scenario:
+    """Returns where and how Pepper reaches with what is tried."""
+    scene = load_scene(options.scene or "table")
+    return replace(scenario_of(options), scene=scene, seed=options.seed)
 
 
 def chosen_cost(options: Namespace) -> CostWeights | CostFunction:
@@ -296,6 +300,8 @@ def write_results(
     """Writes what was found so far, and says it."""
     with whole_results(options.output, RESULTS) as folder:
         measured = save_search(folder, history, evaluate, seconds=seconds, converged=converged)
+        if isinstance(evaluate, DiagramRollouts):
+            save_scenario(evaluate.scenario, folder / "scenario.yaml")
     shutil.rmtree(options.output / INTERRUPTED, ignore_errors=True)
     if options.quiet:
         return

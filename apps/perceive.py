@@ -2,8 +2,8 @@
 
 Pepper stands where the scene puts it and looks at the goal object. The obstacles are seen by the
 depth camera and by a stereo pair, the marker on the goal object from all around by both colour
-cameras. The output folder gets report.json, images.png, clouds.png, goal.png, and clouds.html with
-the clouds beside the true surfaces (open it in a browser).
+cameras. The output folder gets report.json, scenario.yaml, images.png, clouds.png, goal.png, and
+clouds.html with the clouds beside the true surfaces (open it in a browser).
 
 Or what Pepper's perception makes of your own data:
 
@@ -52,6 +52,7 @@ from pepper_drake.reporting.perception_figures import (
     save_images_figure,
 )
 from pepper_drake.results.folder import whole_results
+from pepper_drake.scenario import Scenario, add_scenario_options, save_scenario, scenario_of
 from pepper_drake.web.drake_page import open_meshcat
 
 RESULTS = (
@@ -60,6 +61,7 @@ RESULTS = (
     "clouds.png",
     "goal.png",
     "clouds.html",
+    "scenario.yaml",
     "cloud.npy",
     "camera_top.png",
     "camera_bottom.png",
@@ -81,8 +83,9 @@ _DISTANCES = (0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2)
 
 def make_parser() -> ArgumentParser:
     """Makes the parser of this app's options."""
-    parser = cli.make_parser("perceive", __doc__)
+    parser = cli.make_parser("perceive", __doc__, seed_of_scenario=True)
     add_scene_options(parser)
+    add_scenario_options(parser, ("seed", "scene", "station", "perception"))
     parser.add_argument(
         "--texture",
         choices=("painted", "pattern", "none"),
@@ -161,12 +164,12 @@ def main() -> int:
     cli.quiet_libraries()
     # One thread, so that the times in the report are those of one core.
     cv2.setNumThreads(1)
-    scene = chosen_scene(options)
-    study = PerceptionEvaluation(scene, options.seed)
+    scenario = chosen_scenario(options)
+    study = PerceptionEvaluation(scenario.scene, scenario.seed, scenario.reaching_config())
     clouds = {"depth": study.depth(options.frames), "stereo": study.stereo(options.texture)}
     robot_points, goal_points = study.foreign_points(options.poses)
     samples = _look_at_marker(study, options)
-    wrong_goals = count_false_positives(study, options.wrong_goal_frames, options.seed)
+    wrong_goals = count_false_positives(study, options.wrong_goal_frames, scenario.seed)
 
     report = make_report(clouds, samples)
     report["depth"]["over_poses"] = {
@@ -176,14 +179,15 @@ def main() -> int:
     }
     report["goal"]["wrong_goals"] = dataclasses.asdict(wrong_goals)
     report |= {
-        "scene": scene.name,
-        "seed": options.seed,
+        "scene": scenario.scene.name,
+        "seed": scenario.seed,
         "texture": options.texture,
     }
     with open_meshcat(page=options.live, host=options.host) as (meshcat, page):
         draw_clouds(meshcat, clouds)
         with whole_results(options.output, RESULTS) as folder:
             (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+            save_scenario(scenario, folder / "scenario.yaml")
             save_images_figure(clouds, folder)
             save_clouds_figure(clouds, folder)
             save_goal_figure(samples, folder)
@@ -196,12 +200,22 @@ def main() -> int:
     return cli.EXIT_DONE
 
 
+def chosen_scenario(options: Namespace) -> Scenario:
+    """Returns the scene, and how it is seen."""
+    scenario = scenario_of(options)
+    scenario.scene = chosen_scene(options, scenario.scene)
+    if options.seed is not None:
+        scenario.seed = options.seed
+    return scenario
+
+
 def _perceive_with_robot(options: Namespace) -> int:
     """Looks with the robot that the options name."""
     cli.quiet_libraries()
-    scene = chosen_scene(options)
+    scenario = chosen_scenario(options)
     with cli.stop_on_interrupt() as should_stop:
-        view = look_with_robot(scene, hardware_run(options, should_stop))
+        run = hardware_run(options, should_stop)
+        view = look_with_robot(scenario.scene, run, scenario.perception)
     report: dict = {
         "address": options.robot,
         "goal_position": None,
@@ -216,6 +230,7 @@ def _perceive_with_robot(options: Namespace) -> int:
         report["goal_spread"] = float(np.linalg.norm(view.goal_positions.std(axis=0)))
     with whole_results(options.output, RESULTS) as folder:
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+        save_scenario(scenario, folder / "scenario.yaml")
         np.save(folder / "cloud.npy", view.cloud)
         for name, pixels in view.images.items():
             bgr = pixels[..., ::-1] if pixels.ndim == 3 else pixels
@@ -239,6 +254,8 @@ def _perceive_with_robot(options: Namespace) -> int:
 
 def _perceive_own(options: Namespace) -> int:
     """Looks at the user's own photo, depth image or cloud."""
+    if options.scenario is not None or options.set:
+        raise InputError("--scenario, --set: are not for your own data; leave them out")
     if options.scale is not None and not options.scale > 0:
         raise InputError(f"--scale {options.scale:g} must be positive.")
     if options.cloud:
@@ -350,7 +367,7 @@ def summary(report: dict) -> str:
         )
     if "wrong_goals" in goal:
         lines.append(
-            f"  wrong   {goal['wrong_goals']['wrong']} goals handed on in "
+            f"  wrong   {goal['wrong_goals']['wrong']} goals published in "
             f"{goal['wrong_goals']['frames']} frames without one"
         )
     return "\n".join(lines)

@@ -35,7 +35,6 @@ from pepper_drake import cli
 from pepper_drake.cli_robot import add_robot_options
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.diagrams.factory import (
-    make_coupling,
     prepare_scene,
 )
 from pepper_drake.diagrams.reach_simulation import (
@@ -68,6 +67,7 @@ from pepper_drake.scenario import (
     Scenario,
     add_scenario_options,
     build_reaching,
+    coupling_of,
     load_tasks,
     movement_and_config,
     save_scenario,
@@ -212,10 +212,8 @@ def make_parser() -> ArgumentParser:
 def chosen_scenario(options: Namespace) -> Scenario:
     """The scenario that the options name, with what they change of it."""
     scenario = scenario_of(options)
-    named = (options.scene, options.random_scene, options.family)
-    if any(name is not None for name in named):
-        scenario.scene = chosen_scene(options)
-    scenario.scene = prepare_scene(scenario.scene, arm=options.arm, motion=options.goal_motion)
+    scene = chosen_scene(options, scenario.scene)
+    scenario.scene = prepare_scene(scene, arm=options.arm, motion=options.goal_motion)
     if options.method:
         use_method(scenario, options.method[0])
     if options.coupling is not None:
@@ -346,7 +344,7 @@ def reach_with_hardware(options: Namespace) -> int:
         result = reach_with_robot(
             scenario.scene,
             primitive,
-            make_coupling(scenario.scene.coupling),
+            coupling_of(scenario),
             config,
             hardware_run(options, should_stop),
         )

@@ -8,6 +8,7 @@ was pushed, and with --score a line in a file of scores, which `optimize.py` tak
   reproduce.py --demo my_motion/ --arm left           one of your own
   reproduce.py --push 0 0 5 --push-at 1.5             5 N upward, from 1.5 s on, for half a second
   reproduce.py --push 0 -5 0 --learn-corrections      a new primitive, bent to where it was pushed
+  reproduce.py --set compliance.tracking.rate=10      other numbers of arm and controller
   reproduce.py --primitive out/reproduce/corrected.yaml --score 8 --scores scores.txt
   reproduce.py --station naoqi --robot tcp://192.168.1.10:9559     a real Pepper, or a served one
 """
@@ -16,6 +17,7 @@ import argparse
 import json
 import shutil
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +33,8 @@ from pepper_drake.cli import (
     run,
     stop_on_interrupt,
 )
-from pepper_drake.diagrams.factory import make_primitive
+from pepper_drake.diagrams.compliance import ComplianceConfig
+from pepper_drake.diagrams.factory import LearningParams, make_primitive
 from pepper_drake.diagrams.reproduction import ReproductionParams
 from pepper_drake.diagrams.reproduction_simulation import (
     ReproductionOptions,
@@ -53,11 +56,12 @@ from pepper_drake.learning.dmp.joint_primitive import JointPrimitive, is_joint_p
 from pepper_drake.models.pepper import POSTURES
 from pepper_drake.optimization.ratings import BEST_SCORE, load_scores
 from pepper_drake.results.folder import INTERRUPTED, whole_results
+from pepper_drake.scenario import Scenario, add_scenario_options, save_scenario, scenario_of
 from pepper_drake.systems.guiding.external_force import ForcePulse
 from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.drake_page import open_meshcat
 
-RESULTS = ("report.json", "log.npz", "recording.html", "corrected.yaml")
+RESULTS = ("report.json", "log.npz", "recording.html", "corrected.yaml", "scenario.yaml")
 """The files that a run leaves, besides the demonstration in corrected/."""
 
 REACHED = 0.01
@@ -68,7 +72,7 @@ SIMULATED_ONLY: dict[str, object] = {
     "push": None,
     "learn_corrections": False,
     "no_waiting": False,
-    "stiffness": ReproductionParams().stiffness,
+    "stiffness": None,
     "live": False,
 }
 """Options that a robot does not take, and their defaults."""
@@ -78,17 +82,19 @@ def main() -> int:
     """Runs the app and returns its exit code."""
     arguments = parse()
     is_robot = check_station(arguments, SIMULATED_ONLY)
+    scenario = chosen_scenario(arguments)
     quiet_libraries()
-    primitive, arm = load(arguments)
+    primitive, arm = load(arguments, scenario.learning)
     if is_robot:
-        return perform_on_robot(arguments, primitive, arm)
+        return perform_on_robot(arguments, primitive, arm, scenario)
     pushes: tuple[ForcePulse, ...] = ()
     if arguments.push is not None:
         pushes = (ForcePulse(tuple(arguments.push), arguments.push_at, arguments.push_for),)
-    defaults = ReproductionParams()
     params = ReproductionParams(
-        stiffness=arguments.stiffness,
-        tracking=None if arguments.no_waiting else defaults.tracking,
+        stiffness=scenario.compliance.stiffness,
+        tracking=None if arguments.no_waiting else scenario.compliance.tracking,
+        ik=scenario.controller,
+        station=scenario.reaching_config().station,
     )
     start = time.perf_counter()
 
@@ -123,6 +129,7 @@ def main() -> int:
     with whole_results(arguments.output, RESULTS) as folder:
         save_log(result, folder / "log.npz")
         (folder / "recording.html").write_text(page)
+        save_scenario(scenario, folder / "scenario.yaml")
         if arguments.learn_corrections and not interrupted:
             correction = learn_correction(primitive, result.motion)
             correction.primitive.save(folder / "corrected.yaml")
@@ -133,13 +140,29 @@ def main() -> int:
     return tell(arguments, report, result, interrupted=interrupted)
 
 
-def perform_on_robot(arguments: argparse.Namespace, primitive: MovementPrimitive, arm: str) -> int:
+def chosen_scenario(arguments: argparse.Namespace) -> Scenario:
+    """Returns how the movement is learned and performed."""
+    scenario = replace(scenario_of(arguments), seed=arguments.seed)
+    if arguments.stiffness is not None:
+        scenario.compliance.stiffness = arguments.stiffness
+    if not 0.0 < scenario.compliance.stiffness <= 1.0:
+        raise InputError(
+            f"compliance.stiffness is {scenario.compliance.stiffness:g}; it must be above 0 and at "
+            "most 1"
+        )
+    return scenario
+
+
+def perform_on_robot(
+    arguments: argparse.Namespace, primitive: MovementPrimitive, arm: str, scenario: Scenario
+) -> int:
     """Performs the movement with the robot that the options name."""
     goal = None if arguments.goal is None else np.array(arguments.goal)
     start = time.perf_counter()
+    params = ReproductionParams(tracking=scenario.compliance.tracking, ik=scenario.controller)
     with stop_on_interrupt() as should_stop:
         run = hardware_run(arguments, should_stop)
-        result, fault, interrupted = perform_with_robot(primitive, arm, run, goal)
+        result, fault, interrupted = perform_with_robot(primitive, arm, run, goal, params)
     if result is None and fault is not None:
         raise fault
     if result is None:
@@ -151,6 +174,7 @@ def perform_on_robot(arguments: argparse.Namespace, primitive: MovementPrimitive
         report |= {"outcome": "failed", "reason": fault.word, "message": str(fault)}
     with whole_results(arguments.output, RESULTS) as folder:
         save_log(result, folder / "log.npz")
+        save_scenario(scenario, folder / "scenario.yaml")
         save_report(report, folder)
     return tell(arguments, report, result, interrupted=interrupted)
 
@@ -207,9 +231,9 @@ def parse() -> argparse.Namespace:
     parser.add_argument(
         "--stiffness",
         type=float,
-        default=ReproductionParams().stiffness,
         metavar="S",
-        help="of the arm, as NAOqi has it, from 0 (limp) to 1 (default: %(default)s)",
+        help="of the arm, as NAOqi has it, from 0 (limp) to 1 (default: the scenario's, "
+        f"{ComplianceConfig.stiffness:g})",
     )
     parser.add_argument(
         "--no-waiting",
@@ -233,11 +257,10 @@ def parse() -> argparse.Namespace:
     add_host_option(parser)
     add_robot_address(parser)
     add_link_options(parser)
+    add_scenario_options(parser, ("learning", "station", "controller", "compliance"))
     arguments = cli.parse(parser)
     if not arguments.push_for > 0.0:
         raise InputError("--push-for must be above 0")
-    if not 0.0 < arguments.stiffness <= 1.0:
-        raise InputError(f"--stiffness {arguments.stiffness:g} must be above 0 and at most 1")
     if arguments.score is not None and not 0.0 <= arguments.score <= BEST_SCORE:
         raise InputError(f"--score {arguments.score:g} must be from 0 to {BEST_SCORE:g}")
     for name in ("goal", "push"):
@@ -246,10 +269,10 @@ def parse() -> argparse.Namespace:
     return arguments
 
 
-def load(arguments: argparse.Namespace) -> tuple[MovementPrimitive, str]:
+def load(arguments: argparse.Namespace, learning: LearningParams) -> tuple[MovementPrimitive, str]:
     """The primitive and the arm that performs it."""
     if arguments.primitive is None:
-        return make_primitive(arguments.demo, arguments.arm), arguments.arm
+        return make_primitive(arguments.demo, arguments.arm, learning), arguments.arm
     if is_joint_primitive(arguments.primitive):
         joints = JointPrimitive.load(arguments.primitive)
         others = dict(POSTURES["stand"])

@@ -4,6 +4,7 @@ The robot has dynamics, contacts, cameras with noise and time stamps, and arms t
 clock slows where the machine is too slow. `--extras-port` serves what no robot knows: the truth.
 
     python apps/serve_naoqi.py --scene table
+    python apps/serve_naoqi.py --set station.noise=false     other numbers of the robot
     python -c 'import qi; s = qi.Session(); s.connect("tcp://127.0.0.1:9559"); ...'
 """
 
@@ -12,7 +13,7 @@ import contextlib
 import math
 import signal
 import time
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,18 +23,20 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
 from pepper_drake.robot_server.extras import make_extras
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
-from pepper_drake.robot_server.robot.simulator import SimulatorConfig
+from pepper_drake.robot_server.robot.simulator import LATENCY, SimulatorConfig
 from pepper_drake.robot_server.served_pepper import ServedPepper
 from pepper_drake.robot_server.serving import keep_serving
 from pepper_drake.robot_server.wire.connection import Credentials
 from pepper_drake.robot_server.wire.server import LOOPBACK, PORT, QiServer
 from pepper_drake.robot_server.wire.tls import server_context
+from pepper_drake.scenario import Scenario, add_scenario_options, save_scenario, scenario_of
 
 
 def make_parser() -> ArgumentParser:
     """Makes the parser of the command line."""
-    parser = cli.make_parser("serve_naoqi", __doc__)
+    parser = cli.make_parser("serve_naoqi", __doc__, seed_of_scenario=True)
     add_scene_options(parser)
+    add_scenario_options(parser, ("seed", "scene", "station"))
     parser.add_argument("--port", type=port, default=PORT, help="port (default: %(default)s)")
     parser.add_argument(
         "--extras-port",
@@ -99,6 +102,17 @@ def read_credentials(path: Path | None) -> Credentials | None:
     return Credentials(user, password)
 
 
+def chosen_scenario(options: Namespace) -> Scenario:
+    """Returns where the robot stands, and how it is simulated."""
+    served = Scenario()
+    served.station.camera_latency = LATENCY * served.station.camera_period
+    scenario = scenario_of(options, served)
+    scenario.scene = chosen_scene(options, scenario.scene)
+    if options.seed is not None:
+        scenario.seed = options.seed
+    return scenario
+
+
 async def serve(
     robot: SimulatedRobot,
     make_server: Callable[..., QiServer],
@@ -128,7 +142,7 @@ async def serve(
 
 def main() -> int:
     """Runs the app."""
-    options = make_parser().parse_args()
+    options = cli.parse(make_parser())
     cli.quiet_libraries()
     credentials = read_credentials(options.password_file)
 
@@ -144,9 +158,11 @@ def main() -> int:
         )
 
     make_server([], port=0)  # A door that must not be opened is refused before the robot starts.
+    scenario = chosen_scenario(options)
+    save_scenario(scenario, options.output / "scenario.yaml")
     config = SimulatorConfig(
-        chosen_scene(options),
-        options.seed,
+        scenario.scene,
+        scenario.reaching_config().station,
         0.0 if options.turbo else options.rate,
         epoch=time.time(),
     )

@@ -24,7 +24,8 @@ has opened the page.
 The page's legend tells what is drawn. Everything is kept in the output folder as it happens: a
 recording while it is made, demonstrations/, what was learned in primitive.yaml, and in session.yaml
 which of them count and where the objects stand. Started again, it resumes the session.
-Save writes the last demonstration to demonstration/; at the end there is report.json.
+Save writes the last demonstration to demonstration/; at the end there is report.json. scenario.yaml
+has the numbers of the loop.
 Exit code 0: done; 1: the script did not get what it waits for; 2: bad input.
 """
 
@@ -63,7 +64,7 @@ from pepper_drake.live.session_file import (
 from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
-from pepper_drake.scenario import add_scenario_options, numbers_of
+from pepper_drake.scenario import NUMBERS, add_scenario_options, save_scenario, scenario_of
 from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.viser_page import ViserPage
 
@@ -143,7 +144,7 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--seconds", type=positive, metavar="S", help="end after so much simulated time"
     )
-    add_scenario_options(parser, only_numbers=True)
+    add_scenario_options(parser, NUMBERS)
     cli.add_host_option(parser)
     return parser
 
@@ -198,7 +199,9 @@ def make_session(options: Namespace) -> LiveSession:
     if folder.record.arm not in ("", scene.arm):
         scene = scene.mirrored()
     folder.record.arm = scene.arm
-    config = numbers_of(options)
+    scenario = scenario_of(options)
+    save_scenario(scenario, options.output / "scenario.yaml")
+    config = scenario.reaching_config()
     config.station = replace(
         config.station,
         cameras=config.station.cameras and not options.no_cameras,
@@ -212,6 +215,7 @@ def make_session(options: Namespace) -> LiveSession:
         config=config,
         movables=folder.record.move,
         coupling=options.coupling,
+        barrier=scenario.barrier,
         spares=options.script is None,
         realtime=options.script is None or options.watch,
     )

@@ -20,11 +20,8 @@ import numpy as np
 from tqdm import tqdm
 
 from pepper_drake.benchmarking.case import Case
-from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
-from pepper_drake.diagrams.reaching import Reaching
-from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.scenario import build_reaching
 
 SCENES = ("table", "shelf", "clutter", "free", "teach")
 SEEDS = range(20)
@@ -62,14 +59,7 @@ def cases() -> dict[str, Case]:
 
 def run(case: Case) -> GoldenRun:
     """Runs one reach in the full diagram, cameras on."""
-    scene = case.build()
-    config = ReachingConfig(
-        station=StationConfig(seed=case.seed, obstacle_motion_ports=case.moving)
-    )
-    reaching = Reaching(
-        scene, make_primitive(None, scene.arm), make_coupling(scene.coupling), config
-    )
-    result = ReachSimulation(reaching, RunOptions(progress=False)).run()
+    result = ReachSimulation(build_reaching(case.scenario()), RunOptions(progress=False)).run()
     report = result.report
     commands = np.ascontiguousarray(result.log.joint_command_rad)
     return GoldenRun(

@@ -24,11 +24,9 @@ from test_control_step import TIME_STEP, make_controller
 
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.physics_alone import make_physics
-from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching
-from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.scenario import build_reaching
 
 FIRST_SEED = 2000
 """First of the moving scenes whose planning times set `PlanningLatency`."""
@@ -36,12 +34,10 @@ FIRST_SEED = 2000
 
 def make_reaching(case: Case, *, cameras: bool) -> Reaching:
     """The whole loop in a scene."""
-    scene = case.build()
-    station = StationConfig(
-        seed=case.seed, cameras=cameras, obstacle_motion_ports=case.moving and cameras
-    )
-    primitive, coupling = make_primitive(None, scene.arm), make_coupling(scene.coupling)
-    return Reaching(scene, primitive, coupling, ReachingConfig(station=station))
+    scenario = case.scenario()
+    scenario.station.cameras = cameras
+    scenario.station.obstacle_motion_ports &= cameras
+    return build_reaching(scenario)
 
 
 def time_ticks(count: int = 2000) -> None:

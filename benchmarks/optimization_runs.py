@@ -66,7 +66,7 @@ def around_table(
     primitive: MovementPrimitive,
     table: tuple[float, float],
     seed: int,
-    rehearsal: KinematicSimulator,
+    simulator: KinematicSimulator,
 ) -> dict[str, Any]:
     """Searches a way of the whole arm around a table, and performs it."""
     edge, top = table
@@ -91,8 +91,8 @@ def around_table(
     goal = RigidTransform(Quaternion(found.orientation.goal), found.goal)
     assert task.obstacles is not None
     movement = Movement(found, None, RigidTransform())
-    path = rehearsal.roll_out(movement, start, goal, task.obstacles)
-    joints = rehearsal.track(start, path, 0.002)
+    path = simulator.roll_out(movement, start, goal, task.obstacles)
+    joints = simulator.track(start, path, 0.002)
     end = kinematics.hand_pose(joints[-1]).translation()
     before = primitive.rollout().joints
     return {
@@ -133,12 +133,12 @@ def main() -> int:
             f"  {np.median(rows[:, 1]):.3f} s, at most {rows[:, 1].max():.3f} s"
         )
     model = shared_control_model()
-    rehearsal = KinematicSimulator(
+    simulator = KinematicSimulator(
         model, arm_kinematics(model, "right"), DifferentialIkParams(), 0.4
     )
     cases = [(table, seed) for table in TABLES for seed in range(options.table_seeds)]
     rows = [
-        around_table(primitive, table, seed, rehearsal)
+        around_table(primitive, table, seed, simulator)
         for table, seed in tqdm(cases, desc="tables", disable=options.quiet)
     ]
     print(

@@ -16,8 +16,8 @@ from pepper_drake.perception import (
     ObstacleParameters,
     RobotSolids,
     VoxelMap,
-    degrade_color,
-    degrade_depth,
+    apply_color_noise,
+    apply_depth_noise,
     detect_goal,
     update_obstacles,
 )
@@ -37,7 +37,7 @@ def test_depth_image_into_the_map(benchmark, study):
     robot = RobotSolids(model.plant, model.diagram.scene_graph())
     X_WC, X_WO, q = rig.pose(name), study.scene.goal.pose(), rig.pepper_positions()
     images = [
-        degrade_depth(rig.depth(name), camera, DepthNoise(), seed=0, frame=k) for k in range(20)
+        apply_depth_noise(rig.depth(name), camera, DepthNoise(), seed=0, frame=k) for k in range(20)
     ]
     state = {"voxels": VoxelMap.empty(), "frame": 0}
 
@@ -66,7 +66,9 @@ def test_depth_image_into_the_map(benchmark, study):
 def test_marker_in_an_image(benchmark, study, tracked):
     """640x480 with noise and lens; the marker 0.9 m away."""
     camera = CAMERA_TOP.intrinsics
-    image = degrade_color(study.rig.color(CAMERA_TOP.name), camera, ColorNoise(), seed=0, frame=0)
+    image = apply_color_noise(
+        study.rig.color(CAMERA_TOP.name), camera, ColorNoise(), seed=0, frame=0
+    )
     X_WC = study.rig.pose(CAMERA_TOP.name)
     p_WM = (study.scene.goal.pose() @ study.marked.X_OM).translation()
     expected = p_WM if tracked else None

@@ -40,6 +40,7 @@ def add_import_options(parser: ArgumentParser) -> None:
     )
     add("--track", metavar="NAME", help="which motion of a file with several: its name or number")
     add("--drop-outliers", action="store_true", help="leave out samples that jump away and back")
+    add("--clip-joints", action="store_true", help="joints beyond a limit stop at it, as on NAOqi")
 
 
 def import_options(arguments: Namespace) -> ImportOptions:
@@ -61,4 +62,5 @@ def import_options(arguments: Namespace) -> ImportOptions:
         rate=arguments.rate,
         track=arguments.track,
         drop_outliers=arguments.drop_outliers,
+        clip_joints=arguments.clip_joints,
     )

@@ -15,7 +15,7 @@ def add_scene_options(parser: ArgumentParser) -> None:
     scenes.add_argument(
         "--scene",
         metavar="NAME|FILE",
-        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: table)",
+        help=f"one of {', '.join(SCENES)}, or a scene's YAML file (default: the scenario's, table)",
     )
     scenes.add_argument(
         "--random-scene", type=cli.seed, metavar="SEED", help="a random scene instead"
@@ -33,8 +33,12 @@ def add_scene_options(parser: ArgumentParser) -> None:
     )
 
 
-def chosen_scene(options: Namespace) -> Scene:
+def chosen_scene(options: Namespace, default: Scene | None = None) -> Scene:
     """The scene that the options of `add_scene_options` name.
+
+    Args:
+        options: The app's.
+        default: The scene if they name none; the table if None.
 
     Raises:
         InputError: There is no such scene, or its file is wrong.
@@ -47,4 +51,6 @@ def chosen_scene(options: Namespace) -> Scene:
         return family_scene(options.family, options.random_scene, moving=options.moving)
     if options.random_scene is not None:
         return random_scene(options.random_scene, moving=options.moving)
+    if options.scene is None and default is not None:
+        return default
     return load_scene(options.scene or "table")

@@ -16,7 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from pepper_drake.diagrams.compliance import ComplianceConfig
-from pepper_drake.diagrams.factory import LearningParams, make_coupling, make_gentle, make_primitive
+from pepper_drake.diagrams.factory import (
+    LearningParams,
+    hand_barrier,
+    make_coupling,
+    make_gentle,
+    make_primitive,
+)
 from pepper_drake.diagrams.head_perception import PerceptionConfig
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
@@ -24,6 +30,7 @@ from pepper_drake.diagrams.safety_layer import SafetyParams
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling
 from pepper_drake.models.hands import RELAXED
 from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.robot_wear import ROBOTS, RobotWear
@@ -49,14 +56,35 @@ NUMBERS = (
     "supervisor",
     "safety",
     "contact",
+    "barrier",
+    "compliance",
 )
 """Fields of a scenario that say how the loop works, in whatever scene and for whatever task."""
-_NOT_IN_FILES = ("seed", "wear", "calibration", "faults")
-"""Fields of `StationConfig` that follow from other fields of a scenario."""
+_MOVED_IN_APPROACH = {
+    "visit": "transient_timeout",
+    "onward": "extrapolated",
+    "likely": "usual_speed",
+    "alike": "registered_within",
+    "sluggishness": "regularization",
+    "apart": "comparison_interval",
+}
+MOVED = {
+    "perception.head_velocity": "perception.gaze.max_velocity",
+    "perception.head_acceleration": "perception.gaze.max_acceleration",
+    "perception.goal.hand_on_improvement": "perception.goal.publish_improvement",
+} | {
+    f"perception.{camera}.approach.{former}": f"perception.{camera}.approach.{now}"
+    for camera in ("obstacles", "stereo_obstacles")
+    for former, now in _MOVED_IN_APPROACH.items()
+}
+"""Fields by their names of the last release, which this one reads, too, and their names now."""
 
 
-def _without(schema: type, names: Sequence[str]) -> Any:
-    """Returns a dataclass with the fields of another one, but for some."""
+def _without(schema: type, names: Sequence[str], called: str) -> Any:
+    """Returns a dataclass with the fields of another one, but for some, to be assigned to a name.
+
+    Those follow from other fields of a scenario.
+    """
     hints = typing.get_type_hints(schema)
     kept = [f for f in fields(schema) if f.name not in names]
     columns = [
@@ -69,11 +97,16 @@ def _without(schema: type, names: Sequence[str]) -> Any:
         )
         for f in kept
     ]
-    return dataclasses.make_dataclass(f"{schema.__name__}InFiles", columns)
+    # With its module, it can be pickled.
+    return dataclasses.make_dataclass(called, columns, namespace={"__module__": __name__})
 
 
-StationSettings: Any = _without(StationConfig, _NOT_IN_FILES)
+StationSettings: Any = _without(
+    StationConfig, ("seed", "wear", "calibration", "faults"), "StationSettings"
+)
 """The fields of `StationConfig` that a scenario sets."""
+ComplianceSettings: Any = _without(ComplianceConfig, ("pushes",), "ComplianceSettings")
+"""The fields of `ComplianceConfig` that a scenario sets."""
 
 
 @dataclass
@@ -173,6 +206,10 @@ class Scenario:
     """When the robot is stopped, and how the base drives and brakes."""
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something."""
+    barrier: BarrierCoupling = field(default_factory=hand_barrier)
+    """Constants of the coupling "barrier"."""
+    compliance: ComplianceSettings = field(default_factory=ComplianceSettings)
+    """Compliance of an arm that is pushed; without a push it is stiff."""
 
     def check(self) -> None:
         """Checks what the types do not say.
@@ -189,6 +226,7 @@ class Scenario:
             planner.following,
             planner.retreat,
             planner.new_obstacle,
+            self.barrier,
             self.perception.gaze,
             self.perception.marker,
             self.station.stereo_pair.matching,
@@ -226,7 +264,7 @@ class Scenario:
             perception=self.perception,
             safety=self.safety,
             contact=self.contact,
-            compliance=ComplianceConfig(pushes=pushes) if pushes else None,
+            compliance=ComplianceConfig(**vars(self.compliance), pushes=pushes) if pushes else None,
         )
 
 
@@ -259,19 +297,24 @@ def use_method(scenario: Scenario, method: str) -> None:
     )
 
 
-def movement_and_config(scenario: Scenario) -> tuple[MovementPrimitive, ReachingConfig]:
+def movement_and_config(
+    scenario: Scenario, primitive: MovementPrimitive | None = None
+) -> tuple[MovementPrimitive, ReachingConfig]:
     """Returns the movement of a scenario, and what its diagram is built from.
+
+    Args:
+        scenario: The scenario.
+        primitive: The movement, if it is not to be learned from the scenario's demonstration.
 
     Raises:
         InputError: The demonstration cannot be read.
     """
-    demonstration = Path(scenario.demonstration) if scenario.demonstration else None
-    primitive, config = (
-        make_primitive(demonstration, scenario.scene.arm, scenario.learning),
-        scenario.reaching_config(),
-    )
+    if primitive is None:
+        demonstration = Path(scenario.demonstration) if scenario.demonstration else None
+        primitive = make_primitive(demonstration, scenario.scene.arm, scenario.learning)
+    config = scenario.reaching_config()
     if scenario.gentle:
-        primitive, config.ik = make_gentle(primitive, config.ik)
+        primitive, config.ik = make_gentle(primitive, config.ik, config.timing)
     config.tasks = tuple(
         _task(number, task, primitive, scenario) for number, task in enumerate(scenario.tasks, 1)
     )
@@ -308,29 +351,53 @@ def load_tasks(path: Path) -> list[TaskSettings]:
     return loaded.tasks
 
 
-def build_reaching(scenario: Scenario) -> Reaching:
+def coupling_of(scenario: Scenario) -> Coupling | None:
+    """Returns how obstacles bend the movement of a scenario; None for not at all.
+
+    Raises:
+        InputError: There is no coupling of that name.
+    """
+    name = scenario.scene.coupling if scenario.avoid_obstacles else "none"
+    return make_coupling(name, scenario.barrier)
+
+
+def build_reaching(
+    scenario: Scenario,
+    *,
+    primitive: MovementPrimitive | None = None,
+    coupling: Coupling | None = None,
+) -> Reaching:
     """Builds the diagram of a scenario.
+
+    Args:
+        scenario: The scenario.
+        primitive: As in `movement_and_config`.
+        coupling: A coupling that has no name, in place of the scenario's.
 
     Raises:
         InputError: The demonstration cannot be read.
     """
-    primitive, config = movement_and_config(scenario)
-    coupling = make_coupling(scenario.scene.coupling if scenario.avoid_obstacles else "none")
-    return Reaching(scenario.scene, primitive, coupling, config)
+    primitive, config = movement_and_config(scenario, primitive)
+    return Reaching(scenario.scene, primitive, coupling or coupling_of(scenario), config)
 
 
-def load_scenario(path: Path | None = None, settings: Sequence[str] = ()) -> Scenario:
+def load_scenario(
+    path: Path | None = None, settings: Sequence[str] = (), defaults: Scenario | None = None
+) -> Scenario:
     """Loads a scenario.
 
     Args:
         path: The YAML file; what it leaves out keeps its default. All defaults if None.
         settings: Such as `planner.clearance.want=0.02`, on top of the file.
+        defaults: The defaults, if they are other than usual.
 
     Raises:
         InputError: The file or a setting does not fit; the sentence names file, line and field.
     """
-    scenario = Scenario() if path is None else load_yaml(Scenario, path, Scenario())
-    scenario = with_settings(scenario, settings)
+    scenario = deepcopy(defaults) or Scenario()
+    if path is not None:
+        scenario = load_yaml(Scenario, path, scenario, moved=MOVED)
+    scenario = with_settings(scenario, settings, moved=MOVED)
     try:
         scenario.check()
     except InputError as error:
@@ -343,19 +410,37 @@ def save_scenario(scenario: Scenario, path: Path) -> None:
     save_yaml(scenario, path)
 
 
-def add_scenario_options(parser: ArgumentParser, *, only_numbers: bool = False) -> None:
-    """Adds `--scenario` and `--set`.
+def keep_scenario(scenario: Scenario, folder: Path) -> None:
+    """Writes the scenario of a folder whose runs are not repeated.
+
+    Raises:
+        InputError: The folder holds runs of another scenario, or cannot be written to.
+    """
+    path = folder / "scenario.yaml"
+    if path.exists() and load_scenario(path) != scenario:
+        raise InputError(
+            f"{path}: the runs in this folder are of other numbers; give another --output"
+        )
+    save_scenario(scenario, path)
+
+
+def add_scenario_options(parser: ArgumentParser, parts: Sequence[str] = ()) -> None:
+    """Adds `--scenario` and `--set`, for `scenario_of` to read.
 
     Args:
         parser: To add them to.
-        only_numbers: True for an app that reads them with `numbers_of`.
+        parts: Fields of a scenario that count in this app, such as `NUMBERS`; all if left out.
     """
-    parts = f"its {', '.join(NUMBERS)}" if only_numbers else "scene, robot and every tuned number"
+    parser.set_defaults(scenario_parts=tuple(parts))
+    what = f"its {', '.join(parts)}" if parts else "scene, robot and every tuned number"
+    example = "planner.clearance.want=0.02"
+    if parts and "planner" not in parts:
+        example = "station.noise=false" if "station" in parts else f"{parts[0]}=VALUE"
     parser.add_argument(
         "--scenario",
         type=Path,
         metavar="FILE",
-        help=f"{parts}, as a YAML file such as a run's scenario.yaml; "
+        help=f"{what}, as a YAML file such as a run's scenario.yaml; "
         "what it leaves out keeps its default, and other options come on top",
     )
     parser.add_argument(
@@ -363,36 +448,34 @@ def add_scenario_options(parser: ArgumentParser, *, only_numbers: bool = False) 
         action="append",
         default=[],
         metavar="FIELD=VALUE",
-        help="set one field of the scenario, as in planner.clearance.want=0.02; may be given more "
-        "than once",
+        help=f"set one field of the scenario, as in {example}; may be given more than once",
     )
 
 
-def numbers_of(options: Namespace) -> ReachingConfig:
-    """Loads the numbers of the loop that the options of `add_scenario_options` name.
-
-    For apps with options of their own for scene, seed, movement and task: of a file, these count
-    for nothing.
-
-    Raises:
-        InputError: As `load_scenario`; or a setting is not one of `NUMBERS`.
-    """
-    for setting in options.set:
-        name = setting.partition("=")[0]
-        if name.partition(".")[0] not in NUMBERS:
-            raise InputError(
-                f"--set {name}: this app takes {', '.join(NUMBERS)} from a scenario; for all else "
-                "see its own options"
-            )
-    scenario = scenario_of(options)
-    given = {name: getattr(scenario, name) for name in NUMBERS}
-    return replace(Scenario(), **given).reaching_config()
-
-
-def scenario_of(options: Namespace) -> Scenario:
+def scenario_of(options: Namespace, defaults: Scenario | None = None) -> Scenario:
     """Loads the scenario that the options of `add_scenario_options` name.
 
+    Of a file, only the parts count that the app takes: it may have options of its own for scene,
+    seed, movement and task.
+
+    Args:
+        options: Of an app.
+        defaults: The defaults, if they are other than usual.
+
     Raises:
-        InputError: As `load_scenario`.
+        InputError: As `load_scenario`; or a setting is none of the app's parts.
     """
-    return load_scenario(options.scenario, options.set)
+    parts = options.scenario_parts
+    for setting in options.set if parts else ():
+        name = setting.partition("=")[0]
+        if name.partition(".")[0] not in parts:
+            raise InputError(
+                f"--set {name}: this app takes {', '.join(parts)} from a scenario; for all else "
+                "see its own options"
+            )
+    scenario = load_scenario(options.scenario, options.set, defaults)
+    if not parts:
+        return scenario
+    return replace(
+        deepcopy(defaults) or Scenario(), **{name: getattr(scenario, name) for name in parts}
+    )

@@ -1,4 +1,4 @@
-"""What a program does about signals, and about the end of the one that started it."""
+"""Signals to a program, and the end of the one that started it."""
 
 import contextlib
 import os

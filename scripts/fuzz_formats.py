@@ -213,7 +213,7 @@ def formats() -> dict[str, Format]:
 
 
 def _result_formats() -> dict[str, Format]:
-    """What runs leave and others read, as JSON."""
+    """Results that runs leave and others read, as JSON."""
     from pepper_drake.benchmarking.baseline import HIGHER, LOWER, Baseline, Metric
     from pepper_drake.evaluation.fault_table import FaultCase, fault_result, load_results
     from pepper_drake.results.reach_report import ReachReport

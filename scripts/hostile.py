@@ -49,7 +49,7 @@ _STARTING = 180.0
 _MORE = 0.05
 """Share by which the memory may grow after the first half of the messages."""
 _BEYOND_LIMITS = 1e-3
-"""How far a recorded joint may be beyond its limit: the error of the control [rad]."""
+"""Distance by which a recorded joint may pass its limit: the error of the control [rad]."""
 
 
 def make_message(dice: random.Random, names: list[str]) -> bytes:
@@ -183,7 +183,7 @@ class Attack:
 
 
 def memory(process: int) -> float:
-    """What a process and all that came of it have in memory [MiB]."""
+    """Memory of a process and of all that it started [MiB]."""
     pages = 0
     for one in family(process):
         try:

@@ -78,6 +78,8 @@ LONG_SIGNATURES = {
     # Little more than 300: systems of two cameras, with options that all have defaults.
     "pepper_drake.systems.GoalEstimator",
     "pepper_drake.systems.sensing.stereo_depth.StereoDepth",
+    "pepper_drake.perception.ValidityParameters",
+    "pepper_drake.perception.VoxelMapParameters",
 }
 """Those above 300 characters. Grouping their fields would hide what `help()` is to show."""
 

@@ -161,6 +161,12 @@ def test_links_lead_somewhere(path):
         assert link.startswith("https://") or (path.parent / link).exists(), link
 
 
+def test_the_places_that_a_change_is_made_in_are_there():
+    named = re.findall(r"`(pepper_drake/[^`]+)`", (ROOT / "CONTRIBUTING.md").read_text())
+    assert len(named) > 15
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
 def test_what_the_report_page_names_is_there():
     names = re.findall(
         r"`((?:learning|systems|optimization|perception|planning|evaluation|reporting)\.[\w.]+)`",

@@ -20,8 +20,8 @@ def test_what_is_set_on_a_former_module_is_set_on_its_successor(monkeypatch):
     former_module = importlib.import_module("pepper_drake.systems.camera_model")
     successor = importlib.import_module("pepper_drake.systems.sensing.camera_model")
     assert successor.__spec__.name == successor.__name__
-    monkeypatch.setattr(former_module, "degrade_depth", "patched")
-    assert successor.degrade_depth == "patched"
+    monkeypatch.setattr(former_module, "apply_depth_noise", "patched")
+    assert successor.apply_depth_noise == "patched"
 
 
 def test_former_names_are_found_in_former_modules():

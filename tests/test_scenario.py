@@ -1,4 +1,5 @@
 import dataclasses
+import pickle
 from argparse import ArgumentParser
 from pathlib import Path
 
@@ -11,12 +12,16 @@ from pepper_drake.models.scene import load_scene
 from pepper_drake.planning.collision.clearance_table import ClearanceTable
 from pepper_drake.scenario import (
     METHODS,
+    MOVED,
+    NUMBERS,
     Scenario,
     add_scenario_options,
+    coupling_of,
+    keep_scenario,
     load_scenario,
     movement_and_config,
-    numbers_of,
     save_scenario,
+    scenario_of,
     use_method,
 )
 
@@ -156,18 +161,73 @@ def test_a_wrong_way_to_learn_is_refused(setting, words):
 
 def options(*words):
     parser = ArgumentParser()
-    add_scenario_options(parser, only_numbers=True)
+    add_scenario_options(parser, NUMBERS)
     return parser.parse_args(words)
 
 
 def test_apps_with_a_scene_of_their_own_take_the_numbers_alone(tmp_path):
     path = tmp_path / "scenario.yaml"
     path.write_text("seed: 4\nrobot: worn\npush: [1, 0, 0]\nplanner:\n  hand_x: 0.25\n")
-    config = numbers_of(options("--scenario", str(path), "--set", "perception.gaze.dwell=0.4"))
+    chosen = scenario_of(options("--scenario", str(path), "--set", "perception.gaze.dwell=0.4"))
+    config = chosen.reaching_config()
     assert config.planner.hand_x == 0.25
     assert config.perception.gaze.dwell == 0.4
     assert config.station.seed == 0
     assert config.station.wear is None
     assert config.compliance is None
     with pytest.raises(InputError, match=r"--set scene\.arm: this app takes station"):
-        numbers_of(options("--set", "scene.arm=right"))
+        scenario_of(options("--set", "scene.arm=right"))
+
+
+def test_an_app_refuses_what_it_has_no_use_for():
+    parser = ArgumentParser()
+    add_scenario_options(parser, ("station", "controller"))
+    chosen = scenario_of(parser.parse_args(["--set", "station.derivative_gain=20"]))
+    assert dict(leaves(chosen)) == dict(leaves(Scenario())) | {"station.derivative_gain": 20.0}
+    with pytest.raises(InputError, match=r"--set planner\.slack: this app takes station, contr"):
+        scenario_of(parser.parse_args(["--set", "planner.slack=0.1"]))
+
+
+@pytest.mark.parametrize(("former", "now"), MOVED.items())
+def test_a_former_name_is_read_and_the_new_one_told(former, now, tmp_path, caplog):
+    groups, _, last = former.rpartition(".")
+    lines = [f"{'  ' * k}{key}:" for k, key in enumerate(groups.split("."))]
+    path = tmp_path / "old.yaml"
+    path.write_text("\n".join([*lines, f"{'  ' * len(lines)}{last}: 0.75\n"]))
+    wanted = dict(leaves(Scenario())) | {now: 0.75}
+    assert dict(leaves(load_scenario(path))) == wanted
+    assert dict(leaves(load_scenario(None, [f"{former}=0.75"]))) == wanted
+    sentence = f"{former} is now {now}; this release reads both"
+    assert caplog.messages == [f"{path}: {sentence}", f"--set {former}: {sentence}"]
+    group, _, key = now.rpartition(".")
+    text = f"{path.read_text()}{'  ' * len(lines)}{group.rpartition('.')[2]}: {{{key}: 1}}\n"
+    if group != groups:
+        path.write_text(text)
+        with pytest.raises(InputError, match=f"{former} is now {now}, which it has, too"):
+            load_scenario(path)
+
+
+def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
+    path = tmp_path / "old.yaml"
+    path.write_text("perception: {head_velocity: 2, gaze: 3}\n")
+    with pytest.raises(InputError, match=r"line 1: perception\.gaze must hold the fields"):
+        load_scenario(path)
+
+
+def test_runs_of_other_numbers_do_not_mix_in_one_folder(tmp_path):
+    keep_scenario(load_scenario(None, ["planner.slack=0.1"]), tmp_path)
+    keep_scenario(load_scenario(None, ["planner.slack=0.1"]), tmp_path)
+    with pytest.raises(InputError, match="are of other numbers; give another --output"):
+        keep_scenario(Scenario(), tmp_path)
+
+
+def test_the_barrier_and_an_arm_that_is_pushed_have_the_scenarios_numbers():
+    settings = ["barrier.damping=20", "compliance.tracking.rate=10", "push=[0, 0, 5]"]
+    chosen = load_scenario(None, settings)
+    assert coupling_of(chosen).damping == 20.0
+    compliance = chosen.reaching_config().compliance
+    assert compliance.tracking.rate == 10.0
+    assert compliance.pushes[0].force == (0.0, 0.0, 5.0)
+    assert pickle.loads(pickle.dumps(chosen)) == chosen
+    with pytest.raises(InputError, match=r"barrier\.damping is 0; it must be positive"):
+        load_scenario(None, ["barrier.damping=0"])

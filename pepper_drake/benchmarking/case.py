@@ -1,12 +1,14 @@
 """A benchmark case: a scene, and the seed of all randomness in its run."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from pepper_drake.diagrams.factory import prepare_scene
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import Scene, load_scene
 from pepper_drake.models.scene_families import family_scene
+from pepper_drake.scenario import Scenario, load_scenario
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,7 @@ class Case:
         calibration: File with the robot's calibration; `{seed}` in it stands for the seed.
         family: Family of the random scene; a table with loose things on it if left out.
         sensors: "real", or "ideal" for cameras without noise or latency.
+        numbers: A scenario's file with the numbers of the loop; the usual ones if left out.
     """
 
     seed: int
@@ -36,6 +39,7 @@ class Case:
     calibration: str | None = None
     family: str | None = None
     sensors: str = "real"
+    numbers: str | None = None
 
     def build(self) -> Scene:
         """Returns the scene.
@@ -50,6 +54,30 @@ class Case:
         else:
             scene = load_scene(self.scene)
         return prepare_scene(scene, arm=self.arm, motion=self.goal_motion)
+
+    def scenario(self) -> Scenario:
+        """Returns the scenario of a reach.
+
+        Raises:
+            InputError: There is no such scene or file.
+        """
+        chosen = Scenario() if self.numbers is None else load_scenario(Path(self.numbers))
+        station = replace(
+            chosen.station,
+            goal_motion_port=self.goal_motion is not None,
+            obstacle_motion_ports=self.moving,
+        )
+        if self.sensors == "ideal":
+            station.noise, station.camera_latency = False, 0.0
+        return replace(
+            chosen,
+            seed=self.seed,
+            scene=self.build(),
+            robot=self.robot,
+            calibration=self.calibration or "",
+            faults=list(self.faults),
+            station=station,
+        )
 
     @property
     def name(self) -> str:
@@ -78,6 +106,8 @@ class Case:
         if self.family is not None:
             which = ["--family", self.family, *which]
         options = [*which, "--seed", str(self.seed)]
+        if self.numbers is not None:
+            options += ["--scenario", self.numbers]
         if self.moving:
             options.append("--moving")
         if self.arm is not None:

@@ -1,7 +1,7 @@
 """One reach in the full diagram, with dynamics, cameras and noise, measured for the benchmark."""
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.metrics import demonstration_distance, path_length, rms_jerk
-from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.diagrams.reach_simulation import (
     ReachResult,
     ReachSimulation,
@@ -19,8 +19,6 @@ from pepper_drake.diagrams.reach_simulation import (
     save_result,
 )
 from pepper_drake.diagrams.reaching import Reaching
-from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.coupling import Coupling
 from pepper_drake.models.control_model import (
@@ -29,16 +27,12 @@ from pepper_drake.models.control_model import (
     body_indices,
     shared_control_model,
 )
-from pepper_drake.models.robot_calibration import calibration_of
-from pepper_drake.models.robot_wear import RobotWear
-from pepper_drake.models.scene import Scene
-from pepper_drake.planning import ReachPlanner
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.reach.planner_registry import DEFAULT_PLANNER
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
-from pepper_drake.systems.faults.fault import parse_faults
-from pepper_drake.systems.faults.fault_set import FaultSet
+from pepper_drake.scenario import build_reaching
 from pepper_drake.web.drake_page import offline_meshcat
 
 Array = npt.NDArray[np.float64]
@@ -58,52 +52,43 @@ class DiagramReach:
         adapt: Whether the planner adapts the movement to what was seen.
         collision_checked: Whether the arm starts only when the reach, played through, is clear, and
             stops before what it sees; see `ReachPlannerParams.collision_checked`.
-        planner: Class of the planner; ours if left out.
+        planner: Name of the planner; ours if left out.
         options: The options of `reach.py` that give the same; None if it cannot.
     """
 
     coupling: str | Coupling | None = None
     adapt: bool = False
     collision_checked: bool = True
-    planner: type[ReachPlanner] = ReachPlanner
+    planner: str = DEFAULT_PLANNER
     options: tuple[str, ...] | None = ()
 
     def __call__(self, case: Case) -> MethodResult:
         """Runs the reach, unseen."""
-        scene = case.build()
-        return _run(self._build(case, scene), scene.arm, RunOptions(progress=False))[1]
+        return _run(self._build(case), RunOptions(progress=False))[1]
 
     def replay(self, case: Case, folder: Path) -> MethodResult:
         """Runs the reach again and leaves `reach.py`'s folder, `recording.html` with it."""
-        scene = case.build()
         with offline_meshcat() as meshcat:
             options = RunOptions(meshcat=meshcat, record=True, progress=sys.stderr.isatty())
-            result, measured = _run(self._build(case, scene), scene.arm, options)
+            result, measured = _run(self._build(case), options)
         with whole_results(folder, ()) as inside:
             save_result(result, inside)
         return measured
 
-    def _build(self, case: Case, scene: Scene) -> Reaching:
-        chosen = self.coupling or scene.coupling
-        coupling = make_coupling(chosen) if isinstance(chosen, str) else chosen
-        config = ReachingConfig(
-            station=StationConfig(
-                seed=case.seed,
-                goal_motion_port=case.goal_motion is not None,
-                obstacle_motion_ports=case.moving,
-                wear=RobotWear.draw(case.seed) if case.robot == "worn" else None,
-                calibration=calibration_of(case.calibration, case.robot, case.seed),
-                faults=FaultSet(parse_faults(case.faults), case.seed),
-            ),
-            planner_class=self.planner,
+    def _build(self, case: Case) -> Reaching:
+        scenario = case.scenario()
+        planner = replace(
+            scenario.planner, adapt=self.adapt, collision_checked=self.collision_checked
         )
-        if case.sensors == "ideal":
-            config.station.noise, config.station.camera_latency = False, 0.0
-        config.planner.adapt, config.planner.collision_checked = self.adapt, self.collision_checked
-        return Reaching(scene, make_primitive(None, scene.arm), coupling, config)
+        scenario = replace(scenario, planner=planner, planner_class=self.planner)
+        if isinstance(self.coupling, str):
+            scenario.scene.coupling = self.coupling
+        own = None if isinstance(self.coupling, str) else self.coupling
+        return build_reaching(scenario, coupling=own)
 
 
-def _run(reaching: Reaching, arm: str, options: RunOptions) -> tuple[ReachResult, MethodResult]:
+def _run(reaching: Reaching, options: RunOptions) -> tuple[ReachResult, MethodResult]:
+    arm = reaching.scene.arm
     result = ReachSimulation(reaching, options).run()
     measured = measure(result, make_primitive(None, arm), arm)
     measured.planning_latency = reaching.config.timing.latency.plan

@@ -14,13 +14,9 @@ from pepper_drake.benchmarking.batch import Task, run_tasks
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.physics_alone import make_physics
-from pepper_drake.diagrams.factory import make_coupling, make_primitive
-from pepper_drake.diagrams.reaching import Reaching
-from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.evaluation.approximator_comparison import compare
 from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
-from pepper_drake.models.scene import load_scene
+from pepper_drake.scenario import Scenario, build_reaching
 
 GROUPS: dict[str, tuple[Case, ...]] = {
     "shipped": tuple(Case(0, scene) for scene in ("table", "shelf", "clutter")),
@@ -120,11 +116,10 @@ def physics_share() -> float:
     Both simulate the same scene at the same steps, by turns in this process. The median of some
     rounds.
     """
-    scene = load_scene("table")
-    config = ReachingConfig(station=StationConfig(cameras=False))
-    primitive = make_primitive(None, scene.arm)
-    reaching = Reaching(scene, primitive, make_coupling(scene.coupling), config)
-    whole, physics = Simulator(reaching), make_physics(scene, reaching.station)
+    scenario = Scenario()
+    scenario.station.cameras = False
+    reaching = build_reaching(scenario)
+    whole, physics = Simulator(reaching), make_physics(scenario.scene, reaching.station)
     shares = []
     for number in range(_ROUNDS + 1):  # The first round compiles and fills caches.
         until, times = (number + 1) * _ROUND, [time.process_time()]

@@ -19,7 +19,7 @@ from pepper_drake.benchmarking.planned_reach import (
 from pepper_drake.benchmarking.roboplan_rrt import roboplan_model
 from pepper_drake.errors import InputError
 from pepper_drake.planning import ReachPlanner
-from pepper_drake.user_code import load_object, names_code
+from pepper_drake.user_code import load_object, names_code, register_code
 
 
 class Run(Protocol):
@@ -169,7 +169,7 @@ def get_method(letter: str) -> Method:
 def _own_method(text: str, part: Any) -> Method:
     name = text.rpartition(":")[2]
     if isinstance(part, type) and issubclass(part, ReachPlanner):
-        run = DiagramReach(adapt=True, planner=part, options=("--planner", text))
+        run = DiagramReach(adapt=True, planner=register_code(text), options=("--planner", text))
         return Method(text, "own cameras", f"the planner {name} on what the cameras see", run)
     if callable(part) and not isinstance(part, type):
         run_known = PlannedReach(part)

@@ -175,6 +175,8 @@ class ArmController(Diagram):
             ArmCommand(
                 limits=model.command_limits(arm_joints(arm), speed_fraction=params.speed_fraction),
                 start_position=start,
+                time_constant=params.target_time_constant,
+                catch_up_steps=params.catch_up_steps,
                 time_step=params.time_step,
             ),
         )

@@ -13,9 +13,9 @@ from pepper_drake.systems.guiding.external_force import ForcePulse, HandForce, S
 from pepper_drake.systems.guiding.hand_guide import HandGuide, HandGuideParams
 
 
-@dataclass(frozen=True)
+@dataclass
 class ComplianceConfig:
-    """Compliance of the arm during a reach."""
+    """Compliance of the arm while it is pushed."""
 
     stiffness: float = 0.05
     """Stiffness of the reaching arm, as NAOqi has it: from 0, limp, to 1."""

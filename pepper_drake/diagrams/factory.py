@@ -16,27 +16,31 @@ from pepper_drake.models.motion import MOTION_DIRECTIONS, goal_motion, load_path
 from pepper_drake.models.pepper import MODELS_DIR
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.reach.reach_parameters import ReachTiming
 
 SHIPPED_DEMONSTRATION = MODELS_DIR / "demonstrations" / "reach"
 """A right arm's reach, guided by hand with nothing in the way."""
 
-HAND_RADIUS = 0.09
-"""Radius [m] about the hand's control frame that holds the half-open hand but its fingertips."""
-
-
 SHORTEST_PATH = 0.01
 """A demonstration with a shorter way than this is none [m]."""
 
-_GENTLE_DURATION = 4.0
-"""Duration of a gentle movement, in those of the demonstration."""
-_GENTLE_SPEED = 0.15
-"""Share of the joints' rated speed that a gentle arm uses at most."""
+
+def hand_barrier() -> BarrierCoupling:
+    """Returns the barrier around Pepper's hand.
+
+    Its sphere holds the half-open hand but its fingertips. It is larger than the hand is thin, so
+    near the goal, where the hand's direction is known, obstacles may come closer than it says; the
+    planner checks the true shapes.
+    """
+    return BarrierCoupling(hand_radius=0.09, goal_margin=0.015, goal_distance=0.08)
 
 
-def make_coupling(name: str) -> Coupling | None:
+def make_coupling(name: str, barrier: BarrierCoupling | None = None) -> Coupling | None:
     """The hand's obstacle coupling by name, or None for "none".
 
-    It is "barrier", "report" (equation 2.7), or one that was registered.
+    Args:
+        name: "barrier", "report" (equation 2.7), or one that was registered.
+        barrier: Its constants, if it is the barrier; those of `hand_barrier` if None.
 
     Raises:
         InputError: There is none of that name.
@@ -44,9 +48,7 @@ def make_coupling(name: str) -> Coupling | None:
     if name == "none":
         return None
     if name == "barrier":
-        # The sphere is larger than the hand is thin, so near the goal, where the hand's direction
-        # is known, obstacles may come closer than it says; the planner checks the true shapes.
-        return BarrierCoupling(hand_radius=HAND_RADIUS, goal_margin=0.015, goal_distance=0.08)
+        return barrier or hand_barrier()
     return get_coupling(name)
 
 
@@ -123,7 +125,7 @@ def make_primitive(
 
 
 def make_gentle(
-    primitive: MovementPrimitive, ik: DifferentialIkParams
+    primitive: MovementPrimitive, ik: DifferentialIkParams, timing: ReachTiming
 ) -> tuple[MovementPrimitive, DifferentialIkParams]:
     """Slows a movement and the arm's joints down so that no point exceeds 250 mm/s.
 
@@ -131,8 +133,8 @@ def make_gentle(
     replanning or retreating, keeps to the joints' speed.
     """
     return (
-        replace(primitive, duration=_GENTLE_DURATION * primitive.duration),
-        replace(ik, speed_fraction=min(ik.speed_fraction, _GENTLE_SPEED)),
+        replace(primitive, duration=timing.gentle_duration * primitive.duration),
+        replace(ik, speed_fraction=min(ik.speed_fraction, timing.gentle_speed)),
     )
 
 

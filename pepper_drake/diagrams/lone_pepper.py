@@ -1,6 +1,7 @@
 """Pepper alone: no scene, no cameras; one arm is commanded, all else stands still."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -20,6 +21,7 @@ def add_lone_pepper(
     positions: Mapping[str, float],
     stiffness: float,
     robot: Diagram | None = None,
+    config: StationConfig | None = None,
 ) -> tuple[PepperStation, JointCommandMerge, OutputPort]:
     """Adds the station, and what commands one arm and holds all else.
 
@@ -30,13 +32,15 @@ def add_lone_pepper(
         stiffness: Of that arm, as NAOqi has it: from 0, limp, to 1. A limp one takes no commands.
         robot: A robot's station, less the truth, which stands as `positions` say; simulated if left
             out.
+        config: How the robot is simulated, but for cameras and the arm's stiffness.
 
     Returns:
         The station; the system with the input `arm_command` (5) [rad], if it is not limp; and the
         arm's measured position (5) [rad].
     """
-    config, joints = StationConfig(cameras=False), arm_joints(arm)
-    config.stiffness[arm_group(arm)] = stiffness
+    config, joints = config or StationConfig(), arm_joints(arm)
+    softened = config.stiffness | {arm_group(arm): stiffness}
+    config = replace(config, cameras=False, stiffness=softened)
     chosen = robot or PepperStation(None, config, shared_control_model(), positions)
     station = cast(PepperStation, builder.AddNamedSystem("station", chosen))
     if robot is not None:

@@ -217,8 +217,8 @@ def _followed(
     count = len(wanted.times)
     nominal = np.tile(start, (count, 1))
     ik = DifferentialIkParams(time_step=float(wanted.times[1] - wanted.times[0]))
-    rehearsal = KinematicSimulator(model, kinematics, ik, settle=0.0)
-    joints = rehearsal.track(
+    simulator = KinematicSimulator(model, kinematics, ik, settle=0.0)
+    joints = simulator.track(
         ArmState(start, np.zeros(5)),
         HandPath(wanted.positions, wanted.rotations, nominal, count - 1),
         OUT_OF_REACH,

@@ -12,6 +12,7 @@ from pydrake.systems.primitives import ConstantValueSource, LogVectorOutput, Vec
 from pepper_drake.diagrams.arm_controller import ArmController
 from pepper_drake.diagrams.compliance import ComplianceConfig, add_hand_force
 from pepper_drake.diagrams.lone_pepper import add_lone_pepper
+from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
 from pepper_drake.models.control_model import arm_joints, shared_control_model
@@ -28,14 +29,14 @@ class ReproductionParams:
     tracking: PhaseStopping | None = field(default_factory=PhaseStopping)
     """Phase stopping while the hand is pushed; None to do without."""
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
+    station: StationConfig = field(default_factory=StationConfig)
+    """The simulated robot, less its cameras; the arm has the stiffness above."""
     log_period: float = 0.01
     """Period of all logs [s]."""
 
 
 class Reproduction(Diagram):
-    """Pepper alone performs a primitive: the station, its arm soft, and the arm controller.
-
-    It is simulated, or with `robot`, a `HardwareStation`, performed by a robot.
+    """A soft arm performs a primitive: the station, simulated or a robot's, and the controller.
 
     .. pydrake_system::
 
@@ -96,7 +97,7 @@ class Reproduction(Diagram):
         )
         builder.AddNamedSystem("arm_controller", controller)
         station, commands, arm_position = add_lone_pepper(
-            builder, arm, positions, params.stiffness, robot
+            builder, arm, positions, params.stiffness, robot, params.station
         )
         self.plant: MultibodyPlant | None = None if robot is not None else station.plant
         builder.Connect(arm_position, controller.GetInputPort("arm_position"))

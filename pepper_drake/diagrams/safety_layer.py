@@ -20,7 +20,6 @@ from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into, connect, export_input
 from pepper_drake.systems.robot.base_position_controller import (
-    SENT_TO_PLACES,
     BaseMotion,
     BasePositionController,
 )
@@ -41,6 +40,8 @@ class SafetyParams:
     """Period at which clearances are measured [s]; depth images come every 0.2 s."""
     lookahead: float = 0.1
     """Time by which the arm's motion is looked ahead [s]: `time_step`, and the time to brake."""
+    slowest_approach: float = 0.01
+    """Speed below which a link does not approach an obstacle [m/s]: noise and slack show less."""
     base_clearance: float = 0.01
     """Clearance of the body at which the base does not go on [m]; its spheres bulge out by 1 cm."""
     base_delay: float = 0.1
@@ -53,10 +54,17 @@ class SafetyParams:
     """The same of a robot over a link [s], which holds the arm after 0.1 s by itself, goes on where
     measurements come again, and ends the run after 1 s."""
     base: BaseMotion = field(default_factory=BaseMotion)
+    link_base: BaseMotion = field(
+        default_factory=lambda: BaseMotion(
+            has_reference=False, position_tolerance=0.005, yaw_tolerance=0.01
+        )
+    )
+    """The same of a robot over a link, whose base takes places, as ALMotion's `moveTo` does, no
+    finer than this."""
 
     def over_link(self) -> "SafetyParams":
         """Returns those of a robot over a link, whose base is sent to places."""
-        return replace(self, longest_gap=self.link_gap, base=SENT_TO_PLACES)
+        return replace(self, longest_gap=self.link_gap, base=self.link_base)
 
 
 class SafetyLayer(Diagram):
@@ -135,7 +143,13 @@ class SafetyLayer(Diagram):
         merge = add("joint_commands", JointCommandMerge(parts, start))
         shapes = ExactDistance(model, arm_kinematics(model, arm))
         arm_watch = add(
-            "arm_watch", CloudClearance(shapes, lookahead=params.lookahead, time_step=period)
+            "arm_watch",
+            CloudClearance(
+                shapes,
+                lookahead=params.lookahead,
+                slowest_approach=params.slowest_approach,
+                time_step=period,
+            ),
         )
         body_watch = add(
             "body_watch",
@@ -146,6 +160,7 @@ class SafetyLayer(Diagram):
                 acceleration=params.base.acceleration,
                 turning_acceleration=params.base.turning_acceleration,
                 delay=params.base_delay,
+                slowest_approach=params.slowest_approach,
                 time_step=period,
             ),
         )

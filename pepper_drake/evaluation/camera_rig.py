@@ -8,7 +8,6 @@ import numpy.typing as npt
 from pydrake.geometry import (
     MakeRenderEngineVtk,
     Mesh,
-    ReadObjToTriangleSurfaceMesh,
     RenderEngineVtkParams,
     Role,
     SceneGraph,
@@ -30,7 +29,6 @@ from pepper_drake.perception.cameras.camera import (
     make_render_cameras,
 )
 from pepper_drake.perception.cloud_evaluation import TrueSurfaces
-from pepper_drake.perception.mapping.solids import Solid
 from pepper_drake.systems.framework import build, release
 
 _RENDERER = "vtk"
@@ -109,24 +107,16 @@ class CameraRig:
     def surfaces(self, bodies: Sequence[str]) -> TrueSurfaces:
         """Returns the true surfaces of some bodies: of what the cameras see of them."""
         inspector = self.scene_graph.model_inspector()
-        solids, poses, triangles = [], [], [np.zeros((0, 3, 3))]
+        shapes = []
         for name in bodies:
             X_WB = self.body_pose(name)
             frame = self.plant.GetBodyFrameIdOrThrow(self.plant.GetBodyByName(name).index())
             for geometry in inspector.GetGeometries(frame, Role.kPerception):
-                shape, X_BG = inspector.GetShape(geometry), inspector.GetPoseInFrame(geometry)
-                if isinstance(shape, Mesh):
-                    if shape.source().is_in_memory():
-                        continue  # The marker's picture, flush with its plate.
-                    path = shape.source().path()
-                    mesh = ReadObjToTriangleSurfaceMesh(path, scale3=shape.scale3())
-                    vertices = X_WB @ X_BG @ np.array(mesh.vertices()).T
-                    faces = [[t.vertex(k) for k in range(3)] for t in mesh.triangles()]
-                    triangles.append(vertices.T[np.array(faces)])
-                else:
-                    solids.append(Solid(shape, X_BG))
-                    poses.append(X_WB)
-        return TrueSurfaces(solids, poses, np.concatenate(triangles))
+                shape = inspector.GetShape(geometry)
+                if isinstance(shape, Mesh) and shape.source().is_in_memory():
+                    continue  # The marker's picture, flush with its plate.
+                shapes.append((shape, X_WB @ inspector.GetPoseInFrame(geometry)))
+        return TrueSurfaces(shapes)
 
     def pepper_bodies(self) -> list[str]:
         """Returns the names of Pepper's links that the cameras see."""

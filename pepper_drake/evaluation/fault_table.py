@@ -1,20 +1,16 @@
 """Every fault in whole reaches: the outcome, and whether anything was touched, as a table."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
-from pepper_drake.diagrams.reaching import Reaching
-from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.files import check_fields, read_json
 from pepper_drake.models.scene import load_scene
 from pepper_drake.results.reach_report import ReachReport
-from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_fault, sensible_faults
-from pepper_drake.systems.faults.fault_set import FaultSet
+from pepper_drake.scenario import Scenario, build_reaching
+from pepper_drake.systems.faults.fault import KINDS, SIGNALS, sensible_faults
 
 STARTS = ("0", "reach")
 """From the start on, and from the moment when the arm starts."""
@@ -82,25 +78,27 @@ def fault_cases(
     ]
 
 
-def run_fault(case: FaultCase) -> FaultResult:
-    """Simulates the reach of a case, unseen; one that ends by an exception is a result, too."""
+def run_fault(case: FaultCase, scenario: Scenario | None = None) -> FaultResult:
+    """Simulates the reach of a case, unseen; one that ends by an exception is a result, too.
+
+    Args:
+        case: Scene, seed and fault.
+        scenario: The numbers of the loop; the usual ones if None.
+    """
     try:
-        return _run_fault(case)
+        chosen = replace(
+            scenario or Scenario(),
+            scene=load_scene(case.scene),
+            seed=case.seed,
+            faults=[case.fault],
+        )
+        reaching = build_reaching(chosen)
+        report = ReachSimulation(reaching, RunOptions(progress=False)).run().report
+        return fault_result(case, report)
     except Exception as error:
         words = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         report = ReachReport(outcome="failed", reason="simulation_failed", message=words)
         return fault_result(case, report)
-
-
-def _run_fault(case: FaultCase) -> FaultResult:
-    scene = prepare_scene(load_scene(case.scene))
-    faults = FaultSet((parse_fault(case.fault),), case.seed)
-    config = ReachingConfig(station=StationConfig(seed=case.seed, faults=faults))
-    reaching = Reaching(
-        scene, make_primitive(None, scene.arm), make_coupling(scene.coupling), config
-    )
-    report = ReachSimulation(reaching, RunOptions(progress=False)).run().report
-    return fault_result(case, report)
 
 
 def fault_result(case: FaultCase, report: ReachReport) -> FaultResult:

@@ -9,9 +9,9 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.evaluation.perception_evaluation import PerceptionEvaluation, camera_before_marker
 from pepper_drake.perception.cameras.camera import CAMERA_TOP, CameraIntrinsics
-from pepper_drake.perception.cameras.noise import ColorNoise, degrade_color
+from pepper_drake.perception.cameras.noise import apply_color_noise
 from pepper_drake.perception.goal.detection import detect_goal
-from pepper_drake.perception.goal.imm_filter import GoalFilterParameters, GoalState, update_goal
+from pepper_drake.perception.goal.imm_filter import GoalState, update_goal
 
 Image = npt.NDArray[np.uint8]
 
@@ -21,7 +21,7 @@ _FRAMES_A_VIEW = 20
 """Frames in a row from one place: what is mistaken once is mistaken again, and gets believed."""
 
 _WRONG_BEYOND = 0.02
-"""A goal handed on farther than this from the true one is a wrong goal [m]."""
+"""A goal published farther than this from the true one is a wrong goal [m]."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class WrongGoals:
         frames: Images looked at.
         measured: Images in which something was taken for the marker. Of half hidden ones that may
             be right.
-        wrong: Goals handed on that were wrong.
+        wrong: Published goals that were wrong.
     """
 
     frames: int
@@ -49,7 +49,7 @@ def count_false_positives(study: PerceptionEvaluation, frames: int, seed: int = 
         seed: Of views, markers and noise.
     """
     rng = np.random.default_rng([seed, 5])
-    parameters, camera = GoalFilterParameters(), CAMERA_TOP.intrinsics
+    config, camera = study.config.perception, CAMERA_TOP.intrinsics
     marked, X_WO = study.marked, study.scene.goal.pose()
     measured = wrong = 0
     state, image, X_WC = GoalState(), np.zeros((0, 0, 4), np.uint8), RigidTransform()
@@ -61,13 +61,13 @@ def count_false_positives(study: PerceptionEvaluation, frames: int, seed: int = 
             )
             kind = KINDS[frame // _FRAMES_A_VIEW % len(KINDS)]
             image = _spoil(study.rig.color_from(camera.ideal(), X_WC), kind, X_WC, study, rng)
-        noisy = degrade_color(image, camera, ColorNoise(), seed=seed, frame=frame)
-        seen = detect_goal(noisy, 0.2 * frame, X_WC, camera, marked)
+        noisy = apply_color_noise(image, camera, study.color_noise, seed=seed, frame=frame)
+        seen = detect_goal(noisy, 0.2 * frame, X_WC, camera, marked, params=config.marker)
         if seen is None:
             continue
         measured += 1
         before = state.published
-        state = update_goal(state, seen, marked.X_OM.translation(), parameters)
+        state = update_goal(state, seen, marked.X_OM.translation(), config.goal)
         if state.published is not None and state.published is not before:
             error = state.published.translation() - X_WO.translation()
             wrong += bool(np.linalg.norm(error) > _WRONG_BEYOND)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.evaluation.camera_rig import CameraRig
 from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.pepper import clamp_coupled_limits
@@ -21,10 +22,11 @@ from pepper_drake.perception.cameras.camera import (
     HeadCamera,
 )
 from pepper_drake.perception.cameras.noise import (
+    NO_DEPTH_NOISE,
     ColorNoise,
     DepthNoise,
-    degrade_color,
-    degrade_depth,
+    apply_color_noise,
+    apply_depth_noise,
 )
 from pepper_drake.perception.cameras.texture import paint_texture, project_pattern
 from pepper_drake.perception.cloud_evaluation import CloudReport, evaluate_cloud, visible_surface
@@ -39,13 +41,10 @@ from pepper_drake.perception.mapping.obstacle_map import (
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.perception.stereo.matching import (
-    StereoParameters,
     make_stereo_cameras,
     rectify,
-    stereo_obstacle_parameters,
 )
 from pepper_drake.perception.stereo.pipeline import compute_stereo_depth
-from pepper_drake.perception.stereo.segmentation import SegmentationParameters
 
 Image = npt.NDArray[np.uint8]
 Images = dict[str, npt.NDArray[np.generic]]
@@ -105,16 +104,21 @@ class PerceptionEvaluation:
     Args:
         scene: The scene; Pepper stands where it says and looks at the goal.
         seed: Of all noise and of the places that the goal is looked at from.
+        config: How the cameras are simulated, and how they are seen with.
 
     Attributes:
         scene: The scene.
         marked: Its goal object.
         rig: Pepper in the scene.
         head: The head angles (2,) with which it looks [rad].
+        color_noise: Of the colour cameras.
     """
 
-    def __init__(self, scene: Scene, seed: int = 0) -> None:
+    def __init__(self, scene: Scene, seed: int = 0, config: ReachingConfig | None = None) -> None:
         self.scene, self._seed = scene, seed
+        self.config = config = config or ReachingConfig()
+        self.color_noise = ColorNoise() if config.station.noise else ColorNoise(sigma=0.0)
+        self._depth_noise = DepthNoise() if config.station.noise else NO_DEPTH_NOISE
         self._stereo = make_stereo_cameras()
         # Truth is sampled finer than any camera under test.
         self._truth = HeadCamera(
@@ -144,11 +148,12 @@ class PerceptionEvaluation:
         """Studies the depth camera's cloud after some images from the same place."""
         rig, name = self.rig, CAMERA_DEPTH.name
         perfect, X_WC = rig.depth(name), rig.pose(name)
-        parameters, ignored = ObstacleParameters(), self._ignored(ObstacleParameters())
+        parameters = self.config.perception.obstacles
+        ignored = self._ignored(parameters)
         voxels, durations = VoxelMap.empty(), []
         for frame in range(frames):
-            image = degrade_depth(
-                perfect, CAMERA_DEPTH.intrinsics, DepthNoise(), seed=self._seed, frame=frame
+            image = apply_depth_noise(
+                perfect, CAMERA_DEPTH.intrinsics, self._depth_noise, seed=self._seed, frame=frame
             )
             start = time.perf_counter()
             voxels = update_obstacles(
@@ -172,13 +177,17 @@ class PerceptionEvaluation:
             Points of the robot and of the goal, over all poses.
         """
         rig, rng = self.rig, np.random.default_rng([self._seed, 6])
-        parameters, near = ObstacleParameters(), self._near
+        parameters, near = self.config.perception.obstacles, self._near
         obstacles = rig.surfaces(rig.scene_models.obstacles)
         robot_points = goal_points = 0
         for number in range(poses):
             rig.set_positions(_draw_pose(rng))
-            image = degrade_depth(
-                rig.depth(near.name), near.intrinsics, DepthNoise(), seed=self._seed, frame=number
+            image = apply_depth_noise(
+                rig.depth(near.name),
+                near.intrinsics,
+                self._depth_noise,
+                seed=self._seed,
+                frame=number,
             )
             voxels = update_obstacles(
                 VoxelMap.empty(),
@@ -212,7 +221,7 @@ class PerceptionEvaluation:
         rectification = rectify(left, right)
         images = [self._photograph(camera, texture, k) for k, camera in enumerate((left, right))]
         X_WC = rectification.rectified_pose(rig.pose(left.name))
-        parameters = stereo_obstacle_parameters()
+        parameters, pair = self.config.perception.stereo_obstacles, self.config.station.stereo_pair
         ignored = self._ignored(parameters)
         start = time.perf_counter()
         view = compute_stereo_depth(
@@ -222,8 +231,8 @@ class PerceptionEvaluation:
             X_WC,
             ignored[0].solids,
             ignored[0].poses,
-            StereoParameters(),
-            SegmentationParameters(),
+            pair.matching,
+            pair.segmentation,
         )
         voxels = update_obstacles(
             VoxelMap.empty(), view.depth, 0.0, X_WC, rectification.intrinsics, ignored, parameters
@@ -267,15 +276,22 @@ class PerceptionEvaluation:
         angle = rng.uniform(0, largest_angle)
         X_WC = camera_before_marker(X_WM, distance, angle, camera.intrinsics, rng)
         rendered = self.rig.color_from(camera.intrinsics.ideal().scaled(_SUPERSAMPLING), X_WC)
-        image = degrade_color(
+        image = apply_color_noise(
             rendered,
             camera.intrinsics,
-            ColorNoise(),
+            self.color_noise,
             seed=self._seed,
             frame=int(rng.integers(1 << 30)),
         )
         start = time.perf_counter()
-        seen = detect_goal(image, 0.0, X_WC, camera.intrinsics, self.marked)
+        seen = detect_goal(
+            image,
+            0.0,
+            X_WC,
+            camera.intrinsics,
+            self.marked,
+            params=self.config.perception.marker,
+        )
         milliseconds = 1000 * (time.perf_counter() - start)
         position_error = orientation_error = math.nan
         if seen is not None:
@@ -304,8 +320,8 @@ class PerceptionEvaluation:
         elif texture == "pattern":
             X_WP = self.rig.pose(self._stereo[0].name)
             image = project_pattern(image, depth, camera.intrinsics, X_WC, X_WP, seed=self._seed)
-        noise = ColorNoise(sigma=2.0)
-        return degrade_color(image, camera.intrinsics, noise, seed=self._seed, frame=number)
+        noise = ColorNoise(sigma=2.0) if self.config.station.noise else self.color_noise
+        return apply_color_noise(image, camera.intrinsics, noise, seed=self._seed, frame=number)
 
     def _ignored(self, parameters: ObstacleParameters) -> list[ExcludedSolids]:
         """The robot and the goal object, where they are."""

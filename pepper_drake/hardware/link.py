@@ -228,9 +228,13 @@ class RobotLink:
             self._fail(LinkFault("link_lost"))
             if self._probe is None and self._reconnect is not None:
                 self._probe = self._start(self._tell_reboot(self._reconnect()))
-        elif self._reading is not None and self._clock() - self._asked > FROZEN:
+            return
+        is_asking = self._reading is not None and not self._reading.done()
+        silent = self._clock() - self._asked if is_asking else 0.0
+        newest = self._measured.newest
+        if silent > FROZEN:
             self._fail(LinkFault("link_frozen", f"no answer for {FROZEN:g} s"))
-        elif self._measured.newest and self._clock() - self._measured.newest.time > FROZEN:
+        elif silent < FRESH and newest and self._clock() - newest.time > FROZEN:
             self._fail(LinkFault("state_stale", f"its clock stood still for {FROZEN:g} s"))
         elif self._states > FIRST_STATES and lookahead(self._round_trip) is None:
             self._fail(LinkFault("link_slow", f"{self._round_trip * 1000:.0f} ms to an answer"))

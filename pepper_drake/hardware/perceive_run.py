@@ -8,7 +8,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from pepper_drake.diagrams.head_perception import HeadPerception
+from pepper_drake.diagrams.head_perception import HeadPerception, PerceptionConfig
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.mailbox import CAMERA_NAMES
 from pepper_drake.hardware.robot_run import HardwareRun, RobotRun
@@ -47,12 +47,15 @@ class RobotView:
     is_stopped: bool
 
 
-def look_with_robot(scene: Scene, run: HardwareRun) -> RobotView:
+def look_with_robot(
+    scene: Scene, run: HardwareRun, config: PerceptionConfig | None = None
+) -> RobotView:
     """Lets a robot look; only its head moves.
 
     Args:
         scene: Tells what the goal object is, and which side is looked at.
         run: How the robot is led.
+        config: How it sees.
 
     Raises:
         LinkFault: The robot cannot be reached, or is not ready; nothing was moved.
@@ -60,7 +63,7 @@ def look_with_robot(scene: Scene, run: HardwareRun) -> RobotView:
     with RobotRun(run, scene.arm) as robot:
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", robot.station())
-        perception = builder.AddNamedSystem("perception", HeadPerception(scene, station))
+        perception = builder.AddNamedSystem("perception", HeadPerception(scene, station, config))
         perception.connect(builder, station)
         groups = {"head": JOINT_GROUPS["head"]}
         commands = builder.AddNamedSystem("commands", JointCommandMerge(groups, robot.joints))

@@ -1,6 +1,7 @@
 """A movement performed by a robot without cameras (algorithm 2 of the report)."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -43,7 +44,11 @@ _AT_START = 0.05
 
 
 def perform_with_robot(
-    primitive: MovementPrimitive, arm: str, run: HardwareRun, goal: Vector | None = None
+    primitive: MovementPrimitive,
+    arm: str,
+    run: HardwareRun,
+    goal: Vector | None = None,
+    params: ReproductionParams | None = None,
 ) -> tuple[ReproductionResult | None, LinkFault | None, bool]:
     """Takes the arm slowly to where a movement starts, and performs the movement.
 
@@ -52,6 +57,7 @@ def perform_with_robot(
         arm: "left" or "right".
         run: How the robot is led.
         goal: (3,) of the hand in T [m]; the primitive's own if None.
+        params: How the movement is followed; the robot logs once a control period in any case.
 
     Returns:
         The result, None if the movement did not begin; what went wrong with robot or link; whether
@@ -79,15 +85,19 @@ def perform_with_robot(
                     f"{np.degrees(off):.0f}° off, so something holds it"
                 )
             run.say("the movement begins")
-            result = _perform(robot, primitive, arm, goal)
+            result = _perform(robot, primitive, arm, goal, params or ReproductionParams())
     return result, robot.fault, robot.is_stopped
 
 
 def _perform(
-    robot: RobotRun, primitive: MovementPrimitive, arm: str, goal: Vector | None
+    robot: RobotRun,
+    primitive: MovementPrimitive,
+    arm: str,
+    goal: Vector | None,
+    params: ReproductionParams,
 ) -> ReproductionResult | None:
     """Performs the movement; None if it had hardly begun when something went wrong."""
-    params = ReproductionParams(log_period=CONTROL_PERIOD)
+    params = replace(params, log_period=CONTROL_PERIOD)
     diagram = Reproduction(
         primitive, arm=arm, positions=robot.joints, params=params, robot=robot.station()
     )

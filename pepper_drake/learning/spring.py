@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 Array = npt.NDArray[np.float64]
 Scalar = Any  # A float, or an AutoDiffXd where gradients are asked for.
@@ -81,6 +82,39 @@ def advance(state: Array, goal: Array, inputs: Array, step: Step, time_step: flo
     moved = step.transition @ (state - goal) + step.gain @ inputs + goal
     moved[..., 0, :] += goal[1] * time_step
     return moved
+
+
+@njit(cache=True)
+def advance_all(
+    state: Array,
+    goal: Array,
+    inputs: Array,
+    transitions: Array,
+    gains: Array,
+) -> Array:
+    """Returns the states (N + 1, 2, D) of N steps to a goal at rest, each as `advance` does it.
+
+    Args:
+        state: (2, D) position and velocity at the start.
+        goal: (D,).
+        inputs: (N, 4, D) u / tau² at each step's nodes.
+        transitions: (N, 2, 2) of each step; see `Step`.
+        gains: (N, 2, 4) likewise.
+    """
+    count, nodes, size = inputs.shape
+    states = np.empty((count + 1, 2, size))
+    states[0] = state
+    for n in range(count):
+        for d in range(size):
+            offset, rate = states[n, 0, d] - goal[d], states[n, 1, d]
+            for i in range(2):
+                driven = 0.0
+                for m in range(nodes):
+                    driven += gains[n, i, m] * inputs[n, m, d]
+                free = transitions[n, i, 0] * offset + transitions[n, i, 1] * rate
+                states[n + 1, i, d] = free + driven
+            states[n + 1, 0, d] += goal[d]
+    return states
 
 
 def acceleration(state: Array, goal: Array, forcing: Array, tau: Scalar, alpha_z: float) -> Array:

@@ -24,8 +24,8 @@ CLEARANCE_SHOWN = 0.5
 """Clearances are shown up to this [m]: beyond it, or where nothing is seen, they are cut."""
 _NO_PICTURE = "What the camera in Pepper's head sees. Rendering it takes time, so ask for it."
 _SIGNALS = (
-    ("phase", "Phase: 1 at the start, towards 0 at the end", (0.0, 1.05)),
-    ("clearance", "Clearance of the arm [cm], cut at 50", (0.0, 52.0)),
+    ("phase", "Phase: 1 at the start, towards 0 at the end", (0.0, 1.2)),
+    ("clearance", "Clearance of the arm [cm], cut at 50", (0.0, 60.0)),
     ("coupling", "Coupling: push of the obstacles [m/s²]", None),
 )
 """Names and titles of what is plotted, and its range."""
@@ -107,7 +107,7 @@ class LivePage:
                 self._on_click(gui.add_button("Start over", color=_QUIET), Action("over"))
         with tabs.add_tab("Legend"):
             gui.add_html(LEGEND)
-        with tabs.add_tab("Demonstrations"):
+        with tabs.add_tab("Demos"):
             self._add_demonstrations()
         with tabs.add_tab("Scene"):
             views = gui.add_button_group("View from", VIEWS)
@@ -135,14 +135,14 @@ class LivePage:
     def _add_plots(self) -> None:
         gui = self.server.gui
         gui.add_markdown("Drawn while the arm moves by itself; time in seconds.")
-        times = np.array([0.0, 1.0])
+        nothing_yet = (np.array([0.0, 1.0]), np.full(2, np.nan))
         self._plots = {}
         for name, title, span in _SIGNALS:
             scales = {"x": viser.uplot.Scale(time=False, auto=True)}
             if span is not None:
                 scales["y"] = viser.uplot.Scale(range=span)
             self._plots[name] = gui.add_uplot(
-                (times, np.zeros(2)),
+                nothing_yet,
                 (
                     viser.uplot.Series(label="time [s]"),
                     viser.uplot.Series(label=name, stroke="#2060c0", width=2),

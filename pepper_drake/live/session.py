@@ -2,6 +2,7 @@
 
 import contextlib
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -356,14 +357,17 @@ class LiveSession:
                 return
             self._notify(f"Saved {kept} in {self._folder.path}")
 
-    def advance(self) -> None:
+    def advance(self, attend: Callable[[], None] = lambda: None) -> None:
         """Simulates up to the next frame, and lets one thing follow from the other.
+
+        Args:
+            attend: Called now and several times on the way, for what a person does meanwhile.
 
         Raises:
             PepperDrakeError: The simulation cannot go on.
             InputError: What is recorded cannot be written.
         """
-        self.simulation.advance()
+        self.simulation.advance(attend)
         if self._writer is not None:
             self._writer.write(*self.simulation.samples(self._since))
         if self._doing == Mode.RETURNING:

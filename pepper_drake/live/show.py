@@ -122,17 +122,21 @@ class LiveApp:
         self.target = RigidTransform(X_TG)
 
     def step(self) -> None:
-        """Does what was done on the page, simulates one frame, and shows it."""
-        session = self.session
-        for action in self.page.actions() if self.page is not None else ():
-            self._do(action)
-        if session.mode in _LIMP:
-            self._lead(entered=self._mode not in _LIMP)
-        self._mode = session.mode
-        session.advance()
+        """Does what is done on the page, simulates one frame, and shows it."""
+        self.session.advance(self._attend)
         if self.page is not None:
             self._show(self.page)
+            self.page.server.flush()  # Viser would wait for half a frame.
         self._frame += 1
+
+    def _attend(self) -> None:
+        """Does what was done on the page since this was last called."""
+        for action in self.page.actions() if self.page is not None else ():
+            self._do(action)
+        mode = self.session.mode
+        if mode in _LIMP:
+            self._lead(entered=self._mode not in _LIMP)
+        self._mode = mode
 
     def _lead(self, *, entered: bool) -> None:
         """Moves the guide as mouse, keys or game pad say."""

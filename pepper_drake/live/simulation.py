@@ -1,7 +1,7 @@
 """The simulated Pepper of a live session: what it is told, and what it measures, between frames."""
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.dmp.coupling import BarrierCoupling
 from pepper_drake.models.movable_objects import (
     SPARES,
     with_movable_objects,
@@ -36,6 +37,8 @@ Vector = npt.NDArray[np.float64]
 
 PUBLISH_PERIOD = 1 / 32
 """Between two frames of the page [s]."""
+_CHECKS = 4
+"""Times a frame that a person is attended to: what they do waits for no more than 8 ms."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,7 @@ class LiveSimulation:
         config: ReachingConfig | None = None,
         movables: Collection[str] = (),
         coupling: str | None = None,
+        barrier: BarrierCoupling | None = None,
         spares: bool = False,
         realtime: bool = False,
     ) -> None:
@@ -83,6 +87,7 @@ class LiveSimulation:
             config: How the robot is simulated and the loop works.
             movables: Obstacles that can be moved, besides those that have a path in the scene.
             coupling: The obstacle coupling's name; the scene's if left out.
+            barrier: Constants of the coupling "barrier"; the usual ones if left out.
             spares: Whether there are obstacles more that can be put into the scene.
             realtime: Whether it runs no faster than real time.
         """
@@ -90,7 +95,7 @@ class LiveSimulation:
         self.diagram = LiveTeaching(
             with_spare_obstacles(movable) if spares else movable,
             make_primitive(None, scene.arm),
-            make_coupling(coupling or scene.coupling),
+            make_coupling(coupling or scene.coupling, barrier),
             config=config,
         )
         self.simulator = Simulator(self.diagram)
@@ -137,14 +142,20 @@ class LiveSimulation:
         self.simulator.ResetStatistics()
         self._began = time.perf_counter()
 
-    def advance(self) -> None:
+    def advance(self, attend: Callable[[], None] = lambda: None) -> None:
         """Simulates up to the next frame.
+
+        Args:
+            attend: Called now and several times on the way, for what a person does meanwhile.
 
         Raises:
             PepperDrakeError: Drake's solver finds no next step.
         """
+        for part in range(1, _CHECKS + 1):
+            attend()
+            end = (self._frames + part / _CHECKS) * PUBLISH_PERIOD
+            simulate(self.simulator, end).check()
         self._frames += 1
-        simulate(self.simulator, self._frames * PUBLISH_PERIOD).check()
 
     def torso_pose(self) -> RigidTransform:
         """Returns X_WT."""

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,28 @@ def body_indices(names: Sequence[str]) -> list[int]:
     return [BODY_JOINTS.index(name) for name in names]
 
 
+class LimitArrays(NamedTuple):
+    """`CommandLimits` of n joints with C coupled limits, for compiled code.
+
+    Attributes:
+        lower: (n,) position limits [rad].
+        upper: (n,) position limits [rad].
+        velocity: (n,) [rad/s].
+        acceleration: (n,) [rad/s^2].
+        pairs: (C, 2) indices of leader and follower.
+        strictest: (C, 2) limits of the follower that hold wherever the leader is [rad].
+        tables: (C, 3, K) positions of the leader, and the follower's limits there [rad].
+    """
+
+    lower: Vector
+    upper: Vector
+    velocity: Vector
+    acceleration: Vector
+    pairs: npt.NDArray[np.int64]
+    strictest: Vector
+    tables: Vector
+
+
 @dataclass(frozen=True)
 class CommandLimits:
     """Limits of some joints, each an array of shape (n,), in rad, rad/s and rad/s^2."""
@@ -50,6 +73,26 @@ class CommandLimits:
     acceleration: Vector
     coupled: tuple[CoupledLimit, ...] = ()
     """Limits of a joint that depend on where another is, by their indices among these joints."""
+
+    @cached_property
+    def arrays(self) -> LimitArrays:
+        """The same for compiled code."""
+        coupled = self.coupled
+        longest = max((len(one.positions) for one in coupled), default=1)
+        tables = np.empty((len(coupled), 3, longest))
+        for table, one in zip(tables, coupled, strict=True):
+            # Beyond the last node the limits are constant: it may be there several times.
+            for row, values in zip(table, (one.positions, one.lower, one.upper), strict=True):
+                row[:] = np.pad(values, (0, longest - len(values)), mode="edge")
+        return LimitArrays(
+            self.position_lower,
+            self.position_upper,
+            self.velocity,
+            self.acceleration,
+            np.array([(one.leader, one.follower) for one in coupled], int).reshape(-1, 2),
+            np.array([one.strictest for one in coupled]).reshape(-1, 2),
+            tables,
+        )
 
 
 class ControlModel:

@@ -1,11 +1,12 @@
 """Typed YAML files: Drake's own loader, with one clear sentence for what is wrong in a file."""
 
 import dataclasses
+import logging
 import math
 import re
 import types
 import typing
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,12 +28,19 @@ _SCALARS: dict[type, tuple[str, ...]] = {
     bool: ("tag:yaml.org,2002:bool",),
     str: ("tag:yaml.org,2002:str",),
 }
+_LOG = logging.getLogger(__name__)
 _LINES = str.maketrans("\n\t", "  ")
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
 
 
-def load_yaml(schema: type[T], path: Path, defaults: T | None = None) -> T:
+def load_yaml(
+    schema: type[T],
+    path: Path,
+    defaults: T | None = None,
+    *,
+    moved: Mapping[str, str] = types.MappingProxyType({}),
+) -> T:
     """Loads a dataclass from a YAML file.
 
     Fields that the file leaves out keep their defaults; every field of the dataclass needs one.
@@ -41,15 +49,24 @@ def load_yaml(schema: type[T], path: Path, defaults: T | None = None) -> T:
         schema: A dataclass of numbers, texts, lists, dictionaries and other such dataclasses.
         path: The file.
         defaults: Values of the fields that the file leaves out; the schema's own if None.
+        moved: Former names of fields, such as `head.speed`, and what they are called now; files
+            with the former ones are read, and a warning tells the new one.
 
     Raises:
         InputError: If the file is missing, is no YAML, has a field that the schema lacks, or a
             value of the wrong type; the sentence names the file, the line and the field.
     """
-    return parse_yaml(schema, read_text(path, YAML_LIMIT), str(path), defaults)
+    return parse_yaml(schema, read_text(path, YAML_LIMIT), str(path), defaults, moved=moved)
 
 
-def parse_yaml(schema: type[T], text: str, name: str, defaults: T | None = None) -> T:
+def parse_yaml(
+    schema: type[T],
+    text: str,
+    name: str,
+    defaults: T | None = None,
+    *,
+    moved: Mapping[str, str] = types.MappingProxyType({}),
+) -> T:
     """Reads a dataclass from YAML text; see `load_yaml`.
 
     Args:
@@ -57,6 +74,7 @@ def parse_yaml(schema: type[T], text: str, name: str, defaults: T | None = None)
         text: The YAML.
         name: Where it comes from, for the sentence that says what is wrong.
         defaults: Values of the fields that the text leaves out; the schema's own if None.
+        moved: As in `load_yaml`.
 
     Raises:
         InputError: As `load_yaml`.
@@ -64,18 +82,26 @@ def parse_yaml(schema: type[T], text: str, name: str, defaults: T | None = None)
     root = compose(text, name)
     if root is None:
         raise InputError(f"{name} is empty; it must hold the fields of a {schema.__name__}")
+    for former, now in moved.items():
+        _move_field(root, former, now, name)
     _check_node(root, schema, "", name)
     # Drake reads words as YAML 1.1 does: it is told what was checked, written without doubt.
     plain = yaml.dump(construct(root, name), Dumper=_DUMPER)
     return yaml_load_typed(schema=schema, data=plain, defaults=defaults)
 
 
-def with_settings(config: T, settings: Sequence[str]) -> T:
+def with_settings(
+    config: T,
+    settings: Sequence[str],
+    *,
+    moved: Mapping[str, str] = types.MappingProxyType({}),
+) -> T:
     """Returns a copy of a dataclass with some fields set, as `--set FIELD=VALUE` asks for.
 
     Args:
         config: The dataclass.
         settings: Such as `planner.clearance.want=0.02`; later ones win.
+        moved: As in `load_yaml`.
 
     Raises:
         InputError: There is no such field, or the value does not fit it.
@@ -98,7 +124,11 @@ def with_settings(config: T, settings: Sequence[str]) -> T:
         text = "".join(f"{'  ' * k}{key}:\n" for k, key in enumerate(name.split(".")))
         try:
             config = parse_yaml(
-                type(config), f"{text.rstrip()} {value.strip()}", f"--set {name}", config
+                type(config),
+                f"{text.rstrip()} {value.strip()}",
+                f"--set {name}",
+                config,
+                moved=moved,
             )
         except InputError as error:  # A setting has no lines.
             raise InputError(re.sub(r" line \d+", "", str(error), count=1)) from None
@@ -134,6 +164,43 @@ def line_of_field(path: Path, field: str) -> int:
         else:
             break
     return line
+
+
+def _move_field(root: yaml.Node, former: str, now: str, name: str) -> None:
+    """Moves a field to its new name, if the former one is there, and warns.
+
+    Raises:
+        InputError: Both names are there.
+    """
+
+    def child(mapping: yaml.Node | None, key: str) -> yaml.Node | None:
+        entries = mapping.value if isinstance(mapping, yaml.MappingNode) else ()
+        return next((value for given, value in entries if given.value == key), None)
+
+    *groups, key = former.split(".")
+    parent: yaml.Node | None = root
+    for group in groups:
+        parent = child(parent, group)
+    value = child(parent, key)
+    if parent is None or value is None:
+        return
+    parent.value = [entry for entry in parent.value if entry[0].value != key]
+    *groups, key = now.split(".")
+    text = "tag:yaml.org,2002:str"
+    marks = value.start_mark, value.end_mark
+    parent = root
+    for group in groups:
+        found = child(parent, group)
+        if found is None:
+            found = yaml.MappingNode("tag:yaml.org,2002:map", [], *marks)
+            parent.value.append((yaml.ScalarNode(text, group, *marks), found))
+        if not isinstance(found, yaml.MappingNode):
+            return  # The check that follows refuses it.
+        parent = found
+    if child(parent, key) is not None:
+        raise InputError(f"{name}: {former} is now {now}, which it has, too; leave {former} out")
+    parent.value.append((yaml.ScalarNode(text, key, *marks), value))
+    _LOG.warning("%s: %s is now %s; this release reads both", name, former, now)
 
 
 def _check_node(node: yaml.Node, schema: Any, field: str, path: str) -> None:

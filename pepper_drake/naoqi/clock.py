@@ -54,10 +54,6 @@ class ClockOffset:
     bound: float
     at: float
 
-    def to_ours(self, robot_time: float) -> float:
-        """Returns a time of the robot by our clock [s]."""
-        return robot_time - self.offset
-
 
 def clock_offset(samples: list[ClockSample]) -> ClockOffset:
     """Measures the offset of the robot's clock from the sample with the shortest round trip.

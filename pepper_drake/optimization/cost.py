@@ -62,11 +62,6 @@ class CostWeights:
         if not any(asdict(self).values()):
             raise InputError("every term has weight 0; give one that counts")
 
-    @property
-    def needs_arm(self) -> bool:
-        """True if a term needs more than the hand."""
-        return self.arm_to_obstacles > 0.0 or self.joint_limits > 0.0
-
     def __call__(self, outcome: Outcome, task: Task) -> Array:
         """Returns the costs (S, N) of each step; the tutor's rating is not among them."""
         costs = np.zeros(outcome.positions.shape[:2])

@@ -74,7 +74,7 @@ def hand_to_obstacles(outcome: Outcome, task: Task) -> Array:
 
 def arm_to_obstacles(outcome: Outcome, task: Task) -> Array:
     """Violation [m] of the clearance by the arm, maximum and mean."""
-    return violation(outcome.arm_gaps, task.clearance)
+    return violation(outcome.arm_distances, task.clearance)
 
 
 def deviation(outcome: Outcome, task: Task) -> Array:

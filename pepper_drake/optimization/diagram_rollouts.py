@@ -1,21 +1,18 @@
 """Rollouts in the full diagram: dynamics, cameras, noise and all; seconds each."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.diagrams.reach_simulation import ReachResult, ReachSimulation, RunOptions
-from pepper_drake.diagrams.reaching import Reaching
-from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.models.scene import Scene
 from pepper_drake.optimization.cost import Cost
 from pepper_drake.optimization.cost_terms import Task
 from pepper_drake.optimization.outcome import Outcome
 from pepper_drake.optimization.parameters import MovementParameters
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.scenario import Scenario, build_reaching
 
 Array = npt.NDArray[np.float64]
 
@@ -31,17 +28,13 @@ class DiagramRollouts:
         parameters: What the numbers mean.
         task: What the movement is for; the goal is the scene's, wherever it is.
         cost: Of an outcome.
-        scene: Where Pepper reaches.
-        seed: Of the sensors' noise.
-        config: How robot and loop work, but for the seed.
+        scenario: Where and how Pepper reaches, but for the movement.
     """
 
     parameters: MovementParameters
     task: Task
     cost: Cost
-    scene: Scene
-    seed: int = 0
-    config: ReachingConfig = field(default_factory=ReachingConfig)
+    scenario: Scenario
 
     def __call__(self, samples: Array) -> Array:
         """Returns the costs (S,) of parameters (S, n), one after the other."""
@@ -63,18 +56,10 @@ class DiagramRollouts:
 
     def reach(self, parameters: Array) -> ReachResult:
         """Lets Pepper reach with parameters (n,)."""
-        config = replace(
-            self.config,
-            station=replace(self.config.station, seed=self.seed),
-            # What is tried is this movement, not one that the planner makes of it.
-            planner=replace(self.config.planner, adapt=False),
-        )
-        reaching = Reaching(
-            self.scene,
-            self.primitive_at(parameters),
-            make_coupling(self.scene.coupling),
-            config,
-        )
+        # What is tried is this movement, not one that the planner makes of it.
+        planner = replace(self.scenario.planner, adapt=False)
+        scenario = replace(self.scenario, planner=planner)
+        reaching = build_reaching(scenario, primitive=self.primitive_at(parameters))
         return ReachSimulation(reaching, RunOptions(progress=False)).run()
 
 
@@ -93,5 +78,5 @@ def outcome_of(result: ReachResult) -> Outcome:
         times,
         log.hand_position_torso_m[moving][None],
         end_errors=log.goal_distance_m[-1:],
-        arm_gaps=lambda: log.clearance_m[moving][None],
+        arm_distances=lambda: log.clearance_m[moving][None],
     )

@@ -96,7 +96,7 @@ class KinematicRollouts:
             poses.hand_position.reshape(*shape, 3),
             joints=joints,
             joint_limits=np.stack((limits.position_lower, limits.position_upper)),
-            arm_gaps=gaps,
+            arm_distances=gaps,
         )
 
     def joints(self, samples: Array) -> tuple[Array, Array]:
@@ -149,11 +149,7 @@ class KinematicRollouts:
 def distance_grid(arm: str, field: PointCloudDistance) -> DistanceGrid:
     """Returns the distances to obstacles in T where an arm can be."""
     region = arm_region(arm)
-
-    def near(points: Array) -> Array:
-        return field.distance(points, within=GRID_CAP)
-
-    return DistanceGrid(region, sample(region, near, field.solid_points, GRID_CAP)[None])
+    return DistanceGrid(region, sample(region, field.solid_points, GRID_CAP)[None])
 
 
 def arm_of(primitive: MovementPrimitive) -> str:

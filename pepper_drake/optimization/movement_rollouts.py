@@ -7,7 +7,6 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.models.scene import Scene
 from pepper_drake.optimization.cost import Cost
 from pepper_drake.optimization.cost_terms import Task
 from pepper_drake.optimization.fast_rollouts import FastRollouts
@@ -20,7 +19,7 @@ from pepper_drake.optimization.parameters import (
 )
 
 if TYPE_CHECKING:
-    from pepper_drake.diagrams.reaching_config import ReachingConfig
+    from pepper_drake.scenario import Scenario
 
 Array = npt.NDArray[np.float64]
 
@@ -100,10 +99,7 @@ def make_rollouts(
     parameters: MovementParameters,
     task: Task,
     cost: Cost,
-    *,
-    scene: Scene | None = None,
-    seed: int = 0,
-    config: "ReachingConfig | None" = None,
+    scenario: "Scenario | None" = None,
 ) -> MovementRollouts:
     """Makes an evaluator.
 
@@ -112,9 +108,7 @@ def make_rollouts(
         parameters: What is searched.
         task: What the movement is for.
         cost: What it costs.
-        scene: Where Pepper reaches, for `diagram`.
-        seed: Of the sensors' noise, for `diagram`.
-        config: How robot and loop work, for `diagram`; the defaults if None.
+        scenario: Where and how Pepper reaches, for `diagram`.
 
     Raises:
         InputError: They do not fit together.
@@ -132,8 +126,7 @@ def make_rollouts(
     if name == "diagram":
         from pepper_drake.optimization.diagram_rollouts import DiagramRollouts
 
-        if scene is None:
-            raise InputError("rollouts: diagram needs a scene to reach in")
-        given = {} if config is None else {"config": config}
-        return DiagramRollouts(parameters, task, cost, scene, seed, **given)
+        if scenario is None:
+            raise InputError("rollouts: diagram needs a scenario to reach in")
+        return DiagramRollouts(parameters, task, cost, scenario)
     raise InputError(f"rollouts: '{name}' is unknown; use one of {', '.join(ROLLOUTS)}")

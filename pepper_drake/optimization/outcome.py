@@ -33,7 +33,7 @@ class Outcome:
         accelerations: Callable[[], Array] | None = None,
         joints: Array | None = None,
         joint_limits: Array | None = None,
-        arm_gaps: Callable[[], Array] | None = None,
+        arm_distances: Callable[[], Array] | None = None,
         end_errors: Array | None = None,
     ) -> None:
         """Takes the attributes, and how to compute the rest; see the properties."""
@@ -43,7 +43,7 @@ class Outcome:
         self.joint_limits = joint_limits
         self.end_errors = end_errors
         self._accelerations = accelerations
-        self._arm_gaps = arm_gaps
+        self._arm_distances = arm_distances
 
     @cached_property
     def accelerations(self) -> Array:
@@ -59,14 +59,14 @@ class Outcome:
         return np.gradient(self.accelerations, self.times[1] - self.times[0], axis=1)
 
     @cached_property
-    def arm_gaps(self) -> Array:
+    def arm_distances(self) -> Array:
         """(S, N) from the whole arm to the nearest obstacle [m]; negative inside one.
 
         Raises:
             InputError: These movements have no arm.
         """
-        if self._arm_gaps is None:
+        if self._arm_distances is None:
             raise InputError(
                 "cost: arm_to_obstacles needs the arm; use kinematics in place of fast rollouts"
             )
-        return self._arm_gaps()
+        return self._arm_distances()

@@ -17,8 +17,8 @@ from pepper_drake.perception.cameras.image_files import read_depth, read_image
 from pepper_drake.perception.cameras.noise import (
     ColorNoise,
     DepthNoise,
-    degrade_color,
-    degrade_depth,
+    apply_color_noise,
+    apply_depth_noise,
 )
 from pepper_drake.perception.cloud_evaluation import CloudReport, TrueSurfaces, evaluate_cloud
 from pepper_drake.perception.gaze.head_aiming import aim_for_two_cameras, choose_camera, look_at
@@ -60,6 +60,8 @@ from pepper_drake.perception.stereo.matching import (
 
 # Names of release 0.1, kept for one release.
 measure_goal = detect_goal
+degrade_color = apply_color_noise
+degrade_depth = apply_depth_noise
 Watch = DynamicObstacleTracker
 keep_watch = update_tracker
 
@@ -95,6 +97,8 @@ __all__ = [
     "VoxelMapParameters",
     "Watch",
     "aim_for_two_cameras",
+    "apply_color_noise",
+    "apply_depth_noise",
     "choose_camera",
     "cloud_points",
     "degrade_color",

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.geometry import GeometryInstance, ProximityProperties, SceneGraph, Shape
 from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays, ray_lengths
-from pepper_drake.perception.mapping.solids import Solid
 from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
@@ -22,25 +22,26 @@ COVERED_WITHIN = 0.01
 INCONSISTENT_BEYOND = 0.03
 """A point farther than this from every true surface shows something that does not exist [m]."""
 
-_CHUNK = 500
-"""Points whose distances to triangles are computed at a time."""
+_FARTHEST = 0.1
+"""Distance to a surface beyond which none is computed [m]: such points are inconsistent anyway."""
 
 
-@dataclass(frozen=True)
 class TrueSurfaces:
-    """The surfaces of some objects, exactly.
+    """The surfaces of some shapes, exactly."""
 
-    Attributes:
-        solids: Primitives.
-        poses: Pose X_WF of each primitive's frame.
-        triangles: (T, 3, 3) [m], in W: the corners of all meshes' triangles.
-    """
+    def __init__(self, shapes: Sequence[tuple[Shape, RigidTransform]]) -> None:
+        """Takes the shapes.
 
-    solids: Sequence[Solid]
-    poses: Sequence[RigidTransform]
-    triangles: Array
-
-    __repr__ = short_repr
+        Args:
+            shapes: Each with its pose in W.
+        """
+        self._scene_graph = SceneGraph()
+        source = self._scene_graph.RegisterSource("truth")
+        for number, (shape, X_WS) in enumerate(shapes):
+            surface = GeometryInstance(X_WS, shape, f"surface {number}")
+            surface.set_proximity_properties(ProximityProperties())
+            self._scene_graph.RegisterAnchoredGeometry(source, surface)
+        self._context = self._scene_graph.CreateDefaultContext()
 
     def closest(self, points: npt.NDArray[np.floating]) -> tuple[Array, Array]:
         """Finds the closest point on any surface.
@@ -49,29 +50,17 @@ class TrueSurfaces:
             points: (N, 3) [m], in W.
 
         Returns:
-            The closest points (N, 3) and their distances (N,); infinite without any surface.
+            The closest points (N, 3), and their distances (N,): NaN and infinite where all surfaces
+            are farther than 10 cm.
         """
-        p = np.asarray(points, dtype=float)
-        nearest = np.full_like(p, np.nan)
-        distance = np.full(len(p), np.inf)
-        for solid, X_WF in zip(self.solids, self.poses, strict=True):
-            candidate = _closest_on_solid(p, solid, X_WF @ solid.X_FS)
-            _keep_closer(p, candidate, nearest, distance)
-        if len(self.triangles):
-            _keep_closer(p, _closest_on_triangles(p, self.triangles), nearest, distance)
+        query = self._scene_graph.get_query_output_port().Eval(self._context)
+        nearest, distance = np.full((len(points), 3), np.nan), np.full(len(points), np.inf)
+        for k, p_WQ in enumerate(np.asarray(points, dtype=float)):
+            for found in query.ComputeSignedDistanceToPoint(p_WQ, _FARTHEST):
+                if abs(found.distance) < distance[k]:
+                    distance[k] = abs(found.distance)
+                    nearest[k] = query.GetPoseInWorld(found.id_G) @ found.p_GN
         return nearest, distance
-
-    def distance(self, points: npt.NDArray[np.floating]) -> Array:
-        """The distances (N,) that `closest` finds for points (N, 3), sooner."""
-        p = np.asarray(points, dtype=float)
-        distance = np.full(len(p), np.inf)
-        for solid, X_WF in zip(self.solids, self.poses, strict=True):
-            p_S = _in_frame(p, X_WF @ solid.X_FS)
-            np.minimum(distance, np.abs(solid.signed_distance(p_S)), out=distance)
-        if len(self.triangles):
-            gap = _closest_on_triangles(p, self.triangles) - p
-            np.minimum(distance, np.linalg.norm(gap, axis=1), out=distance)
-        return distance
 
 
 @dataclass(frozen=True)
@@ -204,78 +193,5 @@ def _count_foreign(
     """Counts the points that lie on a foreign surface rather than on an obstacle."""
     if len(points) == 0:
         return 0
-    distance = foreign.distance(points)
+    distance = foreign.closest(points)[1]
     return int(np.sum((distance < obstacle_distance) & (distance < INCONSISTENT_BEYOND / 2)))
-
-
-def _keep_closer(p: Array, candidate: Array, nearest: Array, distance: Array) -> None:
-    candidate_distance = np.linalg.norm(candidate - p, axis=1)
-    closer = candidate_distance < distance
-    nearest[closer] = candidate[closer]
-    distance[closer] = candidate_distance[closer]
-
-
-def _closest_on_solid(p_W: Array, solid: Solid, X_WS: RigidTransform) -> Array:
-    """Closest points on a primitive: a step down the gradient of its signed distance."""
-    p_S = _in_frame(p_W, X_WS)
-    step = 1e-6
-    gradient = np.stack(
-        [
-            (solid.signed_distance(p_S + step * e) - solid.signed_distance(p_S - step * e))
-            / (2 * step)
-            for e in np.eye(3)
-        ],
-        axis=1,
-    )
-    closest_S = p_S - solid.signed_distance(p_S)[:, None] * gradient
-    return closest_S @ X_WS.rotation().matrix().T + X_WS.translation()
-
-
-def _in_frame(p_W: Array, X_WS: RigidTransform) -> Array:
-    return (p_W - X_WS.translation()) @ X_WS.rotation().matrix()
-
-
-def _closest_on_triangles(p_W: Array, triangles: Array) -> Array:
-    """Closest points (N, 3) on a set of triangles (T, 3, 3); infinite where all are far."""
-    best = np.full_like(p_W, np.inf)
-    lower, upper = triangles.min(axis=(0, 1)) - 0.1, triangles.max(axis=(0, 1)) + 0.1
-    # What is 10 cm away from all of them is inconsistent whatever the exact distance is.
-    near = np.flatnonzero(np.all((p_W >= lower) & (p_W <= upper), axis=1))
-    middles = triangles.mean(axis=1)
-    radii = np.linalg.norm(triangles - middles[:, None], axis=2).max(axis=1)
-    tree = cKDTree(middles)
-    for chunk in np.split(near, range(_CHUNK, len(near), _CHUNK)) if len(near) else ():
-        # The nearest middle is a point of its triangle, so what is farther than that is not asked.
-        farthest = np.asarray(tree.query(p_W[chunk])[0])
-        found = tree.query_ball_point(p_W[chunk], farthest + radii.max() + 1e-9)
-        owner = np.repeat(np.arange(len(chunk)), [len(numbers) for numbers in found])
-        number = np.concatenate(found).astype(np.int64)
-        gap = np.linalg.norm(p_W[chunk[owner]] - middles[number], axis=1) - radii[number]
-        asked = gap <= farthest[owner] + 1e-9
-        owner, number = owner[asked], number[asked]
-        p = p_W[chunk[owner]]
-        candidates = _closest_on_triangle(p, triangles[number])
-        order = np.lexsort((np.linalg.norm(candidates - p, axis=1), owner))
-        _, first = np.unique(owner[order], return_index=True)
-        best[chunk] = candidates[order[first]]
-    return best
-
-
-def _closest_on_triangle(p: Array, triangles: Array) -> Array:
-    """Closest points (N, 3) to points (N, 3), each on a triangle of its own (N, 3, 3)."""
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    closest = np.empty_like(p)
-    distance = np.full(len(p), np.inf)
-    for start, end in ((a, b), (b, c), (c, a)):
-        edge = end - start
-        along = np.einsum("ni,ni->n", p - start, edge)
-        along = np.clip(along / np.maximum(np.einsum("ni,ni->n", edge, edge), 1e-18), 0, 1)
-        _keep_closer(p, start + along[:, None] * edge, closest, distance)
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-18)
-    foot = p - np.einsum("ni,ni->n", p - a, normal)[:, None] * normal
-    inside = np.ones(len(p), dtype=bool)
-    for start, end in ((a, b), (b, c), (c, a)):
-        inside &= np.einsum("ni,ni->n", foot - start, np.cross(normal, end - start)) >= 0
-    closest[inside] = foot[inside]
-    return closest

@@ -32,7 +32,7 @@ _START_SECONDS = 20.0
 QUIT = b"quit"
 """The command that ends the server."""
 _KEEP = b"keep"
-"""What a server's standard input says before it ends; without it the server ends with it."""
+"""Line on a server's standard input before that closes; without it the server ends, too."""
 
 
 def is_listening(url: str) -> bool:

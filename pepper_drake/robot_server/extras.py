@@ -1,9 +1,13 @@
-"""Ground truth of the simulation, as a service on a port of its own."""
+"""A service on a port of its own for what no robot has: the truth, and a person's hand."""
 
+import math
 from typing import Any
 
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
-from pepper_drake.robot_server.wire.service import Service
+from pepper_drake.robot_server.wire.service import Service, ServiceError
+
+_FARTHEST = 2.0
+"""Largest offset of the goal along each axis [m]."""
 
 
 def make_extras(robot: SimulatedRobot) -> Service:
@@ -32,5 +36,18 @@ def make_extras(robot: SimulatedRobot) -> Service:
         "m",
         truth,
         description="Hands and goal in the world [m], base x, y, theta, number of contacts.",
+    )
+
+    def move_goal(*offset: float) -> None:
+        if not all(math.isfinite(value) and abs(value) <= _FARTHEST for value in offset):
+            raise ServiceError(f"PepperDrake::moveGoal: within {_FARTHEST:g} m along each axis")
+        robot.move_goal(offset)
+
+    service.add_method(
+        "moveGoal",
+        "(fff)",
+        "v",
+        move_goal,
+        description="Moves the goal to this offset from its place in the scene, in the world [m].",
     )
     return service

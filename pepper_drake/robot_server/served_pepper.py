@@ -19,6 +19,7 @@ from pepper_drake.robot_server.services.media_services import (
 )
 from pepper_drake.robot_server.services.memory import Memory
 from pepper_drake.robot_server.services.motion import Motion
+from pepper_drake.robot_server.services.navigation import Navigation
 from pepper_drake.robot_server.services.people_services import (
     Knowledge,
     Mood,
@@ -44,7 +45,6 @@ from pepper_drake.robot_server.services.speech import AnimatedSpeech, TextToSpee
 from pepper_drake.robot_server.services.store_services import (
     BehaviorManager,
     Laser,
-    Navigation,
     PackageManager,
     PreferenceManager,
     Recharge,
@@ -176,7 +176,7 @@ class ServedPepper:
             manager,
             Laser(),
             Recharge(tell),
-            Navigation(self.motion),
+            Navigation(self.motion, self._timer, disk),
         ]
         install_keys(self.memory, self.motion)
         self.memory.compute({DEVICES + key: value for key, value in leds.keys().items()})

@@ -59,6 +59,7 @@ class _Page(GuardedHandler, WebSocketHandler):
             return
         _Page.browsers += 1
         self._is_counted = True
+        self.set_nodelay(True)  # Else a frame waits until the browser has confirmed the last one.
         subprotocol = Subprotocol(f"viser-v{viser.__version__}")
         try:
             self._upstream = await unix_connect(
@@ -152,7 +153,7 @@ def serve(order: dict[str, Any]) -> int:
     setting = json.dumps(order["keys"]).encode()
     script = b"<script>const PEPPER_KEYS=" + setting + b";\n" + _SCRIPT.read_bytes() + b"</script>"
     title = (
-        b"<title>Pepper</title><style>.class-banner{position:fixed;left:12px;top:12px;z-index:9;"
+        b"<title>Pepper</title><style>.class-banner{position:fixed;left:12px;bottom:12px;z-index:9;"
     )
     title += b"padding:6px 12px;background:#1c3d5a;color:#fff;font:14px sans-serif}</style>"
     banner = (

@@ -6,6 +6,7 @@ import pytest
 from pepper_drake.models.control_model import BODY_JOINTS
 from pepper_drake.models.robot_calibration import load_calibration
 from pepper_drake.models.robot_wear import RobotWear
+from pepper_drake.scenario import Scenario, load_scenario
 
 
 @pytest.mark.render
@@ -15,6 +16,7 @@ def test_a_worn_robot_is_calibrated_by_its_own_images(run_app, tmp_path):
         "calibrate", "--seed", 3, "--postures", 12, "--reason", "a test", "--output", tmp_path
     )
     assert done.returncode == 0, done.stderr
+    assert load_scenario(tmp_path / "scenario.yaml") == Scenario(seed=3, robot="worn")
     found, wear = load_calibration(tmp_path / "calibration.yaml"), RobotWear.draw(3)
     assert (found.robot, found.reason, found.arm) == ("worn, seed 3", "a test", "right")
     for name in ("RShoulderPitch", "RShoulderRoll", "RElbowYaw", "RElbowRoll"):

@@ -10,6 +10,7 @@ import pytest
 from pepper_drake.evaluation.perception_evaluation import GoalSample
 from pepper_drake.perception.cameras.camera_files import load_intrinsics
 from pepper_drake.perception.mapping.cloud_files import load_cloud
+from pepper_drake.scenario import load_scenario
 from tests.apps.conftest import load_app
 
 APP = Path(__file__).parents[2] / "apps" / "perceive.py"
@@ -54,7 +55,7 @@ def test_it_leaves_a_report_figures_and_a_page(run, app, monkeypatch, tmp_path):
     assert {"position_error", "orientation_error", "detection_rate", "milliseconds"} <= set(goal)
     assert len(goal["by_distance_and_camera"]) == 4
     assert goal["wrong_goals"] == {"frames": 3, "measured": 0, "wrong": 0}
-    assert report["seed"] == 3
+    assert report["seed"] == load_scenario(tmp_path / "scenario.yaml").seed == 3
     for name in ("images.png", "clouds.png", "goal.png"):
         assert (tmp_path / name).stat().st_size > 5_000
     page = (tmp_path / "clouds.html").read_text()

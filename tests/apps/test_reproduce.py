@@ -7,6 +7,7 @@ import numpy as np
 
 from pepper_drake.diagrams.factory import SHIPPED_DEMONSTRATION
 from pepper_drake.learning import Demonstration, MovementPrimitive
+from pepper_drake.scenario import Scenario, load_scenario
 
 APP = Path(__file__).parents[2] / "apps" / "reproduce.py"
 
@@ -24,6 +25,7 @@ def test_a_push_is_survived_learned_and_rated(tmp_path):
     report = json.loads((output / "report.json").read_text())
     assert report["final_position_error"] < 0.01
     assert report["correction"] > 0.03
+    assert load_scenario(output / "scenario.yaml") == Scenario()
     assert scores.read_text() == "3\n7.5\n"
     corrected = MovementPrimitive.load(output / "corrected.yaml")
     assert corrected.name.endswith("corrected")

@@ -7,6 +7,7 @@ from pepper_drake.benchmarking.batch import Task, run_task, run_tasks
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.errors import InputError
+from pepper_drake.planning.reach.planner_registry import get_planner
 
 
 class Fixed:
@@ -95,7 +96,7 @@ def test_a_planner_of_ones_own_is_a_method(tmp_path):
     knowing = methods.get_method(f"{tmp_path}/own.py:still")
     assert (seeing.label, seeing.knows_all) == ("own.py:Mine: own cameras", False)
     assert (knowing.label, knowing.knows_all) == ("own.py:still: perfect knowledge", True)
-    assert seeing.run.planner.__name__ == "Mine"
+    assert get_planner(seeing.run.planner).__name__ == "Mine"
     task = Task(f"{tmp_path}/own.py:still", Case(2))
     assert task.file(tmp_path).name == "own_py_still.json"
     with pytest.raises(InputError, match="neither a subclass of ReachPlanner nor a function"):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pepper_drake.benchmarking import diagram_reach
+from pepper_drake import scenario
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import (
     commanded_hand,
@@ -37,9 +37,8 @@ def test_touching_counts_before_all_else(report, clearance, started, outcome):
 def test_couplings_of_others_start_as_their_authors_have_them(
     letter, collision_checked, monkeypatch
 ):
-    monkeypatch.setattr(diagram_reach, "Reaching", lambda *parts: parts)
-    case = Case(0, "free")
-    _, _, coupling, config = get_method(letter).run._build(case, case.build())
+    monkeypatch.setattr(scenario, "Reaching", lambda *parts: parts)
+    _, _, coupling, config = get_method(letter).run._build(Case(0, "free"))
     assert coupling is not None
     assert config.planner.collision_checked == collision_checked
 

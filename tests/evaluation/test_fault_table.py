@@ -71,7 +71,7 @@ def test_a_run_that_ends_by_an_exception_is_a_row_of_the_table(monkeypatch):
     def broken(scene):
         raise TypeError("a\nlong story")
 
-    monkeypatch.setattr("pepper_drake.evaluation.fault_table.prepare_scene", broken)
+    monkeypatch.setattr("pepper_drake.evaluation.fault_table.load_scene", broken)
     result = run_fault(CASE)
     assert (result.reason, result.is_safe) == ("simulation_failed", False)
     assert result.message == "TypeError: a long story"

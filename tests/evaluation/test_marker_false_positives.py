@@ -38,7 +38,7 @@ def test_the_frames_show_what_they_say(study, monkeypatch):
 
 
 def test_a_wrong_goal_would_be_counted(study, monkeypatch):
-    def lie(_image, time, *_arguments):
+    def lie(_image, time, *_arguments, **_):
         p_WM = np.array([0.3, 0.3, 1.5])
         return GoalMeasurement(time, p_WM, RotationMatrix(), 1e-6 * np.eye(3), 1e-4)
 

@@ -13,7 +13,7 @@ from test_link import ARM, NAOQI, START, Led, led
 import pepper_drake.hardware.link
 from pepper_drake.errors import InputError
 from pepper_drake.hardware import dead_man
-from pepper_drake.hardware.link import RobotLink
+from pepper_drake.hardware.link import FROZEN, RobotLink
 from pepper_drake.hardware.link_config import LATE_CYCLES, LinkConfig
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.mailbox import END, HAND_OVER, HOLD, Mailbox
@@ -71,6 +71,20 @@ def test_an_arm_that_the_robot_slows_is_shown_and_goes_on():
         assert not str(it.state()["fault"])
         await it.play(lambda t: START, 1.0)
         assert not bool(it.state()["slowed"])
+
+    led(scenario)
+
+
+def test_a_robot_that_does_not_answer_though_its_socket_is_open_is_told():
+    async def scenario(it):
+        since = cycles(it)
+        playing = asyncio.ensure_future(it.play(lambda t: START, 4.0))
+        await asyncio.sleep(0.1)
+        it.robot.loop.call_soon_threadsafe(time.sleep, FROZEN + 0.3)
+        assert await it.fault() == "link_frozen"
+        playing.cancel()
+        await asyncio.sleep(0.4)  # It answers again, and is not led any more.
+        await holds_soon(it, since)
 
     led(scenario)
 

@@ -249,3 +249,11 @@ def test_a_ball_in_the_way_is_passed_or_the_page_says_why_not(make_session):
     else:
         assert session.status.startswith("Stopped: ")
         assert simulation.reach_state().message in session.status
+
+
+def test_a_person_is_attended_to_several_times_a_frame(make_session):
+    session, times = make_session(), []
+    for _ in range(2):
+        session.advance(lambda: times.append(session.simulation.time))
+    np.testing.assert_allclose(times, np.arange(8) / 128)
+    assert session.simulation.time == 2 / 32

@@ -278,7 +278,7 @@ def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, 
         step_until(app, lambda: (tmp_path / "demonstration" / "translation.txt").exists())
         pg.reload()
         pg.get_by_text("ready").first.wait_for()
-        pg.get_by_role("tab", name="Demonstrations").click()
+        pg.get_by_role("tab", name="Demos").click()
         pg.get_by_role("cell", name="1", exact=True).wait_for()
         pg.screenshot(path=kept / "reloaded.png")
         browser.close()

@@ -68,7 +68,7 @@ def test_the_arm_among_obstacles_and_joints_near_their_limits():
     gaps, joints = np.full((2, 5), 0.03), np.zeros((2, 5, 2))
     gaps[1, 3], joints[0, :, 0], joints[1, :, 1] = 0.0, 0.95, -1.0
     outcome = straight(
-        arm_gaps=lambda: gaps, joints=joints, joint_limits=np.array([[-1.0] * 2, [1.0] * 2])
+        arm_distances=lambda: gaps, joints=joints, joint_limits=np.array([[-1.0] * 2, [1.0] * 2])
     )
     costs = TERMS["arm_to_obstacles"](
         outcome, task(obstacles=PointCloudDistance([[9.0, 9.0, 9.0]]))
@@ -94,8 +94,6 @@ def test_terms_add_up_with_their_weights():
     outcome = straight(offset=0.2)
     assert cost(outcome, task()).sum(axis=1) == pytest.approx([0.6, 0.2 + 2.0])
     assert terms_of(cost, outcome, task()) == pytest.approx({"hand_to_goal": 0.3, "deviation": 0.0})
-    assert not cost.needs_arm
-    assert CostWeights(joint_limits=1.0).needs_arm
 
 
 @pytest.mark.parametrize(

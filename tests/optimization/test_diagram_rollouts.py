@@ -8,6 +8,7 @@ from pepper_drake.models.scene import load_scene
 from pepper_drake.optimization import CostWeights, make_task, smooth_bumps
 from pepper_drake.optimization.diagram_rollouts import DiagramRollouts, outcome_of
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.scenario import Scenario
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +17,7 @@ def evaluate():
     primitive = make_primitive(None, scene.arm)
     parameters = smooth_bumps(primitive, 2, end_state=False)
     cost = CostWeights(hand_to_goal=1.0, arm_to_obstacles=2.0, deviation=0.1)
-    return DiagramRollouts(parameters, make_task(primitive), cost, scene, seed=3)
+    return DiagramRollouts(parameters, make_task(primitive), cost, Scenario(seed=3, scene=scene))
 
 
 def test_the_report_becomes_a_cost(evaluate, monkeypatch):

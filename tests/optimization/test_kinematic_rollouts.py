@@ -93,7 +93,7 @@ def test_the_outcome_is_what_drake_says(reach, led_by):
         near = gaps < 0.03
         assert near.any()
         # They are taken to be smaller, by what the grid is wrong.
-        off = outcome.arm_gaps[k][near] + GRID_ERROR - gaps[near]
+        off = outcome.arm_distances[k][near] + GRID_ERROR - gaps[near]
         assert np.abs(off).max() < 0.012
         assert np.median(np.abs(off)) < 0.003
 

@@ -26,7 +26,7 @@ def test_how_it_is_tried(primitive):
     assert make_rollouts("fast", parameters, task, cost)(np.zeros((3, 9))).shape[0] == 3
     with pytest.raises(InputError, match="rollouts: 'slow' is unknown; use one of fast"):
         make_rollouts("slow", parameters, task, cost)
-    with pytest.raises(InputError, match="diagram needs a scene"):
+    with pytest.raises(InputError, match="diagram needs a scenario"):
         make_rollouts("diagram", parameters, task, cost)
     with pytest.raises(InputError, match="it has no joints of an arm"):
         make_rollouts("kinematics", parameters, task, cost)

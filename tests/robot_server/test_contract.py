@@ -337,10 +337,10 @@ def test_what_is_wrong_is_answered_with_the_method_and_a_sentence_and_moves_noth
 def test_what_is_not_served_says_so_and_is_logged_once():
     async def scenario(pepper):
         for _ in range(2):
-            with pytest.raises(ServiceError, match=r"^ALNavigation::explore: not simulated$"):
-                pepper.call("ALNavigation.explore", 3.0)
-        told = [line for line in pepper.lines if "explore" in line]
-        assert told == ["ALNavigation::explore was asked for and is not simulated"]
+            with pytest.raises(ServiceError, match=r"^ALVisualCompass::moveTo: not simulated$"):
+                pepper.call("ALVisualCompass.moveTo", 1.0, 0.0, 0.0)
+        told = [line for line in pepper.lines if "VisualCompass" in line]
+        assert told == ["ALVisualCompass::moveTo was asked for and is not simulated"]
 
     virtual(scenario)
 

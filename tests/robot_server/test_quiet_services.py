@@ -96,7 +96,6 @@ def test_programs_find_what_they_set(calls):
         ("ALFaceDetection.unsubscribe", ("nobody",)),
         ("ALAudioPlayer.play", (7,)),
         ("ALNotificationManager.add", (5,)),
-        ("ALNavigation.explore", (2.0,)),
         ("ALMotion.getMass", ("Tail",)),
     ],
 )

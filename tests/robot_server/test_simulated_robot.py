@@ -3,6 +3,7 @@ import time
 import numpy as np
 import pytest
 
+from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.models.scene import load_scene
 from pepper_drake.naoqi.constants import CHAINS, JOINTS
 from pepper_drake.robot_server.robot.robot_port import RobotCommand
@@ -15,7 +16,7 @@ _ELBOW, _WRIST = JOINTS.index("RElbowRoll"), JOINTS.index("RWristYaw")
 
 @pytest.fixture(scope="module")
 def robot():
-    with SimulatedRobot(SimulatorConfig(load_scene("free"))) as started:
+    with SimulatedRobot(SimulatorConfig(load_scene("free"), StationConfig())) as started:
         started.wait_until_ready()
         yield started
 
@@ -62,3 +63,18 @@ def test_one_joint_goes_limp_alone(robot):
     path = _command(robot, 2.0, target, one)
     assert path[-1][_ELBOW] == pytest.approx(target[_ELBOW], abs=0.02)
     assert abs(path[-1][_WRIST] - start[_WRIST]) < 0.1
+
+
+def test_somebody_moves_the_goal_smoothly(robot):
+    before, since = robot.record(), robot.state()
+    robot.command(RobotCommand(since.positions, np.ones(len(JOINTS))))
+    robot.move_goal((0.0, 0.05, 0.02))
+    seen = [before]
+    while seen[-1]["time"] < before["time"] + 1.2:
+        seen.append(robot.record())
+        time.sleep(0.002)
+    goals = np.array([state["goal"] for state in seen])
+    times = np.array([state["time"] for state in seen])
+    np.testing.assert_allclose(goals[-1], goals[0] + [0.0, 0.05, 0.02], atol=2e-3)
+    moved = np.linalg.norm(np.diff(goals, axis=0), axis=1)
+    assert np.all(moved <= 0.2 * np.diff(times) * 1.05 + 1e-6)

@@ -21,6 +21,10 @@ ARMS = ("left", "right")
 _JOINTS = ("ShoulderPitch", "ShoulderRoll", "ElbowYaw", "ElbowRoll", "WristYaw")
 
 
+MOST_CLIPPED = 0.5
+"""Joints beyond their limits by more than this [rad] are not brought to them."""
+
+
 class ArmChain:
     """The five joints of one arm, from the torso to the hand's control frame H.
 
@@ -153,6 +157,25 @@ def joint_limits() -> dict[str, tuple[float, float]]:
             name = str(joint.get("name"))
             limits[name] = (float(limit.get("lower", "nan")), float(limit.get("upper", "nan")))
     return limits
+
+
+def clip_to_limits(joints: Array, names: Sequence[str | None], notes: list[str]) -> Array:
+    """Returns joints (N, J) [rad] with what is a little beyond a limit at it, as ALMotion does.
+
+    Args:
+        joints: What was recorded [rad].
+        names: J names of Pepper's joints; others have no limits.
+        notes: Takes a line for what was changed.
+    """
+    none = (-np.inf, np.inf)
+    lower, upper = np.array([joint_limits().get(str(name), none) for name in names]).T
+    inside = np.clip(joints, lower, upper)
+    over = np.abs(joints - inside)
+    moved = (over > 0.0) & (over <= MOST_CLIPPED)
+    if moved.any():
+        which = ", ".join(str(name) for name, m in zip(names, moved.T, strict=True) if m.any())
+        notes.append(f"brought to Pepper's limits, by {over[moved].max():.2f} rad at most: {which}")
+    return np.where(moved, inside, joints)
 
 
 def arm_of(joint_names: Sequence[str]) -> str | None:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
+from pepper_drake.learning.demonstrations import arm_chain as arms
 from pepper_drake.learning.demonstrations.arm_chain import ARMS, arm_chain, joint_limits, rotate
 from pepper_drake.learning.demonstrations.conditioning import (
     LEVER,
@@ -66,6 +67,7 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     Raises:
         InputError: With file, line and the mend.
     """
+    track = track.without_repeats()
     notes = [f"read as {track.kind}", *track.notes]
     track = _with_times(track, options, notes)
     _refuse_order(track)
@@ -91,9 +93,11 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     if track.positions is not None:
         placed = _in_torso(placed, track, options, notes)
     where = track.where
-    refuse_far(placed.positions, where)
-    if joints is None and (options.frame, options.start) == (None, None):
-        refuse_unreached(placed.positions, where)
+    notes += _taken_as(track, options)
+    unit_known = (options.unit or track.unit) is not None
+    refuse_far(placed.positions, where, unit_known)
+    if len(names) < 5 and (options.frame, options.start) == (None, None):
+        refuse_unreached(placed.positions, where, unit_known)
     if options.unit is None:
         refuse_rest(placed.positions, placed.rotations, where)
     if options.time is None and track.time_unit is None:
@@ -150,9 +154,9 @@ def interpret_joints(track: Track, options: ImportOptions) -> JointRecording:
     Raises:
         InputError: It has none, or they are beyond their limits.
     """
+    track = track.without_repeats()
     notes = [f"read as {track.kind}", *track.notes]
     track = _with_times(track, options, notes)
-    _refuse_order(track)
     found = [joint_of(name) for name in track.joint_names]
     limits = joint_limits()
     kept = [k for k, name in enumerate(found) if name is not None and name in limits]
@@ -165,6 +169,8 @@ def interpret_joints(track: Track, options: ImportOptions) -> JointRecording:
     names = tuple(str(found[k]) for k in kept)
     if len(set(names)) < len(names):
         raise InputError(f"{track.path}: a joint has two columns ({', '.join(names)[:80]})")
+    if options.clip_joints:
+        joints = arms.clip_to_limits(joints, names, notes)
     refuse_limits(joints, names, track.where)
     return JointRecording(track.name, track.times, joints, names, tuple(notes))
 
@@ -226,6 +232,18 @@ def filtered(demonstration: Demonstration) -> Demonstration:
     return replace(smooth, notes=(*demonstration.notes, note))
 
 
+def _taken_as(track: Track, options: ImportOptions) -> list[str]:
+    """Returns a note on what neither the file nor the user says; of our own folders, none."""
+    own = track.positions is None or track.kind == "a folder of a demonstration"
+    said = {
+        "metres": options.unit or track.unit,
+        "seconds": options.time or track.time_unit,
+        "in the torso frame": options.frame or options.start or options.plane or track.frame,
+    }
+    taken = [word for word, value in said.items() if value is None]
+    return [f"taken as {', '.join(taken)}: nothing says otherwise"] if taken and not own else []
+
+
 def _with_times(track: Track, options: ImportOptions, notes: list[str]) -> Track:
     """Returns the track with times in seconds."""
     times = track.times
@@ -262,8 +280,9 @@ def _refuse_order(track: Track) -> None:
     if len(back):
         k = int(back[0])
         raise InputError(
-            f"{track.where(k + 1)}: time {track.times[k + 1]:g} s does not come after"
-            f" {track.times[k]:g} s; rows must be in order of time, each time once"
+            f"{track.where(k + 1)}: time {track.times[k + 1]:.10g} s does not come after"
+            f" {track.times[k]:.10g} s; rows must be in order of time, each time once (remove one"
+            " of them, or say --rate HZ where the samples are even)"
         )
 
 
@@ -361,6 +380,8 @@ def _joints(
                 " --angle deg"
             )
     joints = track.joints * ANGLES[unit]
+    if options.clip_joints:
+        joints = arms.clip_to_limits(joints, names, notes)
     if not whole:
         joints_of_arm, joint_names = _part_of_an_arm(track, names, joints, notes)
         if joints_of_arm is not None:

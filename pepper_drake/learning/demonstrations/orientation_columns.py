@@ -71,7 +71,7 @@ def read_rotations(
         elif order is not None:
             others = {name: r for name, r in orders.items() if name != order}
             inverse = {f"{order} of the inverse rotation": so3.conjugate(orders[order])}
-            _refuse_other_reading(track, orders[order], others | inverse, joints, positions)
+            _refuse_other_reading(track, orders[order], others | inverse, joints, positions, notes)
     if order is None:
         raise InputError(
             f"{track.path}: the order of the quaternion's columns is not said, and both are"
@@ -106,10 +106,12 @@ def _refuse_other_reading(
     others: dict[str, Array],
     joints: Array | None,
     positions: Array | None,
+    notes: list[str],
 ) -> None:
     """Refuses orientations that Pepper's hand cannot have, where another reading of them fits.
 
-    Without joints; with them, the check of the demonstration compares orientation and joints.
+    Where none fits, as with another grip or frame, that is noted. Without joints; with them, the
+    check of the demonstration compares orientation and joints.
     """
     if joints is not None or not _may_be_a_hand(positions):
         return
@@ -122,6 +124,9 @@ def _refuse_other_reading(
                 f" the orientation is read as {name}; write it as a quaternion qw, qx, qy, qz of"
                 " the hand in the torso frame, or say --quaternion if it is right"
             )
+    notes.append(
+        "Pepper's hand cannot be turned so at these positions: another grip, or another frame?"
+    )
 
 
 def _in_torso(track: Track, options: ImportOptions) -> bool:
@@ -189,7 +194,8 @@ def _from_angles(
         }
         if unit is None:
             others["angles in degrees (--angle deg)"] = so3.from_angles(np.radians(values[:, :3]))
-        _refuse_other_reading(track, so3.from_angles(values[:, :3]), others, joints, positions)
+        shown = so3.from_angles(values[:, :3])
+        _refuse_other_reading(track, shown, others, joints, positions, notes)
     values[:, :3] = np.unwrap(values[:, :3], axis=0)
     try:
         motion = Demonstration.from_positions(

@@ -8,7 +8,13 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.demonstrations.arm_chain import arm_chain, arm_of, joint_limits
+from pepper_drake.learning.demonstrations.arm_chain import (
+    MOST_CLIPPED,
+    arm_chain,
+    arm_of,
+    joint_limits,
+)
+from pepper_drake.learning.demonstrations.importers.options import TIMES
 
 if TYPE_CHECKING:
     from pepper_drake.learning.demonstrations.demonstration import Demonstration
@@ -76,8 +82,8 @@ def refuse_impossible(demonstration: "Demonstration", where: Where | None = None
         refuse_joints(demonstration, label)
 
 
-def refuse_far(positions: Array, label: Where) -> None:
-    """Refuses positions that are metres away: another unit, another frame."""
+def refuse_far(positions: Array, label: Where, unit_known: bool = False) -> None:
+    """Refuses positions that are metres away: another unit, unless it is known, another frame."""
     far = np.linalg.norm(positions, axis=1)
     k = int(np.argmax(far))
     if far[k] <= FARTHEST:
@@ -85,17 +91,19 @@ def refuse_far(positions: Array, label: Where) -> None:
     units = [
         f"{word} (--unit {unit})"
         for unit, word, size in (("mm", "millimetres", 1e-3), ("cm", "centimetres", 1e-2))
-        if far[k] * size <= FARTHEST
+        if far[k] * size <= FARTHEST and not unit_known
     ]
     guess = f"are they {' or '.join(units[::-1])}, or in" if units else "are they in"
     hint = f"{guess} another unit or frame (--unit, --start X Y Z)?"
+    if unit_known:
+        hint = "say where the motion starts (--start X Y Z)"
     raise InputError(
         f"{label(k)}: the hand would be {far[k]:.3g} m from the torso, and the arm reaches 0.41 m;"
         f" positions must be metres in the torso frame: {hint}"
     )
 
 
-def refuse_unreached(positions: Array, label: Where) -> None:
+def refuse_unreached(positions: Array, label: Where, unit_known: bool = False) -> None:
     """Refuses a motion that is nowhere near what either arm reaches: another frame or unit."""
     shoulders = [arm_chain(arm).shoulder for arm in ("left", "right")]
 
@@ -109,12 +117,13 @@ def refuse_unreached(positions: Array, label: Where) -> None:
     here = away(positions)
     if here.min() <= 0.01:
         return
-    readings = {
-        "are they above the floor (--frame base_footprint)": positions - _UP,
-        "are they feet (--unit ft)": 0.3048 * positions,
-        "are they inches (--unit in)": 0.0254 * positions,
-        "are they centimetres (--unit cm)": 0.01 * positions,
-    }
+    readings = {"are they above the floor (--frame base_footprint)": positions - _UP}
+    if not unit_known:
+        readings |= {
+            "are they feet (--unit ft)": 0.3048 * positions,
+            "are they inches (--unit in)": 0.0254 * positions,
+            "are they centimetres (--unit cm)": 0.01 * positions,
+        }
     mends = [mend for mend, p in readings.items() if np.mean(away(p) <= 0.01) > 0.8]
     if here.min() <= REACH_SLACK and not mends:
         return
@@ -156,10 +165,13 @@ def refuse_time(times: Array, positions: Array, label: Where) -> None:
     length = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
     duration = float(times[-1] - times[0])
     if step >= SLOW_STEP and 0.01 < length < SLOWEST * duration:
+        mean = length / duration
+        units = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+        fits = [(u, word) for u, word in units.items() if SLOWEST < mean / TIMES[u] < FASTEST]
+        unit, word = fits[0] if fits else ("ms", "milliseconds")
         raise InputError(
-            f"{label(len(times) - 1)}: {duration:.4g} s for {length:.2f} m, {length / duration:.2g}"
-            " m/s: times must be seconds; are they milliseconds (--time ms)? Say --time s if it was"
-            " that slow"
+            f"{label(len(times) - 1)}: {duration:.4g} s for {length:.2f} m, {mean:.2g} m/s: times"
+            f" must be seconds; are they {word} (--time {unit})? Say --time s if it was that slow"
         )
 
 
@@ -282,7 +294,9 @@ def refuse_limits(joints: Array, names: Sequence[str], label: Where) -> None:
         if over[k] > LIMIT_SLACK:
             # A joint that turns by more than a circle is not in radians.
             degrees = np.abs(joints).max() > 4.0
-            mend = "are they degrees (--angle deg)?" if degrees else "correct the row"
+            mend = "are they degrees (--angle deg)?" if degrees else "correct it"
+            if not degrees and over[k] <= MOST_CLIPPED:
+                mend = "correct it, or say --clip-joints to stop at the limit, as ALMotion does"
             raise InputError(
                 f"{label(k)}: joint {name} at {joints[k, j]:.4g} rad is beyond its limits,"
                 f" {lower:g} to {upper:g} rad; {mend}"

@@ -21,21 +21,21 @@ sliding and phase stopping: it cancels only the excess of inward acceleration, a
 ahead, does not depend on how dense the cloud is, and is silent otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.errors import InputError
 from pepper_drake.learning.dmp.arithmetic import arithmetic
 from pepper_drake.registry import registered
 from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
+
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 class CouplingOutput(NamedTuple):
@@ -147,9 +147,9 @@ class ReportCoupling:
         return np.full(state.shape[:-2], np.inf)
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class BarrierCoupling:
-    """Barrier, sliding and phase stopping.
+    """Barrier, sliding and phase stopping. The z axis of the motion's frame points up.
 
     Attributes:
         hand_radius: Of the sphere that stands for the hand [m].
@@ -165,7 +165,6 @@ class BarrierCoupling:
         largest_normal: Limit of a_n [m/s²].
         largest_acceleration: Limit of C_t / tau² [m/s²].
         reach: Beyond rho by more than this nothing happens [m].
-        up: (3,) unit vector in the frame of the motion.
     """
 
     hand_radius: float = 0.05
@@ -181,9 +180,14 @@ class BarrierCoupling:
     largest_normal: float = 12.0
     largest_acceleration: float = 15.0
     reach: float = 0.3
-    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     __repr__ = short_repr
+
+    def check(self) -> None:
+        """Raises InputError for a number by which the law divides and which is not positive."""
+        for name in ("goal_distance", "sliding_distance", "damping", "stiffness"):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f"barrier.{name} is {getattr(self, name):g}; it must be positive")
 
     def clearance(self, field: Field, goal: Array) -> float:
         """Returns rho_g = min(rho0, d(g) - goal_margin) [m]."""
@@ -215,7 +219,7 @@ class BarrierCoupling:
         strength = strength * (distance <= rho + self.reach)
         if not anything(strength):
             return CouplingOutput(np.zeros(direction.shape), np.zeros(state.shape[:-2]), distance)
-        slide = plus(velocity, vector(self._up), self.up_bias)
+        slide = plus(velocity, vector(_UP), self.up_bias)
         slide = plus(slide, normal, -dot(normal, slide))
         length = xp.maximum(xp.sqrt(dot(slide, slide)), 0.05)
         fade = self.sliding * (1.0 - xp.exp(-0.5 / self.sliding_distance**2 * to_goal))
@@ -231,10 +235,6 @@ class BarrierCoupling:
         velocity, nominal = vector(state[..., 1, :]), vector(acceleration)
         most = xp.sqrt(dot(nominal, nominal)) + self.damping * xp.sqrt(dot(velocity, velocity))
         return self._rho0 + xp.minimum(self.reach, most / self._stiffness)
-
-    @cached_property
-    def _up(self) -> Array:
-        return np.array(self.up)
 
     @property
     def _rho0(self) -> float:

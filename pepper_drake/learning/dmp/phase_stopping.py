@@ -17,7 +17,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class PhaseStopping:
     """The constants.
 

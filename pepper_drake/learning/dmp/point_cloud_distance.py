@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from pepper_drake.errors import InputError
+from pepper_drake.learning.dmp.point_cells import (
+    PointCells,
+    blended_directions,
+    nearest_distances,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +44,7 @@ class PointCloudDistance:
         extension: float = EXTENSION,
         down: npt.ArrayLike = (0.0, 0.0, -1.0),
     ) -> None:
-        """Keeps the points; the k-d tree is built with the first question.
+        """Keeps the points; they are sorted with the first question.
 
         Args:
             points: (P, 3) [m]; P may be zero.
@@ -63,8 +66,9 @@ class PointCloudDistance:
         self._neighbours = min(_NEIGHBOURS, len(self._solid))
 
     @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self._solid, balanced_tree=False, compact_nodes=False)
+    def cells(self) -> PointCells | None:
+        """The cloud and what it was extended by, in cells; None of an empty cloud."""
+        return PointCells.of(self._solid) if len(self._solid) else None
 
     @property
     def solid_points(self) -> Array:
@@ -78,69 +82,33 @@ class PointCloudDistance:
             positions: [m].
             within: Beyond this distance [m] it is infinite as well, which is much faster to say.
         """
-        positions = np.asarray(positions, dtype=float)
-        if not len(self._solid):
-            return np.full(positions.shape[:-1], np.inf)
-        return np.asarray(self._tree.query(positions, distance_upper_bound=within)[0])
+        places = _finite(positions)
+        if self.cells is None:
+            return np.full(places.shape[:-1], np.inf)
+        found = nearest_distances(places.reshape(-1, 3), self.cells, float(within))
+        return np.asarray(found.reshape(places.shape[:-1]))
 
     def distance_and_normal(self, positions: npt.ArrayLike) -> tuple[Any, Array]:
         """Returns distances (...) [m] and unit normals (..., 3), which point away from obstacles.
 
         For an empty cloud distances are infinite and normals zero.
         """
-        positions = np.asarray(positions, dtype=float)
-        if not len(self._solid):
-            return np.full(positions.shape[:-1], np.inf), np.zeros(positions.shape)
-        indices = self._tree.query(positions, k=range(1, self._neighbours + 1))[1]
-        away = positions[..., None, :] - self._solid[indices]
-        if positions.ndim == 1:
-            return _blended_one(away, squared_norm(away))
-        return _blended(away, squared_norm(away))
-
-    def points_within(self, positions: Array, radius: float) -> list[Array]:
-        """Returns for each position (N, 3) the points (K, 3) of the solid within a radius [m]."""
-        if not len(self._solid):
-            return [self._solid] * len(positions)
-        return [self._solid[i] for i in self._tree.query_ball_point(positions, radius)]
+        places = _finite(positions)
+        if self.cells is None:
+            return np.full(places.shape[:-1], np.inf), np.zeros(places.shape)
+        distances, normals = blended_directions(
+            places.reshape(-1, 3), self.cells, self._neighbours, _BLENDING
+        )
+        return distances.reshape(places.shape[:-1])[()], normals.reshape(places.shape)
 
 
-def _blended_one(away: Array, squares: Array) -> tuple[float, Array]:
-    """Does what `_blended` does, for one hand and with less overhead."""
-    if len(squares) == 0:
-        return math.inf, np.zeros(3)
-    distances = np.sqrt(squares)
-    nearest = min(distances.tolist())  # Of a dozen numbers, faster than an array's own.
-    if nearest > 1e-9:
-        blended = (np.exp((nearest - distances) / _BLENDING) / distances) @ away
-        size = math.sqrt(blended.dot(blended))
-        if size > 1e-9:
-            return nearest, blended / size
-    return nearest, _blended(away, squares)[1]
+def _finite(positions: npt.ArrayLike) -> Array:
+    """A copy of positions (..., 3) that compiled code may read.
 
-
-def _blended(away: Array, squares: Array) -> tuple[Array, Array]:
-    """Returns the least length (...) and the blended direction (..., 3) of vectors (..., K, 3).
-
-    Args:
-        away: (..., K, 3), K may be zero.
-        squares: (..., K) their squared lengths.
+    Raises:
+        ValueError: A number is not finite: what is nowhere is not far from everything.
     """
-    if squares.shape[-1] == 0:
-        return np.full(squares.shape[:-1], np.inf), np.zeros((*away.shape[:-2], 3))
-    distances = np.sqrt(squares)
-    nearest = distances.min(axis=-1)
-    weights = np.exp((nearest[..., None] - distances) / _BLENDING) / np.maximum(distances, 1e-9)
-    blended = (weights[..., None, :] @ away)[..., 0, :]
-    size = np.sqrt(squared_norm(blended))
-    if size.min() <= 1e-9:
-        # Directions may cancel out inside a solid: there the nearest point alone decides.
-        first = np.argmin(distances, axis=-1)
-        alone = np.take_along_axis(away, first[..., None, None], axis=-2)[..., 0, :]
-        blended = np.where((size > 1e-9)[..., None], blended, alone)
-        size = np.maximum(np.sqrt(squared_norm(blended)), 1e-12)
-    return nearest, blended / size[..., None]
-
-
-def squared_norm(vectors: Array) -> Array:
-    """Returns the squared length (...) of vectors (..., 3)."""
-    return np.einsum("...i,...i->...", vectors, vectors)
+    places = np.array(positions, dtype=float, order="C")
+    if not np.isfinite(places).all():
+        raise ValueError("positions must be finite")
+    return places

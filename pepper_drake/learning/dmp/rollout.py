@@ -16,9 +16,16 @@ import numpy.typing as npt
 from pepper_drake.learning.approximators.registry import LinearForcingModel
 from pepper_drake.learning.dmp.orientation import OrientationAttractor
 from pepper_drake.learning.dmp.scaling import scaled
-from pepper_drake.learning.dmp.transformation import DelayedGoal, TransformationModel, node_phases
+from pepper_drake.learning.dmp.transformation import TransformationModel, node_phases
 from pepper_drake.learning.phase import PHASE_RATIO, gate, phase_at
-from pepper_drake.learning.spring import NODES, forced_response, node_times, unforced_response
+from pepper_drake.learning.spring import (
+    NODES,
+    advance_all,
+    forced_response,
+    make_step,
+    node_times,
+    unforced_response,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -305,12 +312,17 @@ def orientation_motion(
         attractor = orientation.attractor
         nodes = node_phases(motion.phases[:-1], decays, time_step)
         forcing_at = attractor.forcing(state.coordinates[0], target)
-        forcings = forcing_at(nodes.ravel()).reshape(*nodes.shape, -1)
-        seen = DelayedGoal.at(target)
-        states = [state.coordinates]
-        for forcing, tau in zip(forcings, motion.taus[:-1], strict=True):
-            states.append(attractor.advance(states[-1], seen, forcing, tau, time_step))
-        coordinates, rates = np.moveaxis(np.array(states), 1, 0)
+        taus = motion.taus[:-1]
+        inputs = forcing_at(nodes.ravel()).reshape(*nodes.shape, -1) / taus[:, None, None] ** 2
+        matrices = [make_step(now, time_step, attractor.alpha_z) for now in taus.tolist()]
+        states = advance_all(
+            state.coordinates,
+            target,
+            np.ascontiguousarray(inputs),
+            np.array([matrix.transition for matrix in matrices]),
+            np.array([matrix.gain for matrix in matrices]),
+        )
+        coordinates, rates = states[:, 0], states[:, 1]
     return (
         orientation.orientation(coordinates, goal),
         orientation.angular_velocity(coordinates, rates),

@@ -151,6 +151,12 @@ class CameraIntrinsics:
         """True if any distortion coefficient is non-zero."""
         return any(self.distortion)
 
+    @functools.cached_property
+    def numbers(self) -> npt.NDArray[np.float64]:
+        """Focal lengths, principal point and eight coefficients of distortion (12,)."""
+        pinhole = (self.focal_x, self.focal_y, self.center_x, self.center_y)
+        return np.array((*pinhole, *self.distortion, 0.0, 0.0, 0.0)[:12])
+
     def ideal(self) -> "CameraIntrinsics":
         """Returns the same camera without its distortion."""
         return CameraIntrinsics(

@@ -2,8 +2,8 @@
 
 Read are ROS `camera_info` (the YAML of `camera_calibration` and a printed `CameraInfo` message),
 OpenCV's FileStorage (YAML, JSON or XML, as its calibration samples write it), files that give focal
-lengths and principal point one by one (Kalibr, EuRoC, RealSense, ORB-SLAM), and NAOqi's names of
-camera and resolution with their fields of view.
+lengths and principal point one by one (Kalibr, EuRoC, RealSense, ORB-SLAM, VINS), and NAOqi's names
+of camera and resolution with their fields of view.
 """
 
 from __future__ import annotations
@@ -63,7 +63,9 @@ _FISHEYE_MODELS = (
     "equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "kannalabrandt8", "kb4",
     "omnidir", "omni", "mei", "ds", "eucm", "fov",
 )  # fmt: skip
-_MODEL_NAMES = ("distortion_model", "camera_model", "camera_type", "Camera.type", "model")
+_MODEL_NAMES = (
+    "distortion_model", "camera_model", "camera_type", "Camera.type", "model", "model_type",
+)  # fmt: skip
 
 _OFF_CENTRE = 0.15
 """The principal point is nearer to the image's middle than this share of its size."""
@@ -109,7 +111,9 @@ def _read(path: Path) -> dict[str, Any]:
         return {name: _plain(value) for name, value in storage.items()}
     # A file storage of OpenCV is YAML or JSON but for its first line and the name of its matrices.
     # OpenCV itself is not asked: its parser crashes on damaged files.
-    text = re.sub(r"^%YAML[: ]1\.[0-9]+", "", text.lstrip(), count=1)
+    text, of_opencv = re.subn(r"^%YAML[: ]1\.[0-9]+", "", text.lstrip(), count=1)
+    if of_opencv:  # It takes `name:2` for an entry; YAML does not.
+        text = re.sub(r"^([ \t]*[\w.]+):(?=[-+.\d\[\"])", r"\1: ", text, flags=re.MULTILINE)
     text = re.sub(r"\n---\s*\Z", "\n", text)  # As ROS prints a message.
     if text.startswith("# oST"):
         raise InputError(f"{path}: is ROS's old INI file; give the YAML that is written beside it.")
@@ -123,9 +127,15 @@ def _read(path: Path) -> dict[str, Any]:
         )
     cameras = [name for name, value in content.items() if re.fullmatch(r"cam\d+", str(name))]
     if len(cameras) > 1:
-        raise InputError(f"{path}: has {len(cameras)} cameras (Kalibr's); give a file of one.")
+        raise InputError(
+            f"{path}: has {len(cameras)} cameras (Kalibr's); give a file with one of them, such as"
+            f" {cameras[0]}."
+        )
     if cameras and isinstance(content[cameras[0]], dict):
         content = content[cameras[0]]
+    for name in ("projection_parameters", "distortion_parameters"):  # Of VINS and camodocal.
+        if isinstance(content.get(name), dict):
+            content = {**content, **content[name]}
     return {str(name): _plain(value) for name, value in content.items()}
 
 

@@ -55,7 +55,7 @@ def read_image(path: str | Path) -> npt.NDArray[Any]:
 
 
 def _claimed_pixels(content: npt.NDArray[np.uint8], path: Path) -> float:
-    """How many pixels an image's header claims."""
+    """Number of pixels that an image's header claims."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -141,7 +141,7 @@ def _window(
     return field[row : row + height, column : column + width]
 
 
-def degrade_color(
+def apply_color_noise(
     rgba: npt.NDArray[np.uint8],
     intrinsics: CameraIntrinsics,
     noise: ColorNoise,
@@ -177,7 +177,7 @@ def degrade_color(
     return cv2.add(rgba, field, dtype=cv2.CV_8U)
 
 
-def degrade_depth(
+def apply_depth_noise(
     depth: npt.NDArray[np.float32],
     intrinsics: CameraIntrinsics,
     noise: DepthNoise,

@@ -77,6 +77,9 @@ class GazeParams:
     """Distance from the object within which they do [m]."""
     place_grid: float = 0.02
     """Grid to which the object's position is rounded for gazes that two cameras share [m]."""
+    largest_offset: float = 0.95
+    """Largest offset of the object from the middle of its camera's image, 1 at the border, when the
+    head turns for the other camera's sake."""
     view_margin: float = 0.012
     """Displacement of the object that a scan leaves within the image [m]."""
     swing: float = 0.4

@@ -124,10 +124,17 @@ def _shared_gaze(
     radius: float,
     aside: float,
     current: HeadCamera | None,
+    largest_offset: float,
 ) -> Gaze:
     """`aim_for_two_cameras`, computed once for each place: an object at rest costs nothing."""
     return aim_for_two_cameras(
-        cameras, secondary_camera, p_TP, radius=radius, aside=aside, current=current
+        cameras,
+        secondary_camera,
+        p_TP,
+        radius=radius,
+        aside=aside,
+        current=current,
+        largest_offset=largest_offset,
     )
 
 
@@ -214,7 +221,13 @@ class GazePolicy:
                 gaze = replace(gaze, head=clamp_head(gaze.head - [0.0, swing]))
             return gaze, replace(state, target=np.full(2, np.nan))
         place = tuple((params.place_grid * np.round(p_TP / params.place_grid)).tolist())
-        shared = functools.partial(_shared_gaze, self._cameras, secondary, place)
+        shared = functools.partial(
+            _shared_gaze,
+            self._cameras,
+            secondary,
+            place,
+            largest_offset=params.largest_offset,
+        )
         radius = self._radius + (params.view_margin if scans else 0.0)
         gaze = shared(radius, 0.0, current)
         if not scans or np.isnan(state.target).any():

@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.perception.cameras.camera import HeadCamera
-from pepper_drake.perception.gaze.gaze_params import HeadSearchParams
+from pepper_drake.perception.gaze.gaze_params import GazeParams, HeadSearchParams
 
 P_T_NECK = (-0.038, 0.0, 0.1699)
 """The point in the torso frame where the axes of HeadYaw and HeadPitch meet [m]."""
@@ -24,10 +24,8 @@ P_T_NECK = (-0.038, 0.0, 0.1699)
 HEAD_YAW_LIMIT = 2.08567
 """Largest HeadYaw to either side [rad]."""
 
-_EDGE = 0.95
-"""Offset beyond which nothing is looked at for another camera's sake."""
 _HALVINGS = 6
-"""With which the angles between two gazes are found, to a hundredth of the way."""
+"""Bisection steps between two gazes: to a hundredth of the angle between them."""
 
 Vector = npt.NDArray[np.float64]
 
@@ -218,6 +216,7 @@ def aim_for_two_cameras(
     aside: float = 0.0,
     current: HeadCamera | None = None,
     patience: float = 0.15,
+    largest_offset: float = GazeParams.largest_offset,
 ) -> Gaze:
     """Chooses the camera and the head angles that show a thing to another camera, too.
 
@@ -233,6 +232,7 @@ def aim_for_two_cameras(
         aside: By which the other camera should look past the thing, to the left if positive [rad].
         current: The camera in use; it is kept until another one's view is better by `patience`.
         patience: See `current`.
+        largest_offset: Of all of the thing from the middle of the first camera's image.
 
     Returns:
         That of the camera chosen; of `choose_camera` if no camera gets all of it into its image.
@@ -242,9 +242,9 @@ def aim_for_two_cameras(
     best, least = None, math.inf
     for camera in cameras:
         own = look_at(camera, p_TP)
-        if _offset(camera, own.head.tolist(), p_NeckP_T, radius) > _EDGE:
+        if _offset(camera, own.head.tolist(), p_NeckP_T, radius) > largest_offset:
             continue
-        gaze = _turned_towards(own, clamp_head(middle), p_TP, radius)
+        gaze = _turned_towards(own, clamp_head(middle), p_TP, radius, largest_offset)
         loss = image_offset(other, gaze.head, p_TP)
         if current is not None and camera.name == current.name:
             loss -= patience
@@ -257,11 +257,13 @@ def aim_for_two_cameras(
     # To the side first: how far down it looks matters less.
     own = look_at(best.camera, p_TP)
     yaw, pitch = clamp_head(middle + [aside, 0.0])
-    turned = _turned_towards(own, np.array([yaw, own.head[1]]), p_TP, radius)
-    return _turned_towards(turned, np.array([turned.head[0], pitch]), p_TP, radius)
+    turned = _turned_towards(own, np.array([yaw, own.head[1]]), p_TP, radius, largest_offset)
+    return _turned_towards(turned, np.array([turned.head[0], pitch]), p_TP, radius, largest_offset)
 
 
-def _turned_towards(gaze: Gaze, wanted: Vector, p_TP: npt.ArrayLike, radius: float) -> Gaze:
+def _turned_towards(
+    gaze: Gaze, wanted: Vector, p_TP: npt.ArrayLike, radius: float, largest_offset: float
+) -> Gaze:
     """A gaze turned towards head angles as far as its camera still sees all of a thing."""
     best, share, step = gaze, 1.0, 1.0
     yaw, pitch = gaze.head.tolist()
@@ -270,7 +272,7 @@ def _turned_towards(gaze: Gaze, wanted: Vector, p_TP: npt.ArrayLike, radius: flo
     for _ in range(_HALVINGS):
         head = _clamped(yaw + share * turn, pitch + share * nod)
         step *= 0.5
-        if _offset(gaze.camera, head, p_NeckP_T, radius) <= _EDGE:
+        if _offset(gaze.camera, head, p_NeckP_T, radius) <= largest_offset:
             best = Gaze(gaze.camera, np.array(head), _offset(gaze.camera, head, p_NeckP_T), True)
             if share == 1.0:
                 break

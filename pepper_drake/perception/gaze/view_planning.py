@@ -1,8 +1,8 @@
-"""View planning: the next view, so that nothing around an object is unseen for long.
+"""View planning: the head's next best view of the surroundings of an object.
 
-What moves comes from where nobody looked. So the places around an object are kept with the times at
-which they were last in the image, and of the gazes that are possible the one is chosen that shows
-most of what was not seen for longest, for the time that it takes.
+Each point around the object has the time at which it was last in the image. Of the possible head
+angles those are chosen that show the most points, weighted by the time since they were last seen,
+for the time that the motion takes.
 """
 
 import functools
@@ -28,10 +28,6 @@ Vector = npt.NDArray[np.float64]
 
 _NEAREST = 0.3
 """Distance [m] to the depth camera below which a point does not even show by what it occludes."""
-_BORDER = 0.15
-"""Share of half the image in which a depth camera often measures nothing."""
-_EDGE = 0.03
-"""Around what hides something, a depth camera tells nothing either [m]."""
 
 VIEW_POINTS = np.array(
     [
@@ -109,6 +105,9 @@ def within_possible_view(
     places: Vector,
     hiding: tuple[Vector, Vector] | None = None,
     baseline: float = 0.0,
+    *,
+    border: float = 0.0,
+    margin: float = 0.0,
 ) -> npt.NDArray[np.bool_]:
     """Which places some head angles bring into a camera's image, off its border and not hidden.
 
@@ -119,13 +118,15 @@ def within_possible_view(
             them [m], such as the robot's own arms; none if left out.
         baseline: Distance of the camera from its projector [m]: what hides a place from the light
             hides it as well, on whichever side that is; 0 if it needs none.
+        border: Share of half the image along its border that does not count.
+        margin: Distance around the spheres at which they hide a place, too [m].
 
     Returns:
         (N,).
     """
     X_TC = _grid_poses(camera)
     p_C = (places - X_TC[:, None, :, 3]) @ X_TC[:, :, :3]
-    in_image = _in_image(camera, p_C, _BORDER)
+    in_image = _in_image(camera, p_C, border)
     if hiding is None:
         return np.asarray(in_image.any(axis=0))
     # From the camera itself, and from its projector on either side.
@@ -138,7 +139,7 @@ def within_possible_view(
             eyes,
             np.ascontiguousarray(places, dtype=float),
             np.ascontiguousarray(centers, dtype=float),
-            (np.asarray(radii, dtype=float) + _EDGE) ** 2,
+            (np.asarray(radii, dtype=float) + margin) ** 2,
         )
     )
 

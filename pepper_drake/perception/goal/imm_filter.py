@@ -7,7 +7,7 @@ averages, when the goal moves it follows without lag, and it knows which is the 
 a random walk on the rotations with one variance, faster when the goal probably moves.
 
 A first goal needs several agreeing measurements; a measurement far from the track never moves it,
-but several that agree with each other replace it. What is handed on moves only when the estimate
+but several that agree with each other replace it. The published pose moves only when the estimate
 has moved by more than a threshold, or when it has become much better.
 """
 
@@ -43,10 +43,10 @@ class GoalFilterParameters:
         confirmations: Measurements that must agree before a goal is believed.
         agreement: Measurements agree when they are closer than this, m, beyond their own noise.
         hold_seconds: For how long a goal that is not seen is still called valid [s].
-        publish_distance: A goal is handed on anew when it moved by more than this, m, ...
+        publish_distance: The pose is published anew when it moved by more than this, m, ...
         publish_angle: ... or turned by more than this, rad, ...
-        hand_on_improvement: ... or when its standard deviation fell below this share of what it
-            was when the goal was last handed on.
+        publish_improvement: ... or when its standard deviation fell below this share of what it
+            was when the pose was last published.
     """
 
     rest_walk: float = 0.001
@@ -64,7 +64,7 @@ class GoalFilterParameters:
     hold_seconds: float = 1.0
     publish_distance: float = 0.003
     publish_angle: float = 0.035
-    hand_on_improvement: float = 0.7
+    publish_improvement: float = 0.7
 
     __repr__ = short_repr
 
@@ -152,14 +152,14 @@ class GoalState:
     Attributes:
         track: The believed goal; None before the first.
         candidate: Measurements that agree with each other but not with the track.
-        published: Pose X_WO that was last handed on; None before the first.
-        handed_on_sigma: Standard deviation of its position then [m].
+        published: Pose X_WO that was last published; None before the first.
+        published_sigma: Standard deviation of its position then [m].
     """
 
     track: GoalTrack | None = None
     candidate: tuple[GoalMeasurement, ...] = ()
     published: RigidTransform | None = None
-    handed_on_sigma: float = np.inf
+    published_sigma: float = np.inf
 
     __repr__ = short_repr
 
@@ -191,7 +191,7 @@ def update_goal(
         parameters: Noise, gates and thresholds.
 
     Returns:
-        What is believed now.
+        The state after it.
     """
     measurement = _with_floor(measurement, parameters)
     track = state.track
@@ -211,7 +211,7 @@ def update_goal(
             candidate = ()
     if updated is None:
         return replace(state, candidate=candidate)
-    return _hand_on(replace(state, track=updated, candidate=candidate), p_OM, parameters)
+    return _published(replace(state, track=updated, candidate=candidate), p_OM, parameters)
 
 
 def start_track(measurement: GoalMeasurement, parameters: GoalFilterParameters) -> GoalTrack:
@@ -356,8 +356,8 @@ def _extend_candidate(
     return (*candidate, measurement) if is_close and is_recent else (measurement,)
 
 
-def _hand_on(state: GoalState, p_OM: Vector, parameters: GoalFilterParameters) -> GoalState:
-    """Hands the track's pose on if it moved, turned or improved enough."""
+def _published(state: GoalState, p_OM: Vector, parameters: GoalFilterParameters) -> GoalState:
+    """Publishes the track's pose if it moved, turned or improved enough."""
     if state.track is None:
         return state
     estimate, last = state.track.pose(p_OM), state.published
@@ -368,7 +368,7 @@ def _hand_on(state: GoalState, p_OM: Vector, parameters: GoalFilterParameters) -
         if (
             moved <= parameters.publish_distance
             and turned <= parameters.publish_angle
-            and sigma >= parameters.hand_on_improvement * state.handed_on_sigma
+            and sigma >= parameters.publish_improvement * state.published_sigma
         ):
             return state
-    return replace(state, published=estimate, handed_on_sigma=sigma)
+    return replace(state, published=estimate, published_sigma=sigma)

@@ -47,12 +47,16 @@ class Detection:
             and bottom left corner.
         corner_sigma: Standard deviation of a corner's coordinate [pixels], at most.
         grain: Noise of the image around it over its contrast, 0 if it is not known.
+        softness: Contrast over the steepest slope of its edges [pixels], 0 if it is not known.
+        clipped: Share of what is white around it that is as white as the image can be.
     """
 
     id: int
     corners: npt.NDArray[np.float64]
     corner_sigma: float = 0.2
     grain: float = 0.0
+    softness: float = 0.0
+    clipped: float = 0.0
 
     @property
     def side(self) -> float:
@@ -186,7 +190,7 @@ def _detections(
         Detection(
             int(number),
             quad.reshape(4, 2).astype(float) + shift,
-            grain=_grain(gray, quad.reshape(4, 2)),
+            **_condition(gray, quad.reshape(4, 2), params),
         )
         for number, quad in zip(np.ravel(ids), corners, strict=True)
     ]
@@ -197,21 +201,32 @@ def _detections(
     ]
 
 
-def _grain(gray: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32]) -> float:
-    """Returns the noise around a quadrilateral over the contrast in it.
+def _condition(
+    gray: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], params: MarkerParams
+) -> dict[str, float]:
+    """Returns grain, softness and what is clipped of a quadrilateral; see `Detection`.
 
     The noise is what Immerkaer's mask leaves (1996, "Fast Noise Variance Estimation",
     doi:10.1006/cviu.1996.0060), its median, since the marker has edges.
     """
     low, high = corners.min(axis=0), corners.max(axis=0)
-    reach = high - low
-    left, top = np.maximum(low - reach, 0).astype(int)
-    right, bottom = (high + reach).astype(int) + 1
-    around = gray[top:bottom, left:right].astype(np.float32)
-    inside = gray[int(low[1]) : int(high[1]) + 1, int(low[0]) : int(high[0]) + 1]
-    dark, bright = np.percentile(inside, (10, 90))
-    left_over = cv2.filter2D(around, -1, _IMMERKAER)
-    return float(np.median(np.abs(left_over)) / (0.6745 * 6.0) / max(bright - dark, 1.0))
+
+    def around(share: float) -> npt.NDArray[np.float32]:
+        left, top = np.maximum(low - share * (high - low), 0).astype(int)
+        right, bottom = (high + share * (high - low)).astype(int) + 1
+        return gray[top:bottom, left:right].astype(np.float32)
+
+    dark, bright = np.percentile(around(0.0), (10, 90))
+    left_over = cv2.filter2D(around(1.0), -1, _IMMERKAER)
+    noise = np.median(np.abs(left_over)) / (0.6745 * 6.0)
+    near = around(0.3)
+    black, white = np.percentile(near, (5, 95))
+    slope = np.hypot(cv2.Sobel(near, -1, 1, 0), cv2.Sobel(near, -1, 0, 1)) / 8.0
+    return {
+        "grain": float(noise / max(bright - dark, 1.0)),
+        "softness": float((white - black) / max(np.percentile(slope, 95), 1e-3)),
+        "clipped": float(np.mean(near[near >= 0.5 * (black + white)] >= params.whitest)),
+    }
 
 
 def _with_sigma(detection: Detection, corner_sigma: float, params: MarkerParams) -> Detection:
@@ -299,8 +314,21 @@ def corner_covariance(
     detection: Detection, params: MarkerParams = DEFAULT_MARKER
 ) -> npt.NDArray[np.float64]:
     """Returns the covariance (8, 8) of a detection's corners, corner by corner [pixels^2]."""
+    own = detection.corner_sigma**2 * np.eye(8)
+    if detection.side >= params.largest_soft_side:
+        return own
+    outwards = detection.corners - detection.corners.mean(axis=0)
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    inwards, alike = np.outer(outwards, outwards), np.tile(np.eye(2), (4, 4)) / 4
+    softer = max(detection.softness - params.sharp, 0.0)
+
+    def blurred(by_softness: float, by_clipping: float) -> float:
+        return (by_softness * softer) ** 2 + (by_clipping * detection.clipped) ** 2
+
+    drawn = blurred(params.shrinkage_by_softness, params.shrinkage_by_clipping) * inwards
+    drawn += blurred(params.shift_by_softness, params.shift_by_clipping) * alike
     if detection.side >= params.small_side:
-        return detection.corner_sigma**2 * np.eye(8)
+        return own + drawn
     shrinkage, shift, scatter = (
         (by_side / detection.side) ** 2 + (by_noise * detection.grain) ** 2
         for by_side, by_noise in (
@@ -309,11 +337,7 @@ def corner_covariance(
             (params.scatter_by_side, params.scatter_by_noise),
         )
     )
-    alike = np.tile(np.eye(2), (4, 4)) / 4
-    outwards = detection.corners - detection.corners.mean(axis=0)
-    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
-    rest = scatter * (np.eye(8) - alike)
-    return shift * alike + rest + shrinkage * np.outer(outwards, outwards)
+    return shift * alike + scatter * (np.eye(8) - alike) + shrinkage * inwards + drawn
 
 
 def detection_poses(

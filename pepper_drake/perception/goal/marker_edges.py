@@ -164,7 +164,9 @@ def _fit(
         )
         if reach.min() < params.shortest_search:
             return None
-        shift, seen = _find_edges(gray, place + shifted * direction, direction, reach, params)
+        shift, seen, width = _find_edges(
+            gray, place + shifted * direction, direction, reach, params
+        )
         if np.count_nonzero(seen) < params.least_edges * _SAMPLES:
             return None
         J = np.column_stack(
@@ -191,7 +193,11 @@ def _fit(
     variance = float(max(error, params.least_error) ** 2 + drawn) * _SAMPLES
     pose = RigidTransform(rotation, translation)
     covariance = np.asarray(variance * inverse[:6, :6], dtype=float)
-    along = params.spill * shifted / (100 * float(np.mean(length))) * translation
+    # What draws all edges inwards or outwards alike is taken for another distance.
+    width_share = width * float(np.mean(reach[seen] / module))
+    blurred = params.blurred * np.exp((width_share - params.blurred_width) / params.blurred_growth)
+    spilt = params.spill * shifted / float(np.mean(module))
+    along = float(np.hypot(blurred, spilt)) / (100 * float(np.mean(length))) * translation
     covariance[3:, 3:] += np.outer(along, along)
     if offset is None:
         shifted = float(np.linalg.lstsq(whole, J.T @ (weight * r), rcond=None)[0][6])
@@ -223,7 +229,7 @@ def _find_edges(
     direction: Array,
     reach: Array,
     params: EdgeParams,
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+) -> tuple[Array, npt.NDArray[np.bool_], float]:
     """Finds edges near predicted places.
 
     Args:
@@ -234,7 +240,8 @@ def _find_edges(
         params: Contrast of an edge.
 
     Returns:
-        Shift of each edge along its direction (N,), pixels, and which of them were seen (N,).
+        Shift of each edge along its direction (N,), pixels, which of them were seen (N,), and the
+        standard deviation of where their steps are steep, as a share of the search range.
     """
     steps = reach[:, None] * _OFFSETS
     at = (places[:, None] + steps[..., None] * direction[:, None]).astype(np.float32)
@@ -253,4 +260,13 @@ def _find_edges(
     inside = np.all(
         (places > border) & (places < [width - 1 - border, height - 1 - border]), axis=1
     )
-    return shift, seen & inside & (np.abs(shift) < params.found_share * reach)
+    seen &= inside & (np.abs(shift) < params.found_share * reach)
+    step = (profile[seen] - dark[seen, None]) / contrast[seen, None]
+    return shift, seen, _width(step.mean(axis=0)) if seen.any() else 0.0
+
+
+def _width(profile: Array) -> float:
+    """Returns the standard deviation of a step's slope, as a share of the search range."""
+    slope = np.maximum(np.diff(profile), 1e-6)
+    middles = (_OFFSETS[1:] + _OFFSETS[:-1]) / 2
+    return float(np.sqrt(np.cov(middles, aweights=slope, ddof=0)))

@@ -20,8 +20,6 @@ from pepper_drake.short_repr import short_repr
 Array = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
 
-_SMOOTH_SPREAD = 0.15
-"""Inverse depths of 5x5 pixels on one surface differ by at most this share."""
 _MANY, _NEAREST_MM = 0.05, 150
 """If more than this share of an image is measured, and all of it nearer than this, the whole
 numbers are no millimetres: no depth camera measures there."""
@@ -48,6 +46,7 @@ class CloudParameters:
             filters, ...
         largest_object_lag: ... but no more than this [m].
         robot_margin: What is closer than this to the robot's collision shapes belongs to it [m].
+        smooth_spread: Inverse depths of 5x5 pixels on one surface differ by at most this share.
     """
 
     stride: int = 2
@@ -61,6 +60,7 @@ class CloudParameters:
     object_lag: float = 0.3
     largest_object_lag: float = 0.06
     robot_margin: float = 0.02
+    smooth_spread: float = 0.15
 
     __repr__ = short_repr
 
@@ -187,7 +187,9 @@ def surface_pixels(depth: Array, intrinsics: CameraIntrinsics, parameters: Cloud
     return (count >= parameters.flying_neighbours) & (depth > 0)
 
 
-def inverse_depth_gradient(depth: Array, intrinsics: CameraIntrinsics) -> tuple[Array, Array]:
+def inverse_depth_gradient(
+    depth: Array, intrinsics: CameraIntrinsics, spread: float = CloudParameters.smooth_spread
+) -> tuple[Array, Array]:
     """Computes how the inverse depth changes along the image: (d/dx, d/dy) of 1/z.
 
     (x, y) is the pixel's ray at unit depth. A plane's inverse depth is linear in it; the gradient
@@ -196,6 +198,7 @@ def inverse_depth_gradient(depth: Array, intrinsics: CameraIntrinsics) -> tuple[
     Args:
         depth: (height, width), m, 0 where there is none.
         intrinsics: The camera; its distortion is neglected.
+        spread: Share by which inverse depths on one surface differ at most.
 
     Returns:
         Two images (height, width), 1/m; NaN where the 5x5 pixels are not all on one surface.
@@ -208,7 +211,7 @@ def inverse_depth_gradient(depth: Array, intrinsics: CameraIntrinsics) -> tuple[
     # Beyond the border nothing is known.
     lowest = cv2.erode(inverse, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     highest = cv2.dilate(inverse, kernel)
-    jump = (lowest <= 0) | (highest > (1 + _SMOOTH_SPREAD) * lowest)
+    jump = (lowest <= 0) | (highest > (1 + spread) * lowest)
     gradient_x[jump] = np.nan
     gradient_y[jump] = np.nan
     return gradient_x, gradient_y
@@ -269,7 +272,7 @@ def observe_surfaces(
     """
     if depth.size == 0:
         return SurfacePoints(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32))
-    gradient = inverse_depth_gradient(depth, intrinsics)
+    gradient = inverse_depth_gradient(depth, intrinsics, parameters.smooth_spread)
     kept = thin_pixels(depth, gradient, intrinsics, parameters)
     kept &= surface_pixels(depth, intrinsics, parameters)
     kept &= depth * ray_lengths(intrinsics) <= parameters.max_range

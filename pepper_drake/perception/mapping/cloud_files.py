@@ -1,6 +1,7 @@
 """Reads point clouds from the files that other programs write: PCD, PLY, NPZ and NPY."""
 
 import io
+import re
 from pathlib import Path
 from typing import Any
 
@@ -84,8 +85,10 @@ def _pcd(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
         raise InputError(
             f'{path}: PCD files are read by pypcd4; install it: pip install "pepper-drake[clouds]".'
         ) from None
+    # Versions 0.5 and 0.6 have the header of 0.7 without a line for the viewpoint.
+    content = re.sub(rb"^VERSION\s+0?\.[56]\b", b"VERSION .7", file.getvalue(), count=1, flags=re.M)
     try:
-        cloud = PointCloud.from_fileobj(io.BufferedReader(file))
+        cloud = PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(content)))
         table, names = cloud.pc_data, cloud.fields
     except Exception:  # The library raises whatever its parser ran into.
         raise InputError(f"{path}: is not a PCD file that can be read.") from None

@@ -357,7 +357,7 @@ def learn_dropouts(
         parameters: Which holes are of the surface.
 
     Returns:
-        What is known now, and the pixels (height, width) of holes that are explained.
+        The memory, and the pixels (height, width) of holes that are explained.
     """
     explained = np.zeros(depth.shape, dtype=bool)
     labels, boxes, extents = _components(blank.astype(np.uint8))

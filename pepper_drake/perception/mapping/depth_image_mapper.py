@@ -9,7 +9,12 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.mapping.cloud import depth_in_metres, to_point_cloud
-from pepper_drake.perception.mapping.depth_validity import DepthFault, depth_fault, image_fault
+from pepper_drake.perception.mapping.depth_validity import (
+    DepthFault,
+    ValidityParameters,
+    depth_fault,
+    image_fault,
+)
 from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
     DynamicObstacleTracker,
     reset_while_driving,
@@ -21,8 +26,6 @@ from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters, upd
 from pepper_drake.perception.mapping.obstacle_memory import ObstacleMemory
 from pepper_drake.perception.mapping.solids import ExcludedSolids, RobotSolids, Solid
 
-_MOVED, _TURNED = 0.002, 0.004
-"""A frame has moved when it moved or turned by this, m and rad."""
 _POSES = 5
 """Poses of the goal object between two in which it was seen."""
 
@@ -72,7 +75,7 @@ class DepthImageMapper:
             image.pixels,
             memory.image,
             self.intrinsics,
-            moved=has_moved(memory.X_WC, image.X_WC),
+            moved=has_moved(memory.X_WC, image.X_WC, self.parameters.validity),
             parameters=self.parameters.validity,
         )
         received = replace(
@@ -84,7 +87,7 @@ class DepthImageMapper:
         fault = depth_fault(
             depth,
             image.X_WC,
-            memory.settled_points(),
+            memory.settled_points(self.parameters.memory),
             self.intrinsics,
             self.parameters.validity,
         )
@@ -108,11 +111,11 @@ class DepthImageMapper:
             self.parameters,
         )
         if image.drives:
-            watch = reset_while_driving(memory.watch, view, self.parameters)
+            tracker = reset_while_driving(memory.tracker, view, self.parameters)
         else:
             # The goal object stands on the table.
             table = -np.inf if X_WO is None else float(X_WO.translation()[2])
-            watch, voxels = update_tracker(
+            tracker, voxels = update_tracker(
                 self._without_object(memory, X_WO), voxels, view, excluded, self.parameters, table
             )
         surface = voxels.surface()
@@ -123,7 +126,7 @@ class DepthImageMapper:
             X_WO=X_WO,
             surface=surface,
             cloud=to_point_cloud(surface),
-            watch=watch,
+            tracker=tracker,
             space=memory.space.with_view(view, voxels),
         )
 
@@ -132,14 +135,16 @@ class DepthImageMapper:
     ) -> DynamicObstacleTracker:
         """Moving things without the goal object if it is known by now to have moved itself."""
         before, solids = memory.X_WO, self.object_solids
-        if before is None or X_WO is None or not solids or not has_moved(before, X_WO):
-            return memory.watch
+        if before is None or X_WO is None or not solids:
+            return memory.tracker
+        if not has_moved(before, X_WO, self.parameters.validity):
+            return memory.tracker
         step = X_WO.translation() - before.translation()
         poses = [
             RigidTransform(X_WO.rotation(), before.translation() + share * step)
             for share in np.linspace(0.0, 1.0, _POSES)
         ]
-        return without_object(memory.watch, solids, poses, self.parameters.cloud.object_margin)
+        return without_object(memory.tracker, solids, poses, self.parameters)
 
     def _excluded(self, image: DepthImage, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
         """The robot and the goal object, where they are in the image."""
@@ -159,8 +164,9 @@ class DepthImageMapper:
         return excluded
 
 
-def has_moved(X_WF: RigidTransform, X_WG: RigidTransform) -> bool:
+def has_moved(X_WF: RigidTransform, X_WG: RigidTransform, parameters: ValidityParameters) -> bool:
     """True if two poses of one frame differ by more than the noise of measured joints."""
     moved = X_WF.InvertAndCompose(X_WG)
     distance = float(np.linalg.norm(moved.translation()))
-    return distance > _MOVED or abs(moved.rotation().ToAngleAxis().angle()) > _TURNED
+    angle = abs(moved.rotation().ToAngleAxis().angle())
+    return distance > parameters.moved or angle > parameters.turned

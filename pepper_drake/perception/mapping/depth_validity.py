@@ -76,6 +76,8 @@ class ValidityParameters:
         least_shown: Share of what is to be seen below which an image is blank.
         same_share: Spread of the relative errors of depth below which they are those of one wrong
             scale.
+        moved: Distance by which a frame has moved [m]: more than the noise of measured joints, ...
+        turned: ... or angle by which it has turned [rad].
     """
 
     margin: float = 0.05
@@ -88,6 +90,8 @@ class ValidityParameters:
     floor_depth: float = 2.0
     least_shown: float = 0.03
     same_share: float = 0.04
+    moved: float = 0.002
+    turned: float = 0.004
 
 
 def image_fault(
@@ -175,7 +179,7 @@ def depth_fault(
     allowed = parameters.margin + parameters.growth * z
     if np.mean(off > allowed) > parameters.contradicted:
         return DepthFault.CONTRADICTS_MAP
-    # What is nearer may be a thing that came, unless all is nearer by the same share.
+    # Nearer points may be a new obstacle, unless all are nearer by the same share.
     low, high = np.quantile(off / z, [0.2, 0.8])
     if np.mean(-off > allowed) > parameters.contradicted and high - low < parameters.same_share:
         return DepthFault.CONTRADICTS_MAP

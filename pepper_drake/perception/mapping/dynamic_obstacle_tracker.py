@@ -1,4 +1,4 @@
-"""One step of watching for what moves: a depth image and the map that it left."""
+"""Tracker of moving obstacles: one step for each depth image and the map made of it."""
 
 from __future__ import annotations
 
@@ -32,25 +32,22 @@ from pepper_drake.short_repr import short_repr
 Keys = npt.NDArray[np.int64]
 Points = npt.NDArray[np.float64]
 
-_MOST = 0.5
-"""A thing with this share of its points at the goal object is the object."""
-
 
 @dataclass(frozen=True, eq=False)
 class DynamicObstacleTracker:
     """State of the tracker of moving obstacles. Never changed once made.
 
     Attributes:
-        views: Images of late in which something else was to be seen each, the last image last.
+        views: Recent images that each show something else, the last image last.
         keys: Of the map's voxels, after the last image.
         seen: The map's voxels that the last image showed: their keys and places (S, 3), in W [m].
-        behind: (B, 3) what would be seen if nothing hid it, in W [m].
-        things: What moves.
-        transient_keys: Keys of the map's voxels that came where nothing had been.
-        hidden: (H, 3) where something too near to be measured was lately, in W, m, and when (H,),
-            s.
-        expected: (Q, 3) where what moves may be soon, in W [m].
-        holes: What earlier images told of holes.
+        behind: (B, 3) background points: what would be seen if nothing hid it, in W [m].
+        things: Tracked obstacles.
+        transient_keys: Keys of the map's voxels that appeared in free space.
+        hidden: (H, 3) recent positions of something too near to be measured, in W [m], and their
+            times (H,) [s].
+        expected: (Q, 3) predicted positions of moving obstacles, in W [m].
+        holes: Memory of holes in earlier images.
     """
 
     views: tuple[DepthFrame, ...] = ()
@@ -69,17 +66,17 @@ class DynamicObstacleTracker:
 
 
 def update_tracker(
-    watch: DynamicObstacleTracker,
+    tracker: DynamicObstacleTracker,
     voxels: VoxelMap,
     view: DepthFrame,
     ignored: Sequence[ExcludedSolids],
     parameters: ObstacleParameters,
     table: float = -np.inf,
 ) -> tuple[DynamicObstacleTracker, VoxelMap]:
-    """Takes one depth image into what is known of things that move.
+    """Returns the tracker and the map after one depth image.
 
     Args:
-        watch: What was known before.
+        tracker: Before the image.
         voxels: The map of obstacles, with the image taken in.
         view: The image.
         ignored: What is no obstacle, where it was at that time.
@@ -87,24 +84,23 @@ def update_tracker(
         table: Height of what things stand on, in W [m].
 
     Returns:
-        What is known now, and the map without what came, was not seen for long, and has most likely
-        gone again.
+        The tracker, and the map without transient voxels that were not seen for long.
     """
     memory, approach = parameters.memory, parameters.approach
     is_seen = voxels.hit_times == view.time
     keys, places = seen = voxels.keys[is_seen], voxels.positions[is_seen]
-    # What was there before did not come.
-    fresh = np.flatnonzero(~np.isin(keys, watch.keys, assume_unique=True))
-    new = fresh[_was_empty(watch.views, places[fresh], memory)]
-    transient_keys = np.union1d(watch.transient_keys, keys[new])
-    is_visitor = np.isin(voxels.keys, transient_keys)
-    behind, veil, holes = watch.behind, watch.behind[:0], watch.holes
+    # Only voxels that were not there before are new.
+    fresh = np.flatnonzero(~np.isin(keys, tracker.keys, assume_unique=True))
+    new = fresh[_was_empty(tracker.views, places[fresh], memory)]
+    transient_keys = np.union1d(tracker.transient_keys, keys[new])
+    is_transient = np.isin(voxels.keys, transient_keys)
+    behind, near_points, holes = tracker.behind, tracker.behind[:0], tracker.holes
     if parameters.treat_holes_as_near and view.depth.size:
         behind = background_points(
             behind, view.depth, view.intrinsics, view.X_WC, parameters.near_field
         )
-        # What came does not explain a hole beside it: that may be more of it.
-        known = voxels.positions[~is_visitor]
+        # A new obstacle does not explain a hole beside it, which may be more of the obstacle.
+        known = voxels.positions[~is_transient]
         holes, unexplained = unexplained_holes(
             holes,
             behind,
@@ -115,7 +111,7 @@ def update_tracker(
             parameters.near_field,
             parameters.holes,
         )
-        veil = occluded_points(
+        near_points = occluded_points(
             behind,
             known,
             view.depth,
@@ -128,26 +124,26 @@ def update_tracker(
             parameters=parameters.near_field,
             hole_parameters=parameters.holes,
         )
-    things = watch.things
-    if watch.views:
-        last = watch.views[-1]
-        near = veil[last.sees_free_space(veil, memory)]
+    things = tracker.things
+    if tracker.views:
+        last = tracker.views[-1]
+        near = near_points[last.sees_free_space(near_points, memory)]
         normals = voxels.normals[is_seen][new]
         lengths = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
         come = NewPoints(
             np.concatenate((places[new], near)),
             np.concatenate((normals / lengths, np.zeros_like(near))),
-            watch.seen[1][~np.isin(watch.seen[0], keys, assume_unique=True)],
+            tracker.seen[1][~np.isin(tracker.seen[0], keys, assume_unique=True)],
             last.time,
         )
         above = places[places[:, 2] > table + parameters.near_field.on_table]
         things = associate(things, come, view, memory, approach, above)
-    voxels = _without_departed(voxels, is_visitor, view.time, approach)
-    hidden, times = watch.hidden
+    voxels = _without_departed(voxels, is_transient, view.time, approach)
+    hidden, times = tracker.hidden
     still = (view.time - times < parameters.near_field.kept) & ~view.sees_free_space(hidden, memory)
-    hidden = np.concatenate((hidden[still], veil))
-    times = np.concatenate((times[still], np.full(len(veil), view.time)))
-    views = _kept(watch.views, view, approach)
+    hidden = np.concatenate((hidden[still], near_points))
+    times = np.concatenate((times[still], np.full(len(near_points), view.time)))
+    views = _kept(tracker.views, view, parameters)
     return DynamicObstacleTracker(
         (*views, view),
         voxels.keys,
@@ -162,58 +158,60 @@ def update_tracker(
 
 
 def without_object(
-    watch: DynamicObstacleTracker,
+    tracker: DynamicObstacleTracker,
     solids: Sequence[Solid],
     poses: Sequence[RigidTransform],
-    margin: float,
+    parameters: ObstacleParameters,
 ) -> DynamicObstacleTracker:
     """Tracker state without the goal object, which moved before it was known where to.
 
-    Until its marker is seen again, an object that is lifted or carried looks like something that
-    came. What has most of its points where the object was since is the object.
+    Until its marker is seen again, an object that is lifted or carried looks like a new obstacle.
+    A cluster with most of its points where the object was since is the object.
 
     Args:
-        watch: What was known before.
+        tracker: Before the image.
         solids: The object's shapes.
         poses: Poses X_WO of the object, from the last one known to the one of now.
-        margin: Points closer than this belong to it [m].
+        parameters: Margin of the object, and the share of points that makes a thing the object.
     """
 
     def is_object(points: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
         near = np.zeros(len(points), dtype=bool)
         for pose in poses:
-            near |= near_solids(points, solids, [pose] * len(solids), margin)
+            near |= near_solids(
+                points, solids, [pose] * len(solids), parameters.cloud.object_margin
+            )
         return near
 
-    things = tuple(one for one in watch.things if np.mean(is_object(one.points)) < _MOST)
-    points, times = watch.hidden
+    most = parameters.approach.object_share
+    things = tuple(one for one in tracker.things if np.mean(is_object(one.points)) < most)
+    points, times = tracker.hidden
     other = ~is_object(points)
-    return replace(watch, things=things, hidden=(points[other], times[other]))
+    return replace(tracker, things=things, hidden=(points[other], times[other]))
 
 
 def reset_while_driving(
-    watch: DynamicObstacleTracker,
+    tracker: DynamicObstacleTracker,
     view: DepthFrame,
     parameters: ObstacleParameters,
 ) -> DynamicObstacleTracker:
     """Tracker state after an image that was taken while driving, when everything seems to move.
 
     Args:
-        watch: What was known before.
+        tracker: Before the image.
         view: The image.
         parameters: How obstacles are seen and remembered.
 
     Returns:
-        A watch that begins anew, but for what will be seen if nothing hides it and what is known of
-        the sensor's own holes.
+        A new tracker that keeps the background and the sensor's own holes.
     """
     if not parameters.treat_holes_as_near or not view.depth.size:
-        return DynamicObstacleTracker(holes=watch.holes)
+        return DynamicObstacleTracker(holes=tracker.holes)
     behind = background_points(
-        watch.behind, view.depth, view.intrinsics, view.X_WC, parameters.near_field
+        tracker.behind, view.depth, view.intrinsics, view.X_WC, parameters.near_field
     )
     holes, _ = unexplained_holes(
-        watch.holes,
+        tracker.holes,
         behind,
         view.depth,
         view.intrinsics,
@@ -226,34 +224,37 @@ def reset_while_driving(
 
 def _without_departed(
     voxels: VoxelMap,
-    is_visitor: npt.NDArray[np.bool_],
+    is_transient: npt.NDArray[np.bool_],
     time: float,
     parameters: ApproachParameters,
 ) -> VoxelMap:
-    """The map without what came, of which no part was seen for long: most likely it has gone."""
-    visitors = np.flatnonzero(is_visitor)
-    seen = voxels.hit_times[visitors]
-    if not np.any(time - seen > parameters.visit):
+    """The map without transient obstacles of which no part was seen for long."""
+    transient = np.flatnonzero(is_transient)
+    seen = voxels.hit_times[transient]
+    if not np.any(time - seen > parameters.transient_timeout):
         return voxels
-    seen = last_seen_of_things(voxels.positions[visitors], seen, parameters)
-    kept = np.ones(len(is_visitor), dtype=bool)
-    kept[visitors] = time - seen <= parameters.visit
+    seen = last_seen_of_things(voxels.positions[transient], seen, parameters)
+    kept = np.ones(len(is_transient), dtype=bool)
+    kept[transient] = time - seen <= parameters.transient_timeout
     return voxels.select(kept)
 
 
 def _kept(
-    views: Sequence[DepthFrame], view: DepthFrame, parameters: ApproachParameters
+    views: Sequence[DepthFrame], view: DepthFrame, parameters: ObstacleParameters
 ) -> list[DepthFrame]:
     """The views that a new one is added to.
 
-    None is too old, and of those that show the same there is one from before what moves slowly came
-    in, and those after it.
+    None is too old, and of those that show the same one from before a slow obstacle entered is
+    kept, and those after it.
     """
-    alike = [one for one in views if view.is_like(one) and view.time - one.time >= parameters.apart]
+    memory, approach = parameters.memory, parameters.approach
+    earlier = [one for one in views if view.time - one.time >= approach.comparison_interval]
+    alike = [one for one in earlier if view.is_like(one, memory)]
     return [
         one
-        for one in views[-parameters.most_views :]
-        if view.time - one.time < parameters.visit and not any(one is other for other in alike[:-1])
+        for one in views[-approach.most_views :]
+        if view.time - one.time < approach.transient_timeout
+        and not any(one is other for other in alike[:-1])
     ]
 
 

@@ -1,10 +1,10 @@
 """Moving obstacles: points that appear in free space, their velocity, their prediction.
 
 A cloud is old when it is acted upon: by the network, the period between images and the time that
-an arm needs to brake. What moves at 0.3 m/s is by then a decimetre farther on. So what an image
-shows where the one before it looked through is followed from image to image, and thought on along
-its way. Near the robot a depth camera is blind: what is lost from sight there is supposed to be
-there for a while.
+an arm needs to brake. An obstacle at 0.3 m/s is by then a decimetre farther on. So points that an
+image shows in space that an earlier one saw free are clustered, tracked from image to image, and
+predicted along their velocity. Near the robot a depth camera is blind: an obstacle that leaves the
+view there is kept for a while.
 """
 
 import functools
@@ -31,8 +31,6 @@ Points = npt.NDArray[np.floating]
 _NOWHERE: Points = np.zeros((0, 3), np.float32)
 _WIDE = 9
 """Edge of the square of pixels that have to look through a place surely."""
-_LIKE = 0.15
-"""Views turned or moved against one another by less than this show the same, rad and m."""
 _REGISTRATIONS = 4
 """Steps in which a surface is registered with what it was."""
 
@@ -42,23 +40,28 @@ class ApproachParameters:
     """Parameters of tracking moving obstacles.
 
     Attributes:
-        spacing: Of the points that are kept of it [m].
-        gap: Points of one thing have neighbours nearer than this [m].
-        least_points: Fewer are noise.
-        least_rest: Fewer points tell nothing of where what they belong to came from.
-        fastest: Nothing is thought to be faster [m/s].
-        horizon: How far its motion is thought on from the image [s]: the age at which the image is
+        spacing: Of the points that are kept of an obstacle [m].
+        gap: Points of one obstacle have neighbours nearer than this [m].
+        least_points: Clusters of fewer points are noise.
+        least_rest: Fewer points of an obstacle's rest do not tell its direction.
+        fastest: Largest speed of an obstacle [m/s].
+        horizon: Time from the image to which motion is predicted [s]: the age at which the image is
             acted upon, the period, and the time in which an arm brakes.
-        slowest: What seems to be slower than this stands, as far as can be told [m/s].
-        likely: What moves is thought to become at least as fast as this [m/s].
-        onward: For how long what was lost from sight is supposed to have gone on [s].
-        memory: How long what was lost from sight is supposed to be there [s].
-        visit: How long what came is supposed to be where no part of it is seen any more [s].
-        contradicted: With this share of where it was seen to be empty, a thing has gone.
-        alike: Surfaces that are the same lie at most so far apart, by half of their points [m].
-        sluggishness: Weight of resting against one point's moving, where its shape does not tell.
-        apart: Time between compared images in which slow motion exceeds the noise [s].
+        slowest: Speed below which an obstacle counts as standing, for the measurement's noise
+            [m/s].
+        usual_speed: A moving obstacle is predicted at no less than this [m/s].
+        extrapolated: Longest time for which the motion of an unseen obstacle is extrapolated [s].
+        memory: Time after its last sighting until an obstacle is dropped [s].
+        transient_timeout: Time after the last sighting of any part of an obstacle until its voxels,
+            which appeared in free space, are dropped [s].
+        contradicted: An obstacle is dropped if an image sees this share of its points as free.
+        registered_within: Largest median distance of two surfaces that are the same [m].
+        regularization: Weight of zero motion against that of one point, where the shape of a
+            surface does not determine the motion.
+        comparison_interval: Time between compared images in which slow motion exceeds the noise
+            [s].
         most_views: Number of earlier images that a new one is compared with, besides the last.
+        object_share: A cluster with this share of its points at the goal object is the object.
     """
 
     spacing: float = 0.025
@@ -68,15 +71,16 @@ class ApproachParameters:
     fastest: float = 0.5
     horizon: float = 0.7
     slowest: float = 0.04
-    likely: float = 0.25
-    onward: float = 1.5
+    usual_speed: float = 0.25
+    extrapolated: float = 1.5
     memory: float = 6.0
-    visit: float = 8.0
+    transient_timeout: float = 8.0
     contradicted: float = 0.7
-    alike: float = 0.02
-    sluggishness: float = 0.02
-    apart: float = 0.5
+    registered_within: float = 0.02
+    regularization: float = 0.02
+    comparison_interval: float = 0.5
     most_views: int = 9
+    object_share: float = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,11 +133,12 @@ class DepthFrame:
         clear = self._wide_clear if surely else self._clear
         return is_free_space(p_W, clear, self.intrinsics, self.X_WC, memory)
 
-    def is_like(self, other: "DepthFrame") -> bool:
-        """True if both views show almost the same."""
+    def is_like(self, other: "DepthFrame", memory: VoxelMapParameters) -> bool:
+        """True if both views show almost the same, by the parameters of a memory of them."""
         off = self.X_WC.InvertAndCompose(other.X_WC)
         turned = abs(off.rotation().ToAngleAxis().angle())
-        return turned < _LIKE and float(np.linalg.norm(off.translation())) < _LIKE
+        moved = float(np.linalg.norm(off.translation()))
+        return turned < memory.alike_angle and moved < memory.alike_distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +146,9 @@ class NewPoints:
     """New points of an image in space that earlier images saw free, and the earlier surface.
 
     Attributes:
-        points: (P, 3) where something came, in W [m].
+        points: (P, 3) that appeared, in W [m].
         normals: (P, 3) of its surface, of unit length; zero where unknown.
-        left: (L, 3) where something was in the image before and is not any more [m].
+        left: (L, 3) of the image before that are not in this one [m].
         since: When that image was taken [s].
     """
 
@@ -153,7 +158,7 @@ class NewPoints:
     since: float
 
     def part(self, chosen: npt.NDArray[np.int64]) -> "NewPoints":
-        """Some of what came."""
+        """Some of the points."""
         return NewPoints(self.points[chosen], self.normals[chosen], self.left, self.since)
 
 
@@ -176,7 +181,7 @@ def associate(
         seen: (S, 3) all that the image shows of things, in W [m].
 
     Returns:
-        What is known now.
+        The tracked obstacles after the image.
     """
     bodies = [seen[chosen] for chosen in _clusters(seen, parameters)] if len(come.points) else []
     thin = _thinned(come.points, 0.5 * parameters.spacing)
@@ -208,30 +213,30 @@ def associate(
 
 def predict_occupancy(
     things: Sequence[TrackedObstacle],
-    veil: Points,
+    near: Points,
     now: DepthFrame,
     memory: VoxelMapParameters,
     parameters: ApproachParameters,
 ) -> npt.NDArray[np.float64]:
-    """Points (Q, 3) at which things that move may be soon, in W [m].
+    """Points (Q, 3) at which moving obstacles may be soon, in W [m].
 
-    What the last image sees to be empty is still to be come to by what was seen in that image; what
-    was lost from sight before is not there.
+    Obstacles in the last image may enter space that it sees free; those that were lost from sight
+    before are not there.
 
     Args:
-        things: That move.
-        veil: (P, 3) where something too near to be measured may be now [m].
+        things: Tracked obstacles.
+        near: (P, 3) where something too near to be measured may be now [m].
         now: The last image.
         memory: Margins at which an image counts as looking through a place.
-        parameters: How far motion is thought on.
+        parameters: Horizon and speeds of the prediction.
     """
-    ways: list[Points] = [veil]
+    ways: list[Points] = [near]
     for thing in things:
         lost = now.time - thing.seen
         speed = float(np.linalg.norm(thing.velocity))
-        # What was seen to begin may go on faster.
-        haste = max(parameters.likely / speed, 1.0) if speed > parameters.slowest else 1.0
-        end = haste * (min(lost, parameters.onward) + parameters.horizon)
+        # A motion that begins may become faster.
+        haste = max(parameters.usual_speed / speed, 1.0) if speed > parameters.slowest else 1.0
+        end = haste * (min(lost, parameters.extrapolated) + parameters.horizon)
         steps = np.linspace(0.0, end, int(np.ceil(speed * end / parameters.spacing)) + 1)
         way = np.concatenate([thing.moved(step) for step in steps])
         way = way[_thinned(way, parameters.spacing)]
@@ -247,18 +252,18 @@ def estimate_velocity(
 ) -> npt.NDArray[np.float64] | None:
     """Velocity of a surface between two images, by point-to-plane registration.
 
-    The step between is that of least distance from the points that came to planes at the nearest
+    The step between is that of least distance from the new points to planes at the nearest
     points that were left (point-to-plane registration, Chen and Medioni 1992,
     doi:10.1016/0262-8856(92)90066-C, without rotation): what slides along itself, as an arm does
     that is stretched out, shows its motion at its end alone.
 
     Args:
-        front: What came; of one thing.
+        front: New points of one obstacle.
         time: Of the image [s].
         parameters: The largest speed.
 
     Returns:
-        (3,) m/s; None if what it was before was not seen, or is not alike.
+        (3,) m/s; None if the earlier surface was not seen, or does not fit.
     """
     middle, duration = front.points.mean(axis=0), time - front.since
     farthest = float(np.linalg.norm(front.points - middle, axis=1).max())
@@ -269,13 +274,13 @@ def estimate_velocity(
         return None
     tree = cKDTree(left)
     points, normals = front.points[known].astype(float), front.normals[known].astype(float)
-    matrix = normals.T @ normals + parameters.sluggishness * len(normals) * np.eye(3)
+    matrix = normals.T @ normals + parameters.regularization * len(normals) * np.eye(3)
     step = np.zeros(3)
     for _ in range(_REGISTRATIONS):
         nearest = tree.query(points - step)[1]
         off = np.einsum("ij,ij->i", normals, points - left[nearest])
         step = np.linalg.solve(matrix, normals.T @ off)
-    if np.median(tree.query(points - step)[0]) > parameters.alike:
+    if np.median(tree.query(points - step)[0]) > parameters.registered_within:
         return None
     velocity = step / duration
     speed = float(np.linalg.norm(velocity))
@@ -295,7 +300,7 @@ def _guess_velocity(
         rest = body[far > parameters.gap]
         if far.min() <= parameters.gap and len(rest) >= parameters.least_rest:
             ahead = (front.mean(axis=0) - rest.mean(axis=0)).astype(float)
-            return np.asarray(parameters.likely * ahead / np.linalg.norm(ahead))
+            return np.asarray(parameters.usual_speed * ahead / np.linalg.norm(ahead))
     return np.zeros(3)
 
 

@@ -1,9 +1,9 @@
-"""Infers things inside the depth camera's near limit from what they occlude.
+"""Infers obstacles inside the depth camera's near limit from what they occlude.
 
-A depth camera measures nothing of what is nearer than its near limit: it leaves a hole in the
-image. Where a hole hides what is known to be there, be it the floor alone, and neither the robot
-nor anything else that is known stands in the camera's or the projector's way, and the hole is none
-that the sensor makes by itself (see `depth_holes`), something is between.
+Objects nearer than the near limit are not measured and leave a hole in the image. A hole means an
+obstacle where it hides a known surface, such as the floor, where neither the robot nor another
+known object blocks the view or the projector's light, and where the sensor does not make it by
+itself (see `depth_holes`).
 """
 
 from collections.abc import Sequence
@@ -44,8 +44,8 @@ class NearFieldParameters:
         beyond: Margin beyond the near limit at which occluded surfaces count [m].
         farthest: Farthest background [m].
         spacing: Of the background's points [m].
-        nearest: Nothing is nearer to the camera [m], ...
-        likely: ... and most likely not nearer than this [m].
+        nearest: Least distance of an inferred obstacle to the camera [m], ...
+        likely: ... and its usual least distance [m].
         margin: Distance beyond the near limit to which a ray is followed [m].
         around_known: Distance to a known object within which it may occlude: one side of it is
             known only [m].
@@ -53,7 +53,7 @@ class NearFieldParameters:
         floor: Height up to which points belong to the floor [m].
         grazing: Cosine of the angle of incidence below which floor and table need not be measured.
         least_rays: Fewer are noise.
-        kept: How long what was found is supposed to be there [s].
+        kept: Time for which an inferred obstacle is kept [s].
     """
 
     beyond: float = 0.05
@@ -84,7 +84,7 @@ def background_points(
     """Background points, visible unless occluded: all surfaces, floor and table alike.
 
     Args:
-        before: (P, 3) the backdrop before this image, in W [m].
+        before: (P, 3) background points before this image, in W [m].
         depth: Depth image (height, width), m, 0 where nothing was measured.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
@@ -134,7 +134,7 @@ def unexplained_holes(
         hole_parameters: Which holes are explained.
 
     Returns:
-        What is known of holes now, and the pixels (height, width) in the middle of the others.
+        The memory of holes, and the pixels (height, width) in the middle of the others.
     """
     _, expected = _expected(behind, intrinsics, X_WC, table, parameters)
     memory = learn_blindness(memory, depth, expected, intrinsics, X_WC, hole_parameters)

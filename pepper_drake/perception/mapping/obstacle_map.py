@@ -1,4 +1,4 @@
-"""One step of obstacle perception: a depth image taken into the memory of what stands where."""
+"""Obstacle map: one step for each depth image."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -40,12 +40,12 @@ class ObstacleParameters:
     """Parameters of the obstacle map.
 
     Attributes:
-        cloud: What of a depth image is kept.
-        memory: How the map remembers.
-        approach: How what moves is followed.
-        validity: Which images count.
-        near_field: What is supposed to be too near to be measured.
-        holes: Which holes in an image are explained.
+        cloud: Points made of a depth image.
+        memory: Voxels and views that are kept.
+        approach: Tracking of moving obstacles.
+        validity: Depth images that are refused.
+        near_field: Obstacles inside the camera's near limit.
+        holes: Holes that the sensor makes by itself.
         treat_holes_as_near: Whether a hole in the image is of something too near to be measured; if
             not, it means nothing.
         projector_baseline: Distance of the camera from the projector whose pattern it sees [m]; 0
@@ -85,7 +85,7 @@ def update_obstacles(
         parameters: How obstacles are seen and remembered.
 
     Returns:
-        What is remembered now.
+        The map after the image.
 
     Raises:
         InputError: If the image cannot be read (see `depth_in_metres`) or lies below the floor.

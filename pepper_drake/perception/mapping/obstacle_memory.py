@@ -13,9 +13,6 @@ from pepper_drake.perception.mapping.dynamic_obstacle_tracker import DynamicObst
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
 
-_SETTLED_SCORE = 3
-"""Voxels of this score were seen often enough for an image to be held against them."""
-
 
 @dataclass(frozen=True)
 class ObstacleMemory:
@@ -32,7 +29,7 @@ class ObstacleMemory:
         surface: The map's points.
         cloud: The same in W.
         X_WT: The torso's pose for which the cloud in T is made, when someone asks for it.
-        watch: What moves.
+        tracker: Of moving obstacles.
         space: What is free, occupied and unknown.
     """
 
@@ -46,7 +43,7 @@ class ObstacleMemory:
     surface: SurfacePoints
     cloud: PointCloud
     X_WT: RigidTransform
-    watch: DynamicObstacleTracker
+    tracker: DynamicObstacleTracker
     space: SeenSpace
 
     @classmethod
@@ -65,15 +62,15 @@ class ObstacleMemory:
             surface=surface,
             cloud=to_point_cloud(surface),
             X_WT=RigidTransform(),
-            watch=DynamicObstacleTracker(),
+            tracker=DynamicObstacleTracker(),
             space=SeenSpace(voxels, parameters=parameters),
         )
 
-    def settled_points(self) -> npt.NDArray[np.float32]:
+    def settled_points(self, parameters: VoxelMapParameters) -> npt.NDArray[np.float32]:
         """Returns places (P, 3) of what has stood there since it was seen first, in W [m]."""
-        settled = self.voxels.scores >= _SETTLED_SCORE
-        if len(self.watch.transient_keys):
-            settled &= ~np.isin(self.voxels.keys, self.watch.transient_keys)
+        settled = self.voxels.scores >= parameters.settled_score
+        if len(self.tracker.transient_keys):
+            settled &= ~np.isin(self.voxels.keys, self.tracker.transient_keys)
         return self.voxels.positions[settled]
 
     def __deepcopy__(self, memo: dict) -> "ObstacleMemory":

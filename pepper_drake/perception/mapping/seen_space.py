@@ -10,19 +10,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
 from pepper_drake.short_repr import short_repr
 
 Points = npt.NDArray[np.floating]
-
-_MOST_VIEWS = 32
-"""So many views are kept; the one that was seen longest ago goes first."""
-
-_MOST_ALIKE = 3
-"""So many views that show the same."""
 
 
 class SpaceState(enum.IntEnum):
@@ -65,9 +58,11 @@ class SeenSpace:
         """
         if view.depth.size == 0:
             return replace(self, voxels=voxels)
-        alike = [one for one in self.views if view.is_like(one)][: 1 - _MOST_ALIKE]
+        most_alike, most = self.parameters.most_alike, self.parameters.most_views
+        alike = [one for one in self.views if view.is_like(one, self.parameters)]
+        alike = alike[: max(len(alike) + 1 - most_alike, 0)]
         others = tuple(one for one in self.views if not any(one is old for old in alike))
-        return replace(self, voxels=voxels, views=(*others, view)[-_MOST_VIEWS:])
+        return replace(self, voxels=voxels, views=(*others, view)[-most:])
 
     def states(
         self, p_W: Points, time: float
@@ -85,23 +80,12 @@ class SeenSpace:
             nothing is known.
         """
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
-        state = np.zeros(len(p_W), np.uint8)
-        age = np.full(len(p_W), np.inf)
-        left = np.arange(len(p_W))
-        for view in reversed(self.views):
-            if not len(left):
-                break
-            free = view.sees_free_space(p_W[left], self.parameters)
-            state[left[free]] = SpaceState.FREE
-            age[left[free]] = time - view.time
-            left = left[~free]
-        if len(self.voxels) and len(p_W):
-            reach = self.parameters.voxel_size + self.parameters.carve_margin
-            tree = cKDTree(self.voxels.positions)
-            distance, nearest = tree.query(p_W, distance_upper_bound=reach)
-            near = np.isfinite(distance)
-            state[near] = SpaceState.OCCUPIED
-            age[near] = time - self.voxels.hit_times[np.asarray(nearest)[near]]
+        age = self._free_age(p_W, time, np.inf)
+        state = np.where(np.isfinite(age), SpaceState.FREE, SpaceState.UNKNOWN).astype(np.uint8)
+        distance, nearest = self._occupied(p_W)
+        near = np.isfinite(distance)
+        state[near] = SpaceState.OCCUPIED
+        age[near] = time - self.voxels.hit_times[nearest[near]]
         return state, age
 
     def unseen(self, p_W: Points, time: float, *, oldest: float | Points) -> npt.NDArray[np.bool_]:
@@ -115,11 +99,31 @@ class SeenSpace:
             oldest: Time since a place was seen to be free up to which that counts [s]; one, or one
                 for each place (N,).
         """
-        longest = np.max(oldest, initial=-np.inf)
-        recent = tuple(view for view in self.views if time - view.time <= longest)
-        state, age = replace(self, views=recent).states(p_W, time)
-        is_late = (state == SpaceState.FREE) & (age > oldest)
-        return np.asarray((state == SpaceState.UNKNOWN) | is_late)
+        p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
+        age = self._free_age(p_W, time, float(np.max(oldest, initial=-np.inf)))
+        unseen = np.asarray((age > oldest) | np.isinf(age))
+        left = np.flatnonzero(unseen)
+        unseen[left[np.isfinite(self._occupied(p_W[left])[0])]] = False
+        return unseen
+
+    def _free_age(self, p_W: Points, time: float, longest: float) -> npt.NDArray[np.float64]:
+        """Time (N,) since images no older than `longest` [s] looked through places (N, 3) [s]."""
+        age = np.full(len(p_W), np.inf)
+        left = np.arange(len(p_W))
+        for view in reversed(self.views):
+            if len(left) and time - view.time <= longest:
+                free = view.sees_free_space(p_W[left], self.parameters)
+                age[left[free]] = time - view.time
+                left = left[~free]
+        return age
+
+    def _occupied(self, p_W: Points) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
+        """Distance (N,) [m] to the nearest voxel that places (N, 3) count to, and its index."""
+        if not len(self.voxels) or not len(p_W):
+            return np.full(len(p_W), np.inf), np.zeros(len(p_W), np.intp)
+        reach = self.parameters.voxel_size + self.parameters.carve_margin
+        distance, nearest = self.voxels.tree.query(p_W, distance_upper_bound=reach)
+        return np.asarray(distance), np.asarray(nearest)
 
 
 def describe_place(p_T: Points) -> str:

@@ -8,11 +8,15 @@ nothing came back nothing is known, and nothing changes.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 from pydrake.math import RigidTransform
+from scipy.spatial import cKDTree
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
@@ -21,9 +25,6 @@ from pepper_drake.short_repr import figure_view, short_repr
 
 _KEY_BITS = 21
 _KEY_OFFSET = 1 << (_KEY_BITS - 1)
-_MAX_WEIGHT = 40.0
-"""Points that a voxel's mean remembers: it follows what changes slowly."""
-
 _LEAST_PIXELS = 4
 """Pixels, of nine, that have to have measured something for a voxel to be looked through."""
 
@@ -44,6 +45,13 @@ class VoxelMapParameters:
         depth_noise: Standard deviation of the depth at 1 m [m]; it grows with the square of depth.
         max_age: Voxels not hit for this long are forgotten [s]; by default no run is that long.
         max_distance: Voxels farther than this from the camera are forgotten [m].
+        max_weight: Points that a voxel's mean remembers: it follows what changes slowly.
+        settled_score: Voxels of this score were seen often enough for an image to be held against
+            them.
+        alike_distance: Views whose cameras are less apart than this [m], ...
+        alike_angle: ... and turned by less than this [rad], show the same.
+        most_alike: Number of views that show the same that are kept, ...
+        most_views: ... and of all views; the oldest goes first.
     """
 
     voxel_size: float = 0.0125
@@ -55,6 +63,12 @@ class VoxelMapParameters:
     depth_noise: float = 0.002
     max_age: float = 1e6
     max_distance: float = 3.0
+    max_weight: float = 40.0
+    settled_score: int = 3
+    alike_distance: float = 0.15
+    alike_angle: float = 0.15
+    most_alike: int = 3
+    most_views: int = 32
 
     def __post_init__(self) -> None:
         if not self.voxel_size > 0:
@@ -102,6 +116,11 @@ class VoxelMap:
     def __deepcopy__(self, memo: dict) -> "VoxelMap":
         """Returns itself: Drake copies the state at each event, and a map never changes."""
         return self
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """The positions, for questions about what is near."""
+        return cKDTree(self.positions, balanced_tree=False, compact_nodes=False)
 
     def select(self, kept: npt.NDArray[np.bool_]) -> "VoxelMap":
         """Returns the map of some of its voxels, by a mask (N,)."""
@@ -168,7 +187,7 @@ def add_points(
     weights, scores, times = voxels.weights.copy(), voxels.scores.copy(), voxels.hit_times.copy()
     total = weights[old] + weight[known]
     positions[old] = (positions[old] * weights[old, None] + position_sum[known]) / total[:, None]
-    fading = np.minimum(1.0, _MAX_WEIGHT / total)
+    fading = np.minimum(1.0, parameters.max_weight / total)
     all_normals[old] = (all_normals[old] + normal_sum[known]) * fading[:, None]
     weights[old] = total * fading
     scores[old] = np.minimum(scores[old] + parameters.hit, parameters.max_score)
@@ -238,16 +257,51 @@ def is_free_space(
     parameters: VoxelMapParameters,
 ) -> npt.NDArray[np.bool_]:
     """Tells which places (N, 3) an image looks through, by its `minimum_depth`."""
-    through = np.zeros(len(p_W), dtype=bool)
     if len(p_W) == 0 or clear.size == 0:
-        return through
-    R_WC = X_WC.rotation().matrix().astype(p_W.dtype)
-    p_C = (p_W - X_WC.translation().astype(p_W.dtype)) @ R_WC
-    z = p_C[:, 2]
-    inside = np.flatnonzero((z > 0.05) & intrinsics.sees(p_C))
-    columns, rows = np.rint(intrinsics.project(p_C[inside])).astype(np.int64).T
-    margin = parameters.carve_margin + 3 * parameters.depth_noise * np.square(z[inside])
-    through[inside] = clear[rows, columns] - margin > z[inside]
+        return np.zeros(len(p_W), dtype=bool)
+    number: Any = p_W.dtype.type
+    return np.asarray(
+        _looks_through(
+            np.array(p_W),
+            clear,
+            intrinsics.numbers,
+            X_WC.rotation().matrix().astype(number),
+            X_WC.translation().astype(number),
+            number(parameters.carve_margin),
+            number(3 * parameters.depth_noise),
+        )
+    )
+
+
+@njit(cache=True)
+def _looks_through(
+    p_W: npt.NDArray[np.floating],
+    clear: npt.NDArray[np.float32],
+    camera: npt.NDArray[np.float64],
+    R_WC: npt.NDArray[np.floating],
+    p_WC: npt.NDArray[np.floating],
+    margin: float,
+    noise: float,
+) -> npt.NDArray[np.bool_]:
+    """Does what `is_free_space` does, place by place."""
+    through = np.zeros(len(p_W), dtype=np.bool_)
+    fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6 = camera
+    height, width = clear.shape
+    for n in range(len(p_W)):
+        a, b, c = p_W[n, 0] - p_WC[0], p_W[n, 1] - p_WC[1], p_W[n, 2] - p_WC[2]
+        z = a * R_WC[0, 2] + b * R_WC[1, 2] + c * R_WC[2, 2]
+        if not z > 0.05:
+            continue
+        x = np.float64(a * R_WC[0, 0] + b * R_WC[1, 0] + c * R_WC[2, 0]) / np.float64(z)
+        y = np.float64(a * R_WC[0, 1] + b * R_WC[1, 1] + c * R_WC[2, 1]) / np.float64(z)
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        radial = radial / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+        u = fx * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) + cx
+        v = fy * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y) + cy
+        if u >= -0.5 and v >= -0.5 and u < width - 0.5 and v < height - 0.5:
+            seen = clear[int(np.rint(v)), int(np.rint(u))]
+            through[n] = seen - (margin + noise * (z * z)) > z
     return through
 
 

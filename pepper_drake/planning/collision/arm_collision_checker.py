@@ -12,6 +12,7 @@ from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.perception.mapping.solids import Solid, SolidSet
 from pepper_drake.planning.collision.arm_kinematics import ArmPoses
+from pepper_drake.planning.collision.clearance_table import FARTHEST
 from pepper_drake.planning.collision.distance_grid import DistanceGrid, Region, sample
 from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.collision.sphere_model import SphereModel, arm_link_names
@@ -22,9 +23,6 @@ GRID_SPACING = 0.02
 """Spacing of the distance grid [m]."""
 GRID_CAP = 0.08
 """Distances beyond this are all the same [m]: twice a sphere's radius."""
-
-FAR = 0.15
-"""Clearances beyond this do not matter [m]."""
 
 CLOUD, CLOUD_AND_BODY = 0, 1
 """The grid's layers."""
@@ -88,7 +86,8 @@ class ArmCollisionChecker:
         shapes: Of the arm.
         obstacles: Seen obstacles, in any frame F.
         X_FT: The torso's pose in F.
-        goal_object: The goal object's surface, in T.
+        goal_object: The goal object's surface, in its frame O.
+        X_TO: The goal object's pose.
         body: Gives the body's shapes in T.
         body_layer: Gives the distance (N,) of the body at the nodes of `arm_region` [m]; see
             `sample_body`. Both are asked only when they are needed.
@@ -105,12 +104,14 @@ class ArmCollisionChecker:
         *,
         X_FT: RigidTransform,
         goal_object: PointCloudDistance,
+        X_TO: RigidTransform,
         body: Callable[[], SolidSet],
         body_layer: Callable[[], Vector],
         body_allowance: float,
     ) -> None:
         self.kinematics, self._shapes = shapes.kinematics, shapes
-        self._field, self._X_FT, self._object = obstacles, X_FT, goal_object
+        self._field, self._X_FT = obstacles, X_FT
+        self._object, self._X_TO = goal_object, X_TO
         self._body, self._body_layer, self._allowance = body, body_layer, body_allowance
         self._watched = self_collision_spheres(self.kinematics.spheres)
 
@@ -118,40 +119,38 @@ class ArmCollisionChecker:
         """Returns the least distance (N,) to seen obstacles at joints (N, 5) [rad] [m].
 
         It is exact where the arm is near, that of its spheres farther away, and infinite beyond
-        `FAR`.
+        `FARTHEST`.
         """
-        return self._shapes.distances(joints, self._field, self._X_FT, within=FAR)
+        return self._shapes.distances(joints, self._field, self._X_FT, within=FARTHEST)
 
     def object_distances(self, joints: Vector) -> Vector:
         """Returns the least distance (N,) to the goal object, as `distances` [m]."""
-        return self._shapes.distances(joints, self._object, within=FAR)
+        return self._shapes.distances(joints, self._object, self._X_TO.inverse(), within=FARTHEST)
 
-    def self_distances(self, joints: Vector) -> Vector:
+    def self_distances(self, joints: Vector, within: float = np.inf) -> Vector:
         """Returns the least distance (N,) of forearm and hand to the robot's body [m].
 
         The spheres bulge out of the arm's shapes: a hand that hangs beside the body, a few
         millimetres from it, has about -5 mm.
+
+        Args:
+            joints: (N, 5) [rad].
+            within: Distances are exact up to here [m]; greater ones may come out less, but not
+                below this. With it, only spheres near the body cost anything.
         """
         centers = self.kinematics.sphere_centers_at(joints)[:, self._watched]
         radii = self.kinematics.spheres.radii[self._watched]
-        distances: Vector = (self._body().distance(centers) - radii).min(axis=1)
+        cap = within + float(radii.max())
+        distances: Vector = (self._body().distance(centers, cap) - radii).min(axis=1)
         return distances
 
     @cached_property
     def _grid(self) -> DistanceGrid:
-        region = arm_region(self.kinematics.arm)
-        R_FT, p_FT = self._X_FT.rotation().matrix(), self._X_FT.translation()
-        seen_T = (self._field.solid_points - p_FT) @ R_FT
-
-        def seen(p_T: Vector) -> Vector:
-            return self._field.distance(p_T @ R_FT.T + p_FT, within=GRID_CAP)
-
-        def around_object(p_T: Vector) -> Vector:
-            return self._object.distance(p_T, within=GRID_CAP)
-
-        cloud = sample(region, seen, seen_T, GRID_CAP)
-        around = sample(region, around_object, self._object.solid_points, GRID_CAP)
-        np.minimum(cloud, around, out=cloud)
+        region, R_FT = arm_region(self.kinematics.arm), self._X_FT.rotation().matrix()
+        seen = (self._field.solid_points - self._X_FT.translation()) @ R_FT
+        around = self._object.solid_points @ self._X_TO.rotation().matrix().T
+        points = np.concatenate((seen, around + self._X_TO.translation()))
+        cloud = sample(region, points, GRID_CAP)
         with_body = np.minimum(cloud, self._body_layer() + self._allowance)
         return DistanceGrid(region, np.stack((cloud, with_body)))
 

@@ -5,13 +5,17 @@ from dataclasses import dataclass
 
 from pepper_drake.errors import InputError
 
+FARTHEST = 0.15
+"""Distance beyond which none is computed [m]: all clearances are less."""
+
 
 @dataclass
 class ClearanceTable:
     """Distances of the arm to the obstacle cloud, from the one that stops it to the one aimed at.
 
     They must rise in the order stop < start < replan < resume < want < optimise < retreat:
-    otherwise a plan that is just good enough to start would be stopped or replanned at once.
+    otherwise a plan that is just good enough to start would be stopped or replanned at once. All
+    must be less than `FARTHEST`.
 
     Raises:
         InputError: A clearance is not greater than the one before it.
@@ -47,3 +51,8 @@ class ClearanceTable:
                     f"clearance.{upper} is {high:g} m; it must be greater than "
                     f"clearance.{lower}, {low:g} m"
                 )
+        if not self.retreat < FARTHEST:
+            raise InputError(
+                f"clearance.retreat is {self.retreat:g} m; it must be less than {FARTHEST:g} m, "
+                "beyond which no distance is computed"
+            )

@@ -1,15 +1,13 @@
 """Distances on a grid, for very many look-ups at once."""
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import maximum_filter
+from numba import njit
 
 Vector = npt.NDArray[np.float64]
-Field = Callable[[Vector], Vector]
-"""Distances (N,) [m] at points (N, 3)."""
 
 
 @dataclass(frozen=True)
@@ -42,47 +40,41 @@ class Region:
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def near_nodes(region: Region, points: Vector, reach: float) -> npt.NDArray[np.bool_]:
-    """Which nodes (N,) may be within `reach` [m] of some points (P, 3): all that are, and more.
-
-    Points are counted in cells of the size of the reach; the nodes of a cell are near if it or
-    one of its neighbours holds a point.
-    """
-    size = np.asarray(region.counts)
-    per_cell = int(np.ceil(reach / region.spacing))
-    cells = (size - 1) // per_cell + 3  # One cell of border, for points just outside.
-    index = np.floor((points - region.lower) / (per_cell * region.spacing)).astype(int) + 1
-    inside = np.all((index >= 0) & (index < cells), axis=1)
-    occupied = np.zeros(cells, dtype=bool)
-    occupied[tuple(index[inside].T)] = True
-    occupied = maximum_filter(occupied, size=3, mode="constant")[1:-1, 1:-1, 1:-1]
-    for axis, n in enumerate(size):
-        occupied = np.repeat(occupied, per_cell, axis=axis).take(np.arange(n), axis=axis)
-    return occupied.ravel()
-
-
-def sample(region: Region, field: Field, points: Vector | None, cap: float) -> Vector:
-    """Distances (N,) [m] at the nodes of a region, at most `cap`.
+def sample(region: Region, points: Vector, cap: float) -> Vector:
+    """Distances (N,) [m] of the nodes of a region to the nearest of some points, at most `cap`.
 
     Args:
         region: The nodes.
-        field: Gives the distances.
-        points: (P, 3) on the surfaces that the field is about: nodes far from all of them are not
-            asked for. None asks for all.
+        points: (P, 3) [m].
         cap: Greatest distance of interest [m].
     """
-    values = np.full(int(np.prod(region.counts)), cap)
-    nodes = region.nodes()
-    chosen = (
-        np.ones(len(nodes), dtype=bool)
-        if points is None
-        else near_nodes(region, points, cap)
-        if len(points)
-        else np.zeros(len(nodes), dtype=bool)
-    )
-    if chosen.any():
-        values[chosen] = np.minimum(field(nodes[chosen]), cap)
-    return values
+    squares = np.full(region.counts, cap * cap)
+    _lower_squares(squares, np.array(region.lower), region.spacing, np.array(points), cap)
+    return np.sqrt(squares).ravel()
+
+
+@njit(cache=True)
+def _lower_squares(
+    squares: Vector, lower: Vector, spacing: float, points: Vector, cap: float
+) -> None:
+    """Lowers squared distances (I, J, K) of nodes to those of points (P, 3) within a cap."""
+    first, last = np.empty(3, np.int64), np.empty(3, np.int64)
+    z = np.empty(squares.shape[2])
+    for n in range(len(points)):
+        for k in range(3):
+            place = (points[n, k] - lower[k]) / spacing
+            reach = cap / spacing
+            first[k] = max(math.ceil(place - reach), 0)
+            last[k] = min(math.floor(place + reach), squares.shape[k] - 1)
+        for k in range(first[2], last[2] + 1):
+            z[k] = (lower[2] + spacing * k - points[n, 2]) ** 2
+        for i in range(first[0], last[0] + 1):
+            x = (lower[0] + spacing * i - points[n, 0]) ** 2
+            for j in range(first[1], last[1] + 1):
+                xy = x + (lower[1] + spacing * j - points[n, 1]) ** 2
+                if xy < cap * cap:
+                    for k in range(first[2], last[2] + 1):
+                        squares[i, j, k] = min(squares[i, j, k], xy + z[k])
 
 
 class DistanceGrid:

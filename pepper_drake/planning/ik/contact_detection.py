@@ -26,6 +26,8 @@ class ContactParams:
     """Additional deviation for each rad/s of the command [s]."""
     steps: int = 2
     """For how many control periods in a row it has to be farther off."""
+    give_way_steps: int = 10
+    """Control periods after which the command of a stopped robot gives way to a joint off it."""
     latency: float = 0.0
     """Time that commands may take to the joints, beside the control period [s]."""
     back_off: float = 0.3

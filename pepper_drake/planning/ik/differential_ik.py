@@ -53,6 +53,10 @@ class DifferentialIkParams:
     """Per axis of the torso frame [m/s]."""
     angular_velocity_limit: float = 3.0
     """Per axis of the torso frame [rad/s]."""
+    target_time_constant: float = 0.1
+    """With which the command follows a joint target [s]."""
+    catch_up_steps: int = 4
+    """Control periods in which the command catches up with an arm that is led."""
 
     @property
     def tracking_gain(self) -> float:

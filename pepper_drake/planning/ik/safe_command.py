@@ -23,8 +23,6 @@ Vector = npt.NDArray[np.float64]
 
 _SAME = 1e-12
 """A command that is so near to what was wished for is that wish, to the last bit [rad]."""
-_RETAKEN = 10
-"""A command at rest gives way after so many control periods of a joint off it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +116,7 @@ class SafeCommand:
                 stopped = state.stopped(StopReason.JOINT_HELD, joint)
                 return replace(stopped, target=known[0], held=np.zeros_like(held))
             return state
-        if np.any(held >= _RETAKEN) and not self.velocity.any():
+        if np.any(held >= params.give_way_steps) and not self.velocity.any():
             # What still presses is not pressed against.
             return replace(state, target=measured, held=np.zeros_like(held))
         return state

@@ -9,15 +9,11 @@ from pydrake.math import RigidTransform
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel, arm_joints
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
-from pepper_drake.planning.ik.command_limits import limit_joint_command
 from pepper_drake.planning.ik.compiled_ik import CompiledIk
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams, feedforward_poses
 from pepper_drake.planning.reach.movement import Movement
 
 Vector = npt.NDArray[np.float64]
-
-_STILL = 0.02
-"""Joint speed below which the arm counts as standing [rad/s]."""
 
 
 class HandPath(NamedTuple):
@@ -51,6 +47,7 @@ class KinematicSimulator:
         kinematics: Of the arm.
         ik: Parameters of the inverse kinematics.
         settle: How long a motion goes on after its end at most, in tau.
+        still_speed: Joint speed below which the arm stands [rad/s].
     """
 
     def __init__(
@@ -59,8 +56,10 @@ class KinematicSimulator:
         kinematics: ArmKinematics,
         ik: DifferentialIkParams,
         settle: float,
+        still_speed: float = 0.02,
     ) -> None:
         self._kinematics, self._params, self._settle = kinematics, ik, settle
+        self._still_speed = still_speed
         self._ik = CompiledIk(model, kinematics.chain, kinematics.arm, ik)
         names = arm_joints(kinematics.arm)
         self.limits = model.command_limits(names, speed_fraction=ik.speed_fraction)
@@ -117,21 +116,14 @@ class KinematicSimulator:
         asked_p, asked_R = feedforward_poses(
             p[:-1], p[1:], R[:-1], R[1:], self._params.tracking_gain
         )
-        joints, velocity = start
-        commands = np.empty((len(path.positions), 5))
-        commands[0] = joints
-        for n in range(1, len(commands)):
-            wished = self._ik.velocity(joints, path.joints[n - 1], asked_p[n - 1], asked_R[n - 1])
-            joints, velocity = limit_joint_command(
-                joints,
-                velocity,
-                wished,
-                limits=self.limits,
-                time_step=self._params.time_step,
-            )
-            commands[n] = joints
-            if n >= path.ends and n % 5 == 0 and np.abs(velocity).max() < _STILL:
-                off = self._kinematics.hand_pose(joints).translation() - path.positions[-1]
-                if np.sqrt(off @ off) < 0.5 * tolerance:
-                    return commands[: n + 1]
-        return commands
+        return self._ik.track(
+            start,
+            path.joints[:-1],
+            asked_p,
+            asked_R,
+            limits=self.limits,
+            ends=path.ends,
+            goal=p[-1],
+            tolerance=0.5 * tolerance,
+            still_speed=self._still_speed,
+        )

@@ -32,16 +32,16 @@ def likely_cause(
         )
     if state.blind > params.cause.blind:
         return "cloud_missing", (
-            f"the depth camera's images came so late or so seldom that the arm waited for "
-            f"them for {state.blind:.1f} s; {symptom}"
+            f"the depth camera's images came so late or so seldom that the robot waited for "
+            f"them for {state.blind:.1f} s"
         )
     if planned is None:
         return None
     moved = float(np.linalg.norm(observation.p_WO - planned.p_WO))
     if moved > params.tolerance.jumped:
         return "goal_moved", (
-            f"the goal object is seen {1000 * moved:.0f} mm from where it was when the arm "
-            f"started; {symptom}"
+            f"the goal object is seen {1000 * moved:.0f} mm from where it was at the last plan; "
+            f"{symptom}"
         )
     torso = body_indices(JOINT_GROUPS["body"])
     tilt = np.abs(observation.joint_position - planned.joint_position)[torso].max()

@@ -10,19 +10,21 @@ from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.dmp.primitive import DEFAULT_NUM_BASIS
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 
 Vector = npt.NDArray[np.float64]
 
 _SAMPLES = 101
-_REST = 0.06
-"""Share of the movement during which it rests at its end: there the forcing term learns to be zero,
-or else what is left of it would push the hand about at its goal."""
 _APPROXIMATOR = "trajectory"
 """Approximator that is most at rest after the end, and exact to a tenth of a millimetre."""
 
 
 def fit_primitive_to_joint_path(
-    kinematics: ArmKinematics, joints: Vector, duration: float, name: str
+    kinematics: ArmKinematics,
+    joints: Vector,
+    duration: float,
+    name: str,
+    rest_share: float = ReachPlannerParams.rest_share,
 ) -> MovementPrimitive:
     """Learns the primitive of a joint path as if it had been shown.
 
@@ -35,15 +37,16 @@ def fit_primitive_to_joint_path(
         joints: (N, 5) at even times [rad].
         duration: Of the path [s]; the primitive's is a little longer, as it rests at its end.
         name: Of the primitive.
+        rest_share: Share of the movement during which it rests at its end.
     """
     s = np.linspace(0.0, 1.0, len(joints))
     fine = np.linspace(0.0, 1.0, _SAMPLES)
-    q = make_interp_spline(s, joints, k=3)(np.minimum(fine / (1.0 - _REST), 1.0))
+    q = make_interp_spline(s, joints, k=3)(np.minimum(fine / (1.0 - rest_share), 1.0))
     poses = kinematics.poses(q)
     rotations = Rotation.from_matrix(poses.hand_rotation).as_quat(scalar_first=True)
     return MovementPrimitive.fit(
         Demonstration.from_positions(
-            duration / (1.0 - _REST) * fine,
+            duration / (1.0 - rest_share) * fine,
             poses.hand_position,
             rotations=rotations,
             joints=q,

@@ -13,6 +13,6 @@ class Origin(IntEnum):
     ADAPTED = 2
     """The taught movement, adapted to what was seen before the arm started."""
     DETOUR = 3
-    """The rest of a movement, planned anew on the way."""
+    """The rest of a movement, replanned during the motion."""
     RETREAT = 4
-    """Back along the path, away from what came."""
+    """Back along the travelled path, away from a new obstacle."""

@@ -94,7 +94,7 @@ class Observation:
 
     @property
     def cloud_age(self) -> float:
-        """Time since the last depth image [s]; infinite before the first, and for one of later."""
+        """Time since the last depth image [s]; infinite before the first, or if dated later."""
         age = self.time - self.cloud_time
         return age if np.isfinite(age) and age > _FUTURE else np.inf
 
@@ -119,7 +119,7 @@ class Observation:
     def image_message(self) -> str:
         """Which colour camera gave no image that could be looked at, as a sentence."""
         age, camera = float(self.image_ages.max()), int(np.argmax(self.image_ages))
-        words = f"the {('top', 'bottom')[camera]} camera gave no image that is one"
+        words = f"the {('top', 'bottom')[camera]} camera gave no usable image"
         return words if np.isinf(age) else f"{words} for {age:.1f} s"
 
     @property

@@ -25,9 +25,6 @@ from pepper_drake.planning.reach.support_surface import extrapolate_support_surf
 
 Vector = npt.NDArray[np.float64]
 
-_NEAR = 1.0
-"""Obstacles farther from the torso's frame than this are out of the arm's reach [m]."""
-
 
 @dataclass(frozen=True, eq=False)
 class PlanningScene:
@@ -73,7 +70,7 @@ class PlanningSceneBuilder:
         self._model, self._arm, self._params = model, arm, params
         self._shapes = ExactDistance(model, arm_kinematics(model, arm))
         self._body = BodyShapes(model, arm)
-        self._object_points = sample_surface(goal_solids)
+        self._goal_object = PointCloudDistance(sample_surface(goal_solids), extension=0.0)
         self._arm_in_body = body_indices(arm_joints(arm))
         self._body_layers: dict[tuple[float, ...], Vector] = {}
 
@@ -113,12 +110,12 @@ class PlanningSceneBuilder:
         X_TW = X_WT.inverse()
         X_TO = X_TW @ observation.X_WO
         cloud_T = observation.obstacles @ X_TW.rotation().matrix().T + X_TW.translation()
-        object_T = self._object_points @ X_TO.rotation().matrix().T + X_TO.translation()
         checker = ArmCollisionChecker(
             self._shapes,
             field_W,
             X_FT=X_WT,
-            goal_object=PointCloudDistance(object_T, extension=0.0),
+            goal_object=self._goal_object,
+            X_TO=X_TO,
             body=lambda: self._body.at(joint_position),
             body_layer=lambda: self._body_layer(joint_position),
             body_allowance=-self._params.self_clearance,
@@ -127,7 +124,7 @@ class PlanningSceneBuilder:
             base_pose,
             observation.arm,
             X_TO,
-            cloud_T[np.linalg.norm(cloud_T, axis=1) < _NEAR],
+            cloud_T[np.linalg.norm(cloud_T, axis=1) < self._params.obstacle_range],
             checker,
         )
 

@@ -64,7 +64,9 @@ class ReachEvaluator:
         self.params = params
         self.kinematics = arm_kinematics(model, task.arm)
         self.scenes = PlanningSceneBuilder(model, task.arm, task.goal_solids, params)
-        self._simulator = KinematicSimulator(model, self.kinematics, task.ik, params.settle)
+        self._simulator = KinematicSimulator(
+            model, self.kinematics, task.ik, params.settle, params.still_speed
+        )
         self.time_step = task.ik.time_step
         self.limits = model.command_limits(
             arm_joints(task.arm), speed_fraction=task.ik.speed_fraction
@@ -122,7 +124,11 @@ class ReachEvaluator:
         """Returns a movement that keeps to a path of the arm's joints."""
         demonstrated = self.demonstrated
         primitive = fit_primitive_to_joint_path(
-            self.kinematics, path.joints, path.duration, f"{demonstrated.primitive.name}, adapted"
+            self.kinematics,
+            path.joints,
+            path.duration,
+            f"{demonstrated.primitive.name}, adapted",
+            self.params.rest_share,
         )
         X_OG = reachable_pre_grasp(demonstrated.X_OG, scene.X_TO, self.kinematics, path.joints[-1])
         coupling = self.coupling_along(scene, primitive)
@@ -170,7 +176,10 @@ class ReachEvaluator:
         elif behind > params.following.plan:
             status = PlanStatus.CANNOT_FOLLOW
             message = f"the hand would fall {1000 * behind:.0f} mm behind its movement"
-        elif scene.checker.self_distances(joint_path[::5]).min() < params.self_clearance:
+        elif (
+            scene.checker.self_distances(joint_path[::5], params.self_clearance).min()
+            < params.self_clearance
+        ):
             status = PlanStatus.SELF_COLLISION
             message = "the arm would run into the robot's own body"
         elif collision_checked and clearance < params.clearance.start - allowance:

@@ -103,6 +103,9 @@ class ReachPlannerParams:
     """The same to the arm's side [m]."""
     reach: float = 0.39
     """Farthest distance of the hand from the shoulder [m]: 0.41 m stretched, less a margin."""
+    obstacle_range: float = 1.0
+    """Distance of obstacles from the torso's frame beyond which they are out of the arm's reach
+    [m]."""
     slack: float = 0.08
     """Displacement of the goal that should still be within reach, if possible [m]."""
     body_clearance: float = 0.02
@@ -121,6 +124,13 @@ class ReachPlannerParams:
     """Thickness that is assumed below each point of the cloud [m]: that of a table top."""
     settle: float = 0.4
     """Time that the simulated movement goes on after its end, in units of tau."""
+    still_speed: float = 0.02
+    """Joint speed below which the arm stands, at its goal in the simulated movement [rad/s]."""
+    rest_share: float = 0.06
+    """Share of an adapted movement during which it rests at its end: there the forcing term learns
+    to be zero, or else what is left of it would push the hand about at its goal."""
+    image_period: float = 0.2
+    """Time until the next depth image [s]: what is new counts to where the arm is by then."""
     places_with_slack: int = 3
     """Base placements with `slack` that are simulated at most."""
     places_tried: int = 8
@@ -216,6 +226,14 @@ class ReachTiming:
     """Time for which the arm waits for obstacles to leave, in all its retreats [s]."""
     detour_delay: float = 4.0
     """Time for which the arm waits for a new obstacle to leave before a detour is planned [s]."""
+    gentle_duration: float = 4.0
+    """Duration of a gentle movement, in those of the demonstration, whose fastest point would else
+    exceed 250 mm/s."""
+    gentle_speed: float = 0.15
+    """Share of the joints' rated speed that a gentle arm uses at most."""
+    timing_error: float = 0.2
+    """Greatest lead or lag of the arm on its path, such as by phase stopping, that is noticed
+    [s]."""
     at_rest: float = 0.1
     """Joint speed below which a whole new plan may be made for an arm that waits [rad/s]."""
     clearance_lost: float = 0.003

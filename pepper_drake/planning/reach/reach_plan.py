@@ -13,15 +13,11 @@ from pepper_drake.models.control_model import CONTROL_PERIOD, CommandLimits
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
-from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.short_repr import short_repr
 
 Vector = npt.NDArray[np.float64]
-
-
-_TIMING_ERROR = 0.2
-"""Greatest lead or lag of the arm on its path, such as by phase stopping, that is noticed [s]."""
 
 
 class PlanStatus(StrEnum):
@@ -74,7 +70,12 @@ class ReachPlan:
         return int(np.argmin(np.sum((self.joint_path - arm.position) ** 2, axis=1)))
 
     def predict(
-        self, arm: ArmState, elapsed: float, duration: float, speed: float = 1.0
+        self,
+        arm: ArmState,
+        elapsed: float,
+        duration: float,
+        speed: float = 1.0,
+        timing_error: float = ReachTiming.timing_error,
     ) -> ArmState:
         """Returns the arm's command after some time along this path.
 
@@ -86,10 +87,11 @@ class ReachPlan:
                 place twice.
             duration: Time from now [s].
             speed: The share of its speed at which the movement is performed.
+            timing_error: Greatest lead or lag on the path that is noticed [s].
         """
         path = self.joint_path
         assert path is not None
-        half = round(_TIMING_ERROR / self.time_step)
+        half = round(timing_error / self.time_step)
         first = min(max(round(elapsed / self.time_step) - half, 0), len(path) - 1)
         some = path[first : first + 2 * half + 1]
         now = first + int(np.argmin(np.sum((some - arm.position) ** 2, axis=1)))

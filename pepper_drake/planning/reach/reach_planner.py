@@ -36,8 +36,6 @@ __all__ = ["PlanStatus", "ReachPlan", "ReachPlanner", "ReachPlannerParams"]
 
 Vector = npt.NDArray[np.float64]
 
-_NEXT_IMAGE = 0.2
-"""Time until the next depth image [s]."""
 _AROUND_CAMERA = ("Head", "Neck")
 """Links that turn with the depth camera, and hide nothing from it."""
 
@@ -140,8 +138,8 @@ class ReachPlanner:
                 first = min(unseen.first)
                 x, y, z = unseen.regions[unseen.first.index(first)].mean(axis=0)
                 place = (x, y, z)
-        # Of what came, the distance counts to where the arm is by the next image, too.
-        near = centers[: round(_NEXT_IMAGE / duration) + 1].reshape(-1, 3)
+        # The distance to a new obstacle counts up to where the arm is by the next image.
+        near = centers[: round(self.params.image_period / duration) + 1].reshape(-1, 3)
         distance = np.inf
         if len(new_obstacle):
             X_WT = self._evaluator.scenes.torso_pose(observation)

@@ -201,13 +201,15 @@ class _Supervision:
     def drive(self, state: ReachState) -> ReachState:
         """Waits until the base is where it was sent; without depth images it stands."""
         time, is_blind = self._time, self._observation.cloud_age > self._timing.cloud_timeout
-        if is_blind != state.braking:
-            state = replace(state, braking=is_blind)
+        if is_blind:
+            state = replace(state, braking=True, blind=state.blind + self._timing.time_step)
+        elif state.braking:
+            state = replace(state, braking=False)
         if time - state.since > self._timing.driving_timeout:
             message = "the base did not get to where the arm can reach the goal"
             if self._observation.base_blocked:
                 message += ": something stands in its way"
-            return state.fail(time, "drive_failed", message)
+            return self._fail(state, "drive_failed", message)
         # The base has not read its new goal yet in the step in which it is sent.
         has_started = time - state.since > self._timing.time_step + _ROUNDING
         if self._observation.base_arrived and has_started and not state.braking:

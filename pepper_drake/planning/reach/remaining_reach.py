@@ -62,7 +62,9 @@ def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observ
         evaluator.limits,
         evaluator.params.retreat,
     )
-    primitive = fit_primitive_to_joint_path(kinematics, joints, duration, "retreat")
+    primitive = fit_primitive_to_joint_path(
+        kinematics, joints, duration, "retreat", evaluator.params.rest_share
+    )
     end = kinematics.poses(joints[-1:])
     X_TG = RigidTransform(
         RotationMatrix.ProjectToRotationMatrix(end.hand_rotation[0]), end.hand_position[0]

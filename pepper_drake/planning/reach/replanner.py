@@ -1,11 +1,12 @@
 """Online replanning: what the arm does about obstacles that appear on its way."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.planning.ik.command_limits import stopping_distance
+from pepper_drake.planning.ik.compiled_tick import stopping_distance
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
@@ -129,18 +130,19 @@ class ReachReplanner:
         plan, latency, time = state.plan, self.timing.latency, observation.time
         assert plan is not None
         arm, tick, elapsed = observation.arm, plan.time_step, state.performed
+        predict = partial(plan.predict, timing_error=self.timing.timing_error)
 
         def until_effect(latency: float) -> float:
             # The controller begins with another movement in the tick after it is there.
             return tick * (np.floor(latency / tick + 1e-6) + 1.0)
 
         if not state.will_brake:
-            start = plan.predict(arm, elapsed, until_effect(latency.plan), state.speed)
+            start = predict(arm, elapsed, until_effect(latency.plan), state.speed)
             return start, time + latency.plan
         going_on = 0.0
         if not state.braking:
             going_on = until_effect(latency.check)
-            arm = plan.predict(arm, elapsed, going_on, state.speed)
+            arm = predict(arm, elapsed, going_on, state.speed)
         limits = self.planner.limits
         stopping = [
             np.copysign(stopping_distance(abs(speed), change, tick), speed)

@@ -4,17 +4,18 @@ Speed and separation monitoring (ISO/TS 15066:2016, 5.5.4) asks for the distance
 
     S_p = S_h + S_r + S_s + C + Z_d + Z_r,
 
-of what a person covers until the robot stands, of what the robot covers until it brakes and while
-it brakes, and of uncertainties. Here the hazard is a place on the arm's path at which something may
-have come since it was seen. S_h, C and the Z are in the age up to which a place counts as seen
-(`UnseenSpaceParams.recent`); what is left is that the arm has to stand before such a place, with
+the distance that a person covers until the robot stands, those that the robot covers until it
+brakes and while it brakes, and uncertainties. Here the hazard is a place on the arm's path that an
+obstacle may have entered since it was seen. S_h, C and the Z are in the age up to which a place
+counts as seen (`UnseenSpaceParams.recent`). It remains that the arm has to stand before such a
+place, with
 
     t = speed * reaction + speed² / (2 slowing),
 
 the time to that place along the movement at its full speed, and `speed` the share of it.
 
-From what came since the arm started, which may be larger than what is seen of it and may move on,
-the arm keeps the distance itself: at a speed v of its fastest point
+To an obstacle that appeared since the arm started, which may be larger than what is seen of it and
+may move, the arm keeps the distance itself: at a speed v of its fastest point
 
     S_p = v_h (T_r + T_s) + v T_r + v T_s / 2 + C,   T_s = v / a.
 """
@@ -39,7 +40,7 @@ class SeparationParams:
     """Speed of the arm's fastest point with which it goes on where it cannot see [m/s]: a touch
     may have 0.05 m/s."""
     approach_speed: float = 0.3
-    """Speed v_h of what came [m/s]: the scenes' fastest. A walking person's, 1.6 m/s in the
+    """Speed v_h of a new obstacle [m/s]: the scenes' fastest. A walking person's, 1.6 m/s in the
     technical specification, would not let the arm move anywhere near."""
     deceleration: float = 2.0
     """Deceleration a of the arm's fastest point [m/s²]: 0.5 m/s within the 0.25 s of `slowing`."""
@@ -56,7 +57,7 @@ class StaleSpace(NamedTuple):
         place: Its middle (3,) in W [m]; NaN if there is none.
         time: Until the arm gets there at its movement's full speed [s].
         fastest: Speed of the arm's fastest point on the way, at that speed [m/s].
-        distance: Of the arm from what came since it started [m].
+        distance: Of the arm to an obstacle that appeared since it started [m].
     """
 
     place: tuple[float, float, float] = (np.nan, np.nan, np.nan)
@@ -66,7 +67,7 @@ class StaleSpace(NamedTuple):
 
 
 def separated_speed(distance: float, params: SeparationParams) -> float:
-    """Returns the speed that the arm's points may have at a distance from what came [m/s]."""
+    """Returns the speed that the arm's points may have at a distance from a new obstacle [m/s]."""
     if not np.isfinite(distance):
         return np.inf
     v_h, r, a = params.approach_speed, params.reaction, params.deceleration

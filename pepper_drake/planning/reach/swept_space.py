@@ -53,6 +53,10 @@ class UnseenSpaceParams:
     is behind, a depth camera measures nothing, walls or not. Such places are out of view, too."""
     projector_baseline: float = 0.075
     """Distance of the depth camera from its projector [m]: its light is hidden by the arm, too."""
+    image_border: float = 0.15
+    """Share of half the image, along its border, in which a depth camera often measures nothing."""
+    hidden_margin: float = 0.03
+    """Distance around what hides something at which a depth camera measures nothing either [m]."""
     accept: bool = False
     """True to move through unseen space all the same."""
 
@@ -125,7 +129,14 @@ def unseen_space(
         hiding = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
         if body is not None:
             hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
-        shown = within_possible_view(CAMERA_DEPTH, p_T[unseen], hiding, params.projector_baseline)
+        shown = within_possible_view(
+            CAMERA_DEPTH,
+            p_T[unseen],
+            hiding,
+            params.projector_baseline,
+            border=params.image_border,
+            margin=params.hidden_margin,
+        )
         shown &= _is_before_floor(p_W[unseen], X_WT, params.background)
         out_of_view = float(np.count_nonzero(~shown)) * params.cell**3
         unseen = unseen[shown]

@@ -12,7 +12,7 @@ _DEGREE = 4
 
 
 def minimum_jerk(relative_times: Vector) -> Vector:
-    """The share (N,) of the way at relative times (N,) from 0 to 1: 10 s³ - 15 s⁴ + 6 s⁵."""
+    """The share (N,) of the distance at relative times (N,) from 0 to 1: 10 s³ - 15 s⁴ + 6 s⁵."""
     s = np.clip(relative_times, 0.0, 1.0)
     return s**3 * (10.0 + s * (6.0 * s - 15.0))
 
@@ -79,8 +79,8 @@ def minimum_duration(paths: Vector, velocity: Vector, acceleration: Vector) -> V
 def time_parameterize(waypoints: Vector, samples: int) -> Vector:
     """A path (samples, 5) through waypoints (K, 5), K >= 2, at rest at both ends.
 
-    The arm goes along the straight lines between them by minimum jerk of the way; the corners are
-    then rounded by a running mean over a tenth of the time.
+    The arm follows the straight lines between them by minimum jerk of the path length; the corners
+    are then rounded by a running mean over a tenth of the time.
     """
     way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))))
     share = minimum_jerk(np.linspace(0.0, 1.0, samples)) * way[-1]

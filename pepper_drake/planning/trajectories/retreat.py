@@ -1,4 +1,4 @@
-"""Back the way the arm came, when something comes in its way and there is no other."""
+"""Retreat along the travelled path from a new obstacle, when there is no detour."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ class RetreatParams:
     durations: list[float] = field(default_factory=lambda: [0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0])
     """Durations of a retreat [s]: the first in which the joints keep their limits is taken."""
     braking_share: float = 0.75
-    """Share of the acceleration that braking may take; the rest is for the way back."""
+    """Share of the acceleration that braking may take; the rest is for the retreat."""
     stride: int = 3
     """Stride through the travelled path where its clearance is computed."""
     lost: float = 0.01
@@ -108,8 +108,8 @@ def dilate_new_points(
 ) -> Vector:
     """A cloud with what is new in it extended to all sides.
 
-    Of what came only the side towards the camera was seen, and it may move on: who plans around it
-    keeps away a little more than from what was known before.
+    Only the side of a new obstacle towards the camera was seen, and it may move: plans keep a
+    larger distance from it than from what was known before.
 
     Args:
         cloud: (P, 3) what is seen now, m, z up.
@@ -149,7 +149,7 @@ def new_points(
 
 
 def retreat_trajectory(
-    came: Vector,
+    travelled: Vector,
     position: Vector,
     velocity: Vector,
     clearances: Callable[[Vector], Vector],
@@ -157,26 +157,26 @@ def retreat_trajectory(
     limits: CommandLimits,
     params: RetreatParams = DEFAULT_RETREAT,
 ) -> tuple[Vector, float]:
-    """A path of the joints back to where there is room.
+    """A joint trajectory back along the travelled path.
 
-    The arm brakes and goes back the way it came, to the nearest posture with that much room, or
+    The arm brakes and returns along the path to the nearest configuration with enough clearance, or
     else to the one with most.
 
     Args:
-        came: (N, 5) the way so far, the last the nearest to where the arm is [rad].
-        position: (5,) where it is [rad].
+        travelled: (N, 5) configurations of the travelled path, the last nearest to the arm [rad].
+        position: (5,) of the arm [rad].
         velocity: (5,) rad/s.
         clearances: Least distances (M,) [m] to what is seen, for postures (M, 5).
-        room: m.
+        room: Clearance that is enough [m].
         limits: Of the joints.
         params: Durations, braking and strides.
 
     Returns:
         Joints (N, 5) at even times, rad, and the duration [s].
     """
-    back = came[::-1]
+    back = travelled[::-1]
     around = clearances(back[:: params.stride])
-    # Who is near something goes away from it, but not through it.
+    # An arm that is near an obstacle moves away from it, but not through it.
     nearer = np.minimum.accumulate(around) < min(around[0], room) - params.lost
     if nearer.any():
         around = around[: np.argmax(nearer)]
@@ -184,7 +184,7 @@ def retreat_trajectory(
     end = int(params.stride * (enough[0] if len(enough) else np.argmax(around)))
     nodes = np.arange(end + 1)
     strongest = limits.acceleration
-    # However long the way back is: who brakes for as long goes far in the wrong direction.
+    # Independent of the retreat's duration: long braking moves the arm on towards the obstacle.
     braking = params.braking_share * strongest
     stopping = float(np.max(_STRONGEST_BRAKING * np.abs(velocity) / braking))
     for duration in params.durations:

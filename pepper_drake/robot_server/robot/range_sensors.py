@@ -6,6 +6,7 @@ left to right. A ray that hits nothing ends beyond what the laser sees, which is
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,8 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform
+
+from pepper_drake.robot_server.robot.floor_map import LaserScan, transformed
 
 Vector = npt.NDArray[np.float64]
 
@@ -113,6 +116,18 @@ class RangeSensors:
         places = np.stack([far * np.cos(self._fan), far * np.sin(self._fan)], axis=2)
         echoes = distances[beams:].reshape(len(_SONARS), _SONAR_RAYS).min(axis=1)
         return np.concatenate([places.ravel(), np.clip(echoes, *_SONAR_RANGE)])
+
+
+def laser_scan(ranges: Mapping[str, float]) -> LaserScan | None:
+    """Returns what the lasers saw, from the values by name; None where they measured nothing."""
+    if any(name not in ranges for name in _SEGMENTS):
+        return None
+    places = np.array([ranges[name] for name in _SEGMENTS]).reshape(-1, _LASER_RAYS, 2)
+    mounts = np.array(list(_LASERS.values()))
+    ends = [transformed(mount, rays) for mount, rays in zip(mounts, places, strict=True)]
+    starts = np.repeat(mounts[:, :2], _LASER_RAYS, axis=0)
+    hits = np.linalg.norm(places, axis=2).ravel() < _LASER_FAR - 1e-3
+    return LaserScan(starts, np.concatenate(ends), hits)
 
 
 def cast_rays(origins: Vector, directions: Vector, solid: _Solid) -> Vector:

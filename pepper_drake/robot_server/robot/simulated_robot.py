@@ -4,6 +4,7 @@ A process, not a thread: beside a simulation in the same interpreter the server 
 """
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -128,6 +129,10 @@ class SimulatedRobot(ChildProcess):
             return CameraImage(float(image["time"]), np.float32(0.001) * millimetres)
         color = data[: 3 * height * width].reshape(height, width, 3)
         return CameraImage(float(image["time"]), color)
+
+    def move_goal(self, offset: Sequence[float]) -> None:
+        """Moves the goal object, as a person would, to an offset (3,) in W from its place [m]."""
+        self._command.write(goal_offset=offset)
 
     def close(self) -> None:
         """Ends the simulator and lets the shared memory go."""

@@ -5,8 +5,9 @@ machine is too slow, the robot's clock slows with the simulation, so that all st
 """
 
 import math
+import signal
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,24 +17,30 @@ from pydrake.systems.framework import Context
 
 from pepper_drake.diagrams.station import PepperStation, StationConfig
 from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
+from pepper_drake.models.movable_objects import with_movable_objects
+from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
 from pepper_drake.naoqi.constants import BOTTOM, CYCLE, DEPTH, HANDS, JOINTS, TOP
 from pepper_drake.robot_server.robot.range_sensors import MEASURED, PERIOD, RangeSensors
 from pepper_drake.robot_server.robot.robot_port import SENSORS
 from pepper_drake.robot_server.robot.shared_state import SharedNames, SharedRecord
+from pepper_drake.systems.robot.reference_filter import step_follower
 
 CAMERAS = {TOP: "camera_top", BOTTOM: "camera_bottom", DEPTH: "camera_depth"}
 LARGEST_IMAGE = 1280 * 960 * 4
 """Bytes kept for an image."""
 SLOWEST_SHOWN = 0.98
 """Rate of the robot's clock below which it is said to be slow."""
-_LATENCY = 0.9
-"""Share of the time between two images after which one is out."""
+LATENCY = 0.9
+"""Share of the time between two images after which one is out: until then it may be rendered beside
+the simulation, which need not wait."""
 _LIMP_JOINTS = tuple(
     name for group in ("head", "left_arm", "right_arm") for name in JOINT_GROUPS[group]
 )
 """Joints that go limp; the wheels and the leg are always stiff, or Pepper would fall."""
+_GOAL_MOTION = {"time_constant": 0.2, "max_speed": 0.2}
+"""Motion of a goal that somebody moves: smooth, up to a speed [s, m/s]."""
 _HAND_ROWS = [JOINTS.index(name) for name in HANDS]
 _MOTORS = {
     "Yaw": (27.5e-3, 101.3),
@@ -73,6 +80,7 @@ COMMAND = np.dtype(
         ("stiffnesses", "f8", len(JOINTS)),
         ("base_velocity", "f8", 3),
         ("enabled", "?", len(CAMERAS)),
+        ("goal_offset", "f8", 3),
         ("stop", "?"),
     ]
 )
@@ -87,16 +95,15 @@ class SimulatorConfig:
 
     Attributes:
         scene: Where it stands.
-        seed: Seed of the sensors' noise.
+        station: The simulated robot. A shorter latency of its cameras than `LATENCY` of their
+            period makes the robot's clock wait for images that are being rendered.
         rate: Rate of the robot's clock beside the wall's; 0 for as fast as the machine is.
-        camera_period: Time between two images of a camera [s].
         epoch: The robot's clock at the start [s since the epoch].
     """
 
     scene: Scene
-    seed: int = 0
+    station: StationConfig
     rate: float = 1.0
-    camera_period: float = 0.2
     epoch: float = 0.0
 
 
@@ -107,6 +114,7 @@ def simulate(config: SimulatorConfig, names: SharedNames) -> None:
         config: The robot.
         names: Its shared memory.
     """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which ends this process.
     SimulatedPepper(config, names).run()
 
 
@@ -124,13 +132,14 @@ class SimulatedPepper:
         self._state = SharedRecord(STATE, names.state)
         self._command = SharedRecord(COMMAND, names.command)
         self._images = [SharedRecord(IMAGE, name) for name in names.images]
-        station_config = StationConfig(
-            seed=config.seed,
-            camera_period=config.camera_period,
-            # Until then an image may be rendered beside the simulation, which must not wait.
-            camera_latency=_LATENCY * config.camera_period,
-        )
-        self._station = PepperStation(config.scene, station_config, shared_control_model())
+        scene, station_config = config.scene, config.station
+        self._goal: npt.NDArray[np.float64] | None = None
+        if not scene.goal.path:
+            # Somebody may move it, unless it moves by itself.
+            scene = replace(with_movable_objects(scene), obstacles=scene.obstacles)
+            station_config = replace(station_config, goal_motion_port=True)
+            self._goal = np.zeros(6)
+        self._station = PepperStation(scene, station_config, shared_control_model())
         self._simulator = Simulator(self._station)
         self._context: Context = self._simulator.get_mutable_context()
         self._rows = [JOINTS.index(name) for name in BODY_JOINTS]
@@ -214,6 +223,10 @@ class SimulatedPepper:
                 # friction along, a cycle late, and drive the joint away.
                 wanted[row] = self._obeyed[row]
         self._obeyed = wanted
+        if self._goal is not None:
+            offset = np.array(command["goal_offset"])
+            self._goal = step_follower(self._goal, offset, time_step=CYCLE, **_GOAL_MOTION)
+            station.GetInputPort(f"{GOAL_OBJECT}.desired_state").FixValue(context, self._goal)
         station.GetInputPort("joint_position_command").FixValue(context, wanted[self._rows])
         station.GetInputPort("base_velocity_command").FixValue(context, command["base_velocity"])
         for k, name in enumerate(CAMERAS.values()):

@@ -188,7 +188,7 @@ class Expression:
             inner = arguments[0]
             steady = token == "stable"
             return lambda now: (inner(now) == inner(now - 0.02)) == steady
-        raise ValueError(f"{token} is no function of an expression")
+        raise ValueError(f"{token} is not a function of an expression")
 
     def _arguments(self, end: str) -> list[Evaluate]:
         found: list[Evaluate] = []

@@ -116,11 +116,11 @@ class Leds(Module):
         if not isinstance(colors, list | tuple) or not isinstance(times, list | tuple):
             raise ValueError("colours and times must be lists")
         if len(colors) != len(times):
-            raise ValueError("colours and times must be as many")
+            raise ValueError("there must be as many times as colours")
         before = 0.0
         for color, time in zip(colors, times, strict=True):
             if not isinstance(time, int | float):
-                raise ValueError(f"{time!r:.40} is no time")
+                raise ValueError(f"{time!r:.40} is not a time")
             await self._to_color(name, _shares([color]), time - before)
             before = time
 
@@ -237,9 +237,11 @@ def _shares(color: Sequence[Any]) -> tuple[float, float, float]:
     only = color[0]
     if isinstance(only, str):
         if only not in _NAMED:
-            raise ValueError(f"there is no colour {only!r:.40}; it must be one of {list(_NAMED)}")
+            raise ValueError(
+                f"there is not a colour {only!r:.40}; it must be one of {list(_NAMED)}"
+            )
         only = _NAMED[only]
     if not isinstance(only, int) or isinstance(only, bool) or not 0 <= only <= 0xFFFFFFFF:
-        raise ValueError(f"{only!r:.40} is no colour; give 0xRRGGBB or a name")
+        raise ValueError(f"{only!r:.40} is not a colour; give 0xRRGGBB or a name")
     red, green, blue = ((only >> shift & 255) / 255 for shift in (16, 8, 0))
     return red, green, blue

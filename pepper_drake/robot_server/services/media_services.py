@@ -71,29 +71,29 @@ _SHOWN = {
     "show_webview": "shows page",
     "hide_webview": "hides the page",
     "load_url": "loads page",
-    "reload_page": "loads the page again",
+    "reload_page": "reloads the page",
     "load_application": "loads application",
     "play_video": "plays video",
     "stop_video": "stops the video",
     "pause_video": "pauses the video",
-    "resume_video": "goes on with the video",
+    "resume_video": "resumes the video",
     "clean_webview": "clears the page",
     "execute_js": "runs script",
     "go_to_sleep": "sleeps",
     "wake_up": "wakes up",
     "turn_screen_on": "switches its screen to",
-    "reset_tablet": "starts anew",
+    "reset_tablet": "restarts",
     "enable_wifi": "switches its network on",
     "disable_wifi": "switches its network off",
     "connect_wifi": "connects to network",
     "disconnect_wifi": "leaves its network",
     "forget_wifi": "forgets network",
     "pause_gif": "pauses the moving image",
-    "resume_gif": "goes on with the moving image",
-    "hide_dialog": "hides the dialogue",
+    "resume_gif": "resumes the moving image",
+    "hide_dialog": "hides the dialog",
     "show_alert_view": "shows alert",
-    "show_input_dialog": "shows a field for input",
-    "show_input_text_dialog": "shows a field for input",
+    "show_input_dialog": "shows an input field",
+    "show_input_text_dialog": "shows an input field",
     "set_keyboard": "takes keyboard",
     "set_tablet_language": "takes language",
     "post_event_to_application": "tells the application",
@@ -368,7 +368,7 @@ class AnimationPlayer(Module):
 
     def run(self, name: str) -> None:
         """Returns at once: no animation moves the simulated robot."""
-        self._log(f"animation {name} is the maker's and not here: nothing moves")
+        self._log(f"animation {name} is the maker's and not available: nothing moves")
 
     def run_tag(self, *names: str) -> None:
         """As `run`, of any animation with a tag."""

@@ -272,7 +272,7 @@ class Motion(BaseMoves, MotionSettings, Module):
         when = join_time(*time) if isinstance(time, list | tuple) else time * 1e-9
         measured = self._history.at(when)
         if measured is None:
-            raise ValueError(f"nothing is remembered of time {when:.3f} s")
+            raise ValueError(f"nothing is known of the time {when:.3f} s")
         x, y, theta = measured[len(JOINTS) :].tolist()
         q = measured[: len(JOINTS)]
         X = _named(name, lambda: kinematics().transform(name, 1, q, (x, y, theta)))

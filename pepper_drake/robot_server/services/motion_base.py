@@ -135,7 +135,7 @@ class BaseMoves:
         """Returns the limits of moves, "Max", "Min" or "Default", as [[key, value], ...]."""
         attribute = {"Max": "upper", "Min": "lower", "Default": "default"}.get(which)
         if attribute is None:
-            raise ValueError(f"{which!r} is no configuration; it must be Max, Min or Default")
+            raise ValueError(f"{which!r} is not a configuration; it must be Max, Min or Default")
         return [[key, getattr(limit, attribute)] for key, limit in BASE_LIMITS.items()]
 
     def get_robot_position(self, _use_sensors: bool) -> list[float]:

@@ -49,7 +49,7 @@ class RobotDisk:
             raise ValueError("this robot has no disk to write to")
         path = PurePosixPath("/") / folder / name
         if not name or ".." in path.parts or "\0" in str(path) or len(str(path)) > 400:
-            raise ValueError(f"{str(path)!r:.80} is no path")
+            raise ValueError(f"{str(path)!r:.80} is not a path")
         here = self._folder / path.relative_to("/")
         here.parent.mkdir(parents=True, exist_ok=True)
         return str(path), here
@@ -143,7 +143,7 @@ class PhotoCapture(_Recorder):
                     await self._timer.sleep(interval)
                 told, path = self._disk.place(folder, f"{name}.{ending}")
                 if path.exists() and not overwrite:
-                    raise ValueError(f"{told} is there already")
+                    raise ValueError(f"{told} already exists")
                 if not cv2.imwrite(str(path), await self._image(handle)):
                     raise ValueError(f"a picture cannot be written as {ending}")
                 taken.append(told)
@@ -184,10 +184,10 @@ class VideoRecorder(_Recorder):
     def start_recording(self, folder: str, name: str, overwrite: bool = True) -> None:
         """Starts a film."""
         if self._task is not None:
-            raise ValueError("it records already")
+            raise ValueError("it is already recording")
         told, path = self._disk.place(folder, name if name.endswith(".avi") else f"{name}.avi")
         if path.exists() and not overwrite:
-            raise ValueError(f"{told} is there already")
+            raise ValueError(f"{told} already exists")
         fps = self._fps
         handle = self._subscribe(fps)
         self._path, self._stop = told, False
@@ -197,7 +197,7 @@ class VideoRecorder(_Recorder):
     async def stop_recording(self) -> list[Any]:
         """Ends a film; returns how many images it has, and the path of its file."""
         if self._task is None:
-            raise ValueError("it does not record")
+            raise ValueError("it is not recording")
         task, self._task = self._task, None
         # Not cancelled: an image may be on its way into the file.
         self._stop = True

@@ -5,8 +5,6 @@ from typing import Any
 
 from pepper_drake.robot_server.services.kept_settings import keep_settings
 from pepper_drake.robot_server.services.waiting import Module
-from pepper_drake.robot_server.wire.service import Caller
-from pepper_drake.robot_server.wire.signatures import with_caller
 
 
 class PreferenceManager(Module):
@@ -183,36 +181,3 @@ class Recharge(Module):
 
     def stop_all(self) -> None:
         """Stops what it does: nothing."""
-
-
-class Navigation(Module):
-    """ALNavigation: moves of the base; the simulated one does not go around what is in the way."""
-
-    def __init__(self, moves: Any) -> None:
-        """Makes the service.
-
-        Args:
-            moves: ALMotion.
-        """
-        super().__init__("ALNavigation")
-        self._moves = moves
-        self.move_to = moves.move_to
-        self.move = moves.move
-        self.move_toward = moves.move_toward
-        keep_settings(self, {"set_security_distance": ("get_security_distance", 0.4)})
-
-    @with_caller
-    async def navigate_to(self, caller: Caller, x: float, y: float, *rest: Any) -> bool:
-        """Moves straight to a place relative to the base [m, rad]; returns whether it got there."""
-        theta = next((value for value in rest if isinstance(value, int | float)), 0.0)
-        return bool(await self._moves.move_to(caller, x, y, theta))
-
-    def stop_navigate_to(self) -> None:
-        """Brakes."""
-        self._moves.stop_move()
-
-    def stop_exploration(self) -> None:
-        """Stops an exploration; none is under way."""
-
-    def stop_localization(self) -> None:
-        """Stops localising itself in a map; it has none."""

@@ -41,7 +41,9 @@ class System(Module):
 
     def _refused(self, *_: Any) -> None:
         """Refuses: the simulated robot is started and ended where it runs."""
-        raise ValueError("a simulated robot is started and ended where it runs, not from afar")
+        raise ValueError(
+            "a simulated robot is started and stopped on its own machine, not remotely"
+        )
 
     reboot = _refused
     shutdown = _refused
@@ -71,7 +73,7 @@ class ResourceManager(Module):
     def create_resource(self, name: str, parent: str) -> None:
         """Makes a resource, within another or ""."""
         if name in self._parents:
-            raise ValueError(f"the resource {name} is there already")
+            raise ValueError(f"the resource {name} already exists")
         if parent:
             self._known(parent)
         self._parents[name] = parent
@@ -86,7 +88,7 @@ class ResourceManager(Module):
         self._known(name)
         within = [child for child in self._parents if self.is_in_group(name, child)]
         if len(within) > 1 and not children:
-            raise ValueError(f"the resource {name} has others within it")
+            raise ValueError(f"the resource {name} contains other resources")
         for child in within:
             del self._parents[child]
             self._owners.pop(child, None)
@@ -141,7 +143,7 @@ class ResourceManager(Module):
             if not self.is_resource_free(name) and self._owners.get(name) != owner
         ]
         if taken:
-            raise ValueError(f"{', '.join(taken)} belong to another")
+            raise ValueError(f"{', '.join(taken)} belong to another module")
         self._owners |= dict.fromkeys(names, owner)
 
     wait_for_resource = acquire_resource
@@ -345,7 +347,7 @@ class Store(Module):
 
     def update(self) -> None:
         """Refuses: there is no shop."""
-        raise ValueError("the simulated robot has no shop to fetch programs from")
+        raise ValueError("the simulated robot has no store to fetch programs from")
 
     def stop_update(self) -> None:
         """Stops an update; none is under way."""

@@ -88,7 +88,7 @@ class Video(CameraFacts, Module):
         if not all(isinstance(v, list | tuple) and all(map(_whole, v)) for v in lists):
             raise ValueError("cameras, resolutions and colour spaces must be lists of integers")
         if not len(cameras) == len(resolutions) == len(color_spaces) > 0:
-            raise ValueError("cameras, resolutions and colour spaces must be as many")
+            raise ValueError("cameras, resolutions and colour spaces must be of one length")
         streams = list(map(Stream, *lists))
         return self._subscribe(caller, name, streams, fps)
 

@@ -285,10 +285,10 @@ class Connection:
         try:
             arguments = reader.read("m" if dynamic else parameters)
         except WireError as error:
-            raise ServiceError(f"the arguments are no {parameters}: {error}") from None
+            raise ServiceError(f"the arguments do not fit {parameters}: {error}") from None
         expected = len(parse_signature(parameters).items)
         if not isinstance(arguments, tuple) or len(arguments) != expected:
-            raise ServiceError(f"the arguments are no {parameters}")
+            raise ServiceError(f"the arguments do not fit {parameters}")
         return arguments
 
     def _common(
@@ -396,7 +396,7 @@ class Connection:
 
         def write(value: Any) -> bytes:
             if not isinstance(value, Service):
-                raise WireError(f"{type(value).__name__} is no object")
+                raise WireError(f"{type(value).__name__} is not an object")
             if len(self._own) >= _OBJECTS:
                 raise WireError("the client holds too many objects")
             number = next(self._numbers)
@@ -410,7 +410,7 @@ class Connection:
             self._answer(message, signature, value)
         except WireError as error:
             self._log(f"a value of action {message.action} cannot be sent: {error}")
-            self._send_error(message, f"the value is no {signature}")
+            self._send_error(message, f"the value does not fit {signature}")
 
     def _answer(self, message: Message, signature: str, value: Any) -> None:
         """Replies with a value."""

@@ -167,9 +167,7 @@ def TransformationSystem_(T: type) -> type:
             self.velocity_port = output(
                 "velocity", lambda c: self._state(c)[VELOCITY], state_tickets
             )
-            self.delayed_goal_position_port = output(
-                "delayed_goal_position", lambda c: self._state(c)[DELAYED], state_tickets
-            )
+            output("delayed_goal_position", lambda c: self._state(c)[DELAYED], state_tickets)
 
             def tickets(*names: str) -> set[Any]:
                 return {self.GetInputPort(name).ticket() for name in names}
@@ -251,10 +249,8 @@ def TransformationSystem_(T: type) -> type:
             return weights.reshape(self._weights_shape)
 
         def _calc_present(self, context: Any, value: Any) -> None:
-            state, attractor = (
-                self._state_now(context),
-                self._movement(context).primitive.translation,
-            )
+            state = self._state_now(context)
+            attractor = self._movement(context).primitive.translation
             weights = self._weights(context, attractor)
             value.get_mutable_value()["present"] = MotionNow(
                 attractor,

@@ -15,8 +15,6 @@ from pepper_drake.systems.framework import LeafSystem
 Vector = npt.NDArray[np.float64]
 
 _REST = np.zeros(5)
-_CATCH_UP = 4
-"""Ticks in which the command catches up with an arm that is led."""
 
 
 class ArmMode(IntEnum):
@@ -72,6 +70,7 @@ class ArmCommand(LeafSystem):
         limits: CommandLimits,
         start_position: Sequence[float],
         time_constant: float = 0.1,
+        catch_up_steps: int = 4,
         time_step: float = 0.01,
     ) -> None:
         """Makes the system.
@@ -80,11 +79,13 @@ class ArmCommand(LeafSystem):
             limits: Of the arm's joints.
             start_position: (5,) [rad].
             time_constant: With which the command follows a joint target [s].
+            catch_up_steps: Control periods in which the command catches up with an arm that is led.
             time_step: [s].
         """
         super().__init__()
         self._limits = limits
         self._time_constant, self._time_step = time_constant, time_step
+        self._catch_up_steps = catch_up_steps
         self.movement_input: InputPort = self.DeclareAbstractInputPort(
             "movement", Value[object](None)
         )
@@ -149,7 +150,7 @@ class ArmCommand(LeafSystem):
         mode = self._mode(context)
         if mode == ArmMode.LIMP:
             behind: Vector = self.measured_position_input.Eval(context) - position
-            return behind / (_CATCH_UP * self._time_step)
+            return behind / (self._catch_up_steps * self._time_step)
         if mode == ArmMode.JOINTS:
             to_go: Vector = self.joint_target_input.Eval(context) - position
             return to_go / self._time_constant

@@ -25,7 +25,7 @@ class BaseMotion:
     turning_acceleration: float = 0.75
     """Acceleration of the yaw rate [rad/s²]."""
     approach_rate: float = 4.0
-    """Rate at which the last of the way is made [1/s]."""
+    """Rate of the exponential approach to the goal [1/s]."""
     correction: float = 1.0
     """Gain [1/s] of the correction of following errors. Slower than the base's own controller by
     so much that it cannot rock."""
@@ -43,10 +43,6 @@ class BaseMotion:
     has_reference: bool = True
     """True if a place that accelerates and brakes goes ahead of the base. A robot that is sent to
     places accelerates by itself: it is told the speed from which it would brake at the goal."""
-
-
-SENT_TO_PLACES = BaseMotion(has_reference=False, position_tolerance=0.005, yaw_tolerance=0.01)
-"""Motion of a base that takes places, as ALMotion's `moveTo` does, no finer than this."""
 
 
 def wrap_angle(angle: float) -> float:

@@ -37,10 +37,10 @@ class BodyWatch(LeafSystem):
     `active` (1), not zero while the reaching arm is watched by itself.
     Outputs: `clearance` (1) [m] to the cloud, now, infinite before the first tick and for an empty
     cloud; `approach_clearance` (1) [m], the same, and infinite where the body's own motion since
-    the tick before took none of it (`planning.collision.own_approach`): a body that stands has no
-    way to go from what comes to it. `stop_base` (1), 1 while something is, or is predicted, nearer
-    than `stop_distance` to where the base would come to a stand, and nearer than it is to where it
-    stands.
+    the tick before took none of it (`planning.collision.own_approach`): stopping a body that stands
+    does not help against an obstacle that approaches. `stop_base` (1), 1 while an obstacle, present
+    or predicted, is nearer than `stop_distance` to where the base would stop, and nearer than it is
+    to where the base is now.
     State: the three, the base's pose and the joints, every `time_step`. The spheres are the body's;
     they bulge out by up to 1 cm.
 
@@ -51,6 +51,7 @@ class BodyWatch(LeafSystem):
         acceleration: With which the base brakes along the floor [m/s^2].
         turning_acceleration: With which it stops turning [rad/s^2].
         delay: Until it begins to brake [s].
+        slowest_approach: Speed below which it stands [m/s]; see `own_approach_clearance`.
         time_step: Period [s].
     """
 
@@ -63,6 +64,7 @@ class BodyWatch(LeafSystem):
         acceleration: float = 0.3,
         turning_acceleration: float = 0.75,
         delay: float = 0.1,
+        slowest_approach: float = 0.01,
         time_step: float = 0.05,
     ) -> None:
         super().__init__()
@@ -71,6 +73,7 @@ class BodyWatch(LeafSystem):
         self._stop_distance = stop_distance
         self._deceleration = acceleration, turning_acceleration
         self._delay, self._time_step = delay, time_step
+        self._slowest = slowest_approach
         self._ports: dict[str, InputPort] = {
             name: self.DeclareAbstractInputPort(name, Value(PointCloud()))
             for name in ("cloud", "predicted_cloud")
@@ -122,6 +125,6 @@ class BodyWatch(LeafSystem):
         before = context.get_discrete_state(self._posture).value()
         if not now >= self._stop_distance and not np.isnan(before).any():
             earlier = float(body(before[None, :3], before[3:], field)[0])
-            approached = own_approach_clearance(earlier, now, self._time_step)
+            approached = own_approach_clearance(earlier, now, self._time_step, self._slowest)
         discrete_state.set_value(self._posture, np.concatenate((pose, joints)))
         discrete_state.set_value(self._state, [now, approached, float(stop)])

@@ -34,17 +34,18 @@ class CloudClearance(LeafSystem):
     `cloud`, and infinite where the arm's own motion takes none away
     (`planning.collision.own_approach`); `predicted_approach_clearance` (1) [m]: the same to
     `predicted_cloud`. All are infinite before the first tick, for an empty cloud, and while
-    `active` (1) is 0: an arm at rest has nothing to watch. State: the three, every `time_step`.
+    `active` (1) is 0: an arm at rest is not monitored. State: the three, every `time_step`.
 
-    Where moving obstacles are predicted counts when the arm itself is about to go there. An arm
-    that is there already, or moves away, is none the safer for being stopped.
+    Predicted obstacles count only if the arm itself moves towards them: stopping an arm that is
+    there already, or moves away, does not make it safer.
 
     Args:
         shapes: Of the arm.
         extension: How far each point reaches down, m (see `PointCloudDistance`); zero takes the
             cloud as it was seen.
-        lookahead: How far ahead the arm's motion is thought on [s]: at least a period and the time
-            that the arm needs to brake.
+        lookahead: Time for which the arm's motion is extrapolated [s]: at least a period and the
+            time that the arm needs to brake.
+        slowest_approach: Speed below which it stands [m/s]; see `own_approach_clearance`.
         time_step: s.
     """
 
@@ -54,10 +55,12 @@ class CloudClearance(LeafSystem):
         *,
         extension: float = 0.0,
         lookahead: float = 0.1,
+        slowest_approach: float = 0.01,
         time_step: float = 0.04,
     ) -> None:
         super().__init__()
         self._shapes, self._lookahead = shapes, lookahead
+        self._slowest = slowest_approach
         self.cloud_input: InputPort = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
         self.predicted_cloud_input: InputPort = self.DeclareAbstractInputPort(
             "predicted_cloud", Value(PointCloud())
@@ -92,6 +95,8 @@ class CloudClearance(LeafSystem):
         )
         expected = np.inf
         if predicted[0] > 0.0:
-            expected = own_approach_clearance(predicted[0], predicted[1], self._lookahead)
-        approached = own_approach_clearance(seen[0], seen[1], self._lookahead)
+            expected = own_approach_clearance(
+                predicted[0], predicted[1], self._lookahead, self._slowest
+            )
+        approached = own_approach_clearance(seen[0], seen[1], self._lookahead, self._slowest)
         return min(*seen, expected), approached, expected

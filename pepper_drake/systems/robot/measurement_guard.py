@@ -1,4 +1,4 @@
-"""Measurements that cannot be are caught where they enter."""
+"""Impossible measurements are caught where they enter."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class MeasurementGuard(LeafSystem):
-    """Passes a measured vector on; what cannot be is replaced by what came last.
+    """Passes a measured vector on; impossible elements keep their last possible values.
 
-    What is not a finite number cannot be, nor what is outside a range.
+    An element is impossible if it is not finite, or outside its range.
 
     .. pydrake_system::
 
@@ -24,15 +24,15 @@ class MeasurementGuard(LeafSystem):
         - age
         - missing
 
-    Input: `measured` (n). Outputs: `measured` (n), each element the present one if it can be,
-    else the last that could; `age` (1), time since all could be at a tick [s], 0 while they can;
-    `missing` (1), the index of the first that cannot, or -1.
-    State: the last values that could be (n), their age and the index (n + 2), at `time_step`.
+    Input: `measured` (n). Outputs: `measured` (n), each element the present one if it is
+    possible, else the last that was; `age` (1), time since all were possible at a tick [s], 0 while
+    they are; `missing` (1), the index of the first that is impossible, or -1.
+    State: the last possible values (n), their age and the index (n + 2), at `time_step`.
 
     Args:
         start: The values before any was measured (n,).
-        lower: Least values that can be (n,).
-        upper: Largest values that can be (n,).
+        lower: Least possible values (n,).
+        upper: Largest possible values (n,).
         time_step: Period at which values are remembered [s].
     """
 

@@ -31,8 +31,8 @@ from pepper_drake.perception.cameras.image_future import (
 from pepper_drake.perception.cameras.noise import (
     ColorNoise,
     DepthNoise,
-    degrade_color,
-    degrade_depth,
+    apply_color_noise,
+    apply_depth_noise,
     drop_dark_patches,
 )
 from pepper_drake.systems.framework import LeafSystem
@@ -92,7 +92,7 @@ class CameraModel(LeafSystem):
     `image` is an RgbdSensor's `color_image` (ImageRgba8U) or `depth_image_32f` (ImageDepth32F), or
     a AsyncRgbdSensor's ImageFuture. It is evaluated at captures only, and not at all while
     `enabled` is zero, so that nothing is rendered that nobody looks at. `X_WC` (RigidTransform) and
-    `position` (the robot's measured joints) are captured with the image and handed on beside it:
+    `position` (the robot's measured joints) are captured with the image and published with it:
     who uses the image can tell where the camera was when it was taken. A camera whose `X_WC` is
     unconnected reports the identity.
 
@@ -173,16 +173,16 @@ class CameraModel(LeafSystem):
             self._calc_image,
             prerequisites_of_calc=ticket,
         )
-        self._time_stamp_out = self.DeclareVectorOutputPort(
+        self.DeclareVectorOutputPort(
             "time_stamp", 1, self._calc_time_stamp, prerequisites_of_calc=ticket
         )
-        self._X_WC_out = self.DeclareAbstractOutputPort(
+        self.DeclareAbstractOutputPort(
             "X_WC",
             lambda: Value(RigidTransform()),
             self._calc_X_WC,
             prerequisites_of_calc=ticket,
         )
-        self._position_out = self.DeclareVectorOutputPort(
+        self.DeclareVectorOutputPort(
             "position", num_positions, self._calc_position, prerequisites_of_calc=ticket
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._capture)
@@ -240,14 +240,14 @@ class CameraModel(LeafSystem):
         """Image of the sensor for one rendered from a pose; the number decides its noise."""
         image: Pixels
         if isinstance(self._noise, ColorNoise):
-            image = degrade_color(
+            image = apply_color_noise(
                 pixels, self.intrinsics, self._noise, seed=self._seed, frame=number
             )
         else:
             depth = drop_dark_patches(
                 pixels[..., 0], self.intrinsics, X_WC, self._noise, seed=self._seed
             )
-            image = degrade_depth(
+            image = apply_depth_noise(
                 depth, self.intrinsics, self._noise, seed=self._seed, frame=number
             )[..., None]
         image.setflags(write=False)

@@ -174,7 +174,7 @@ class DepthPointCloudSource(LeafSystem):
     def _look(self, context: Context, state: State) -> EventStatus:
         before = self._get_memory(context)
         X_WT = self._X_WT.Eval(context) if self._X_WT.HasValue(context) else before.X_WT
-        moved = has_moved(before.X_WT, X_WT)
+        moved = has_moved(before.X_WT, X_WT, self._mapper.parameters.validity)
         drives = moved and np.isfinite(before.time)
         memory = self._use_image(context, before, drives)
         if memory is not before or moved:
@@ -230,11 +230,11 @@ class DepthPointCloudSource(LeafSystem):
         output.set_value(to_point_cloud(near, memory.X_WT.inverse()))
 
     def _calc_predicted_cloud(self, context: Context, output: Value) -> None:
-        output.set_value(make_cloud(self._get_memory(context).watch.expected))
+        output.set_value(make_cloud(self._get_memory(context).tracker.expected))
 
     def _calc_predicted_cloud_torso(self, context: Context, output: Value) -> None:
         memory = self._get_memory(context)
-        points, X_TW = memory.watch.expected, memory.X_WT.inverse()
+        points, X_TW = memory.tracker.expected, memory.X_WT.inverse()
         offset = points - memory.X_WT.translation()
         near = points[np.einsum("ij,ij->i", offset, offset) <= self._torso_range**2]
         output.set_value(make_cloud(near @ X_TW.rotation().matrix().T + X_TW.translation()))

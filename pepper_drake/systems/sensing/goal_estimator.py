@@ -99,7 +99,7 @@ class GoalEstimator(LeafSystem):
     future are passed over. So is one whose pixels are those of the last: real sensors are noisy,
     and equal pixels mean a camera that hangs.
 
-    `object_pose` (RigidTransform X_WO) is the pose last handed on: it changes when the estimate
+    `object_pose` (RigidTransform X_WO) is the pose last published: it changes when the estimate
     moved by more than 3 mm or became much surer (see GoalFilterParameters), is held while the
     marker is hidden, and is the identity before the first. `valid` is 1 while there is a goal that
     was seen within the last `hold_seconds`, else 0. `age` [s] is the time since it was seen;

@@ -23,7 +23,7 @@ def chord_distances(times, positions, path):
     return np.linalg.norm(path.positions - lines, axis=1), chords[k]
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @example(35, 18)  # A last step of 9 cm in 0.14 s.
 @given(st.integers(0, 10_000), st.integers(4, 20))
 def test_few_way_points_are_not_left_by_more_than_the_bound(seed, count):

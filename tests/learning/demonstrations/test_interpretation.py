@@ -102,6 +102,22 @@ READ = {
     "millimetres, told": (rows(T, 1e3 * P), {"unit": "mm"}),
     "centimetres, told": (rows(T, 1e2 * P), {"unit": "cm"}),
     "milliseconds, told": (rows(1e3 * T, P), {"time": "ms"}),
+    "a row that repeats the one before": (
+        table(np.insert(T, 9, T[9]), np.insert(P, 9, P[9], axis=0), header=XYZ),
+        {},
+    ),
+    "names as a program has them": (
+        table(1e3 * T, P, header="timeMs,xPos,yPos,zPos"),
+        {"time": "ms"},
+    ),
+    "a day and a time of day between blanks": (
+        "\n".join(
+            f"2024-05-01 10:59:{50 + t:06.3f} " + " ".join(map(repr, map(float, p)))
+            for t, p in zip(T, P, strict=True)
+        )
+        + "\n",
+        {},
+    ),
     "units in the names": (table(1e3 * T, 1e3 * P, header="time_ms,x_mm,y_mm,z_mm"), {}),
     "a clock in nanoseconds": (rows(1.7e18 + 1e9 * T, P), {}),
     "no times, a rate": (table(P, header="x,y,z"), {"rate": 50.0}),
@@ -243,8 +259,16 @@ REFUSED = {
         table(T, REST, J[:, :4], header=",".join(["time", *LEFT, *NAMES[:4]])),
         "the right arm moves, but RWristYaw",
     ),
+    "nanoseconds that nobody said": (
+        rows(np.round(1e9 * T), P),
+        r"are they nanoseconds \(--time ns\)",
+    ),
+    "part of an arm above the floor": (
+        table(T, P + [0, 0, 0.82], J[:, :4], header=",".join([XYZ, *NAMES[:4]])),
+        "--frame base_footprint",
+    ),
     "the same time twice": (
-        table(np.insert(T, 9, T[9]), np.insert(P, 9, P[9], axis=0), header=XYZ),
+        table(np.insert(T, 9, T[9]), np.insert(P, 9, P[9] + 1e-4, axis=0), header=XYZ),
         "line 12: time .* each time once",
     ),
     "x in m and y in mm": (

@@ -115,3 +115,10 @@ def test_an_empty_cloud_is_infinitely_far():
 def test_refuses_other_shapes():
     with pytest.raises(InputError, match=r"\(P, 3\)"):
         PointCloudDistance(np.zeros((3, 2)))
+
+
+def test_what_is_nowhere_is_not_far_from_everything():
+    field = PointCloudDistance(np.zeros((3, 3)))
+    for ask in (field.distance, field.distance_and_normal):
+        with pytest.raises(ValueError, match="finite"):
+            ask([0.0, np.nan, 0.0])

@@ -128,7 +128,11 @@ ONE_BY_ONE = {
     '"ppy": 238.5, "model": "distortion.brown_conrady", "coeffs": [0.12, -0.25, 0.001, -0.002, 0]}',
     "ORB-SLAM": "%YAML:1.0\nCamera.type: PinHole\nCamera.fx: 610.5\nCamera.fy: 612.75\n"
     "Camera.cx: 320.25\nCamera.cy: 238.5\nCamera.k1: 0.12\nCamera.k2: -0.25\nCamera.p1: 0.001\n"
-    "Camera.p2: -0.002\nCamera.width: 640\nCamera.height: 480\n",
+    "Camera.p2: -0.002\nCamera.width: 640\nCamera.height: 480\nViewer.PointSize:2\n"
+    "Viewer.Colours:[1, 2]\n",
+    "VINS": "%YAML:1.0\n---\nmodel_type: PINHOLE\nimage_width: 640\nimage_height: 480\n"
+    "distortion_parameters:\n   k1: 0.12\n   k2: -0.25\n   p1: 0.001\n   p2: -0.002\n"
+    "projection_parameters:\n   fx: 610.5\n   fy: 612.75\n   cx: 320.25\n   cy: 238.5\n",
     "a printed message": ROS.replace("-0.002, 0.08", "-0.002, 0") + "---\n",
 }
 
@@ -141,6 +145,10 @@ def test_focal_lengths_one_by_one_are_read(tmp_path, name):
 BAD = {
     "two cameras": (KALIBR + KALIBR.replace("cam0", "cam1"), "2 cameras"),
     "an omnidirectional lens": (KALIBR.replace("pinhole", "omni"), "fisheye"),
+    "VINS, another lens": (
+        "%YAML:1.0\n---\nmodel_type: MEI\nimage_width: 640\n",
+        "fisheye lens .mei",
+    ),
     "OpenCV's xi": (ROS + "xi: 1.2\n", "fisheye"),
     "a matrix of smaller images": (
         ROS.replace("640", "1280").replace("480", "960"),

@@ -79,7 +79,8 @@ def test_a_place_can_be_seen_if_a_gaze_shows_it_and_no_sphere_is_on_the_way_to_a
         eyes = [X_TC @ np.array([x, 0.0, 0.0]) for x in {0.0, baseline, -baseline}]
         for n in np.flatnonzero(visible(CAMERA_DEPTH, head, places, border=0.15) & ~expected):
             expected[n] = all(is_free(eye, places[n]) for eye in eyes)
-    found = within_possible_view(CAMERA_DEPTH, places, (centers, radii), baseline)
+    margins = {"border": 0.15, "margin": 0.03}
+    found = within_possible_view(CAMERA_DEPTH, places, (centers, radii), baseline, **margins)
     assert 0 < np.count_nonzero(found) < len(places)
     assert found.tolist() == expected.tolist()
-    assert np.all(within_possible_view(CAMERA_DEPTH, places) >= found)
+    assert np.all(within_possible_view(CAMERA_DEPTH, places, **margins) >= found)

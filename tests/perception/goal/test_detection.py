@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pepper_drake.errors import InputError
 from pepper_drake.models.scene import load_scene
 from pepper_drake.perception.cameras.camera import CAMERA_TOP
-from pepper_drake.perception.cameras.noise import ColorNoise, degrade_color
+from pepper_drake.perception.cameras.noise import ColorNoise, apply_color_noise
 from pepper_drake.perception.goal.detection import MarkedObject, detect_goal
 from pepper_drake.perception.goal.imm_filter import GoalFilterParameters, GoalState, update_goal
 from pepper_drake.perception.mapping.solids import near_solids
@@ -22,7 +22,7 @@ def photograph(draw_marker, X_CM, frame=0, noise=3.0, **options):
     """A drawn marker through the real camera's lens and with its noise."""
     image = draw_marker(X_CM, CAMERA.ideal(), **options)
     rgba = cv2.cvtColor(image, cv2.COLOR_GRAY2RGBA)
-    return degrade_color(rgba, CAMERA, ColorNoise(noise), seed=1, frame=frame)
+    return apply_color_noise(rgba, CAMERA, ColorNoise(noise), seed=1, frame=frame)
 
 
 def measure(image, **options):

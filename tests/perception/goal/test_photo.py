@@ -4,7 +4,7 @@ import pytest
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CAMERA_TOP
-from pepper_drake.perception.cameras.noise import ColorNoise, degrade_color
+from pepper_drake.perception.cameras.noise import ColorNoise, apply_color_noise
 from pepper_drake.perception.goal.photo import find_in_photo, markers_shown
 
 CAMERA = CAMERA_TOP.intrinsics
@@ -22,6 +22,8 @@ SPOILS = {
     "as it is": lambda image: image,
     "too bright": bloomed,
     "too dark": lambda image: (0.15 * image).astype(np.uint8),
+    "clipped": lambda image: np.clip(2.5 * image.astype(float), 0, 255).astype(np.uint8),
+    "blurred": lambda image: cv2.GaussianBlur(image, (0, 0), 0.8),
 }
 
 
@@ -38,7 +40,7 @@ def photos(draw_marker, facing):
             image = SPOILS[spoil](draw_marker(X_CM, CAMERA.ideal()))
             rgba = cv2.cvtColor(image, cv2.COLOR_GRAY2RGBA)
             noise = ColorNoise(1.5 if spoil == "too dark" else 3.0)
-            yield degrade_color(rgba, CAMERA, noise, seed=1, frame=frame), X_CM
+            yield apply_color_noise(rgba, CAMERA, noise, seed=1, frame=frame), X_CM
 
     return make
 
@@ -53,8 +55,13 @@ def default_finds(image):
     return ids is not None and 7 in ids
 
 
-@pytest.mark.parametrize("spoil", SPOILS)
-@pytest.mark.parametrize("side", [11, 14, 21, 40])
+CASES = [
+    (spoil, side) for spoil in ("as it is", "too bright", "too dark") for side in (11, 14, 21, 40)
+]
+CASES += [(spoil, side) for spoil in ("clipped", "blurred") for side in (14, 17, 21)]
+
+
+@pytest.mark.parametrize(("spoil", "side"), CASES)
 def test_markers_are_found_as_often_as_by_opencv_and_their_covariance_is_true(photos, spoil, side):
     found = default = flipped = 0
     squares = []

@@ -48,6 +48,9 @@ def test_an_ascii_pcd_of_another_program_is_read(tmp_path):
     )
     (tmp_path / "c.pcd").write_text(text)
     np.testing.assert_allclose(load_cloud(tmp_path / "c.pcd"), [[0.1, 0.2, 0.3], [1, 2, 3]])
+    old = text.replace("VERSION 0.7", "VERSION .5").replace("VIEWPOINT 0 0 0 1 0 0 0\n", "")
+    (tmp_path / "c.pcd").write_text(old)
+    np.testing.assert_allclose(load_cloud(tmp_path / "c.pcd"), [[0.1, 0.2, 0.3], [1, 2, 3]])
 
 
 def test_arrays_are_read(tmp_path):

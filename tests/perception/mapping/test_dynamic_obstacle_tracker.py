@@ -32,12 +32,12 @@ def image(millimetres=None, column=160):
 
 def shown(*frames):
     """State after images, each with its time and the camera's pose."""
-    watch, voxels = DynamicObstacleTracker(), VoxelMap.empty()
+    tracker, voxels = DynamicObstacleTracker(), VoxelMap.empty()
     for depth, time, X_WD in frames:
         voxels = update_obstacles(voxels, depth, time, X_WD, CAMERA, [], PARAMETERS)
         view = DepthFrame(depth_in_metres(depth, CAMERA), X_WD, time, CAMERA)
-        watch, voxels = update_tracker(watch, voxels, view, [], PARAMETERS)
-    return watch, voxels
+        tracker, voxels = update_tracker(tracker, voxels, view, [], PARAMETERS)
+    return tracker, voxels
 
 
 def is_ball_known(voxels):
@@ -45,24 +45,24 @@ def is_ball_known(voxels):
 
 
 def test_a_scene_at_rest_has_nothing_that_moves():
-    watch, voxels = shown(*((image(800), 0.2 * k, X_WC) for k in range(4)))
-    assert watch.things == ()
-    assert len(watch.expected) == len(watch.transient_keys) == 0
+    tracker, voxels = shown(*((image(800), 0.2 * k, X_WC) for k in range(4)))
+    assert tracker.things == ()
+    assert len(tracker.expected) == len(tracker.transient_keys) == 0
     assert is_ball_known(voxels)
 
 
 def test_what_came_is_forgotten_when_it_was_not_seen_for_long():
     came = [(image(), 0.0, X_WC), (image(800), 0.2, X_WC)]
-    visit = PARAMETERS.approach.visit
-    watch, voxels = shown(*came, (image(), 0.1 + visit, AWAY))
+    visit = PARAMETERS.approach.transient_timeout
+    tracker, voxels = shown(*came, (image(), 0.1 + visit, AWAY))
     assert is_ball_known(voxels)
-    assert set(watch.transient_keys) <= set(voxels.keys)
+    assert set(tracker.transient_keys) <= set(voxels.keys)
     assert not is_ball_known(shown(*came, (image(), 0.3 + visit, AWAY))[1])
 
 
 def test_a_part_that_is_not_seen_stays_while_the_rest_of_its_thing_is_seen():
     """A bar that comes from the side; then its tip is out of the image, and its end is not."""
-    visit = PARAMETERS.approach.visit
+    visit = PARAMETERS.approach.transient_timeout
     bar = image()
     bar[110:130, 60:260] = 800
     beside = RigidTransform([0.25, 0.0, 0.0])  # Sees the bar's end at +x alone.
@@ -77,21 +77,21 @@ def test_a_part_that_is_not_seen_stays_while_the_rest_of_its_thing_is_seen():
 
 
 def test_what_was_there_from_the_beginning_is_never_forgotten():
-    visit = PARAMETERS.approach.visit
+    visit = PARAMETERS.approach.transient_timeout
     assert is_ball_known(shown((image(800), 0.0, X_WC), (image(), 3 * visit, AWAY))[1])
 
 
 def test_what_comes_too_near_to_be_measured_moves():
-    watch, _ = shown((image(), 0.0, X_WC), (image(0), 0.2, X_WC))
-    assert len(watch.things) == 1
-    assert len(watch.expected) > 0
-    assert watch.expected[:, 2].max() < CAMERA.near + 0.04
+    tracker, _ = shown((image(), 0.0, X_WC), (image(0), 0.2, X_WC))
+    assert len(tracker.things) == 1
+    assert len(tracker.expected) > 0
+    assert tracker.expected[:, 2].max() < CAMERA.near + 0.04
 
 
 def test_what_came_while_the_camera_looked_elsewhere_is_known_to_have_come():
-    watch, voxels = shown((image(), 0.0, X_WC), (image(), 0.2, AWAY), (image(800), 0.4, X_WC))
-    assert len(watch.things) == 1
-    visible = voxels.positions[np.isin(voxels.keys, watch.transient_keys)]
+    tracker, voxels = shown((image(), 0.0, X_WC), (image(), 0.2, AWAY), (image(800), 0.4, X_WC))
+    assert len(tracker.things) == 1
+    visible = voxels.positions[np.isin(voxels.keys, tracker.transient_keys)]
     assert np.any(np.abs(visible[:, 2] - 0.8) < 0.02)
 
 
@@ -107,26 +107,26 @@ def test_what_a_hole_told_of_is_remembered_for_a_while():
 def test_what_moves_too_slowly_for_two_images_is_told_from_older_ones():
     # 3 pixels are 9 mm, less than a voxel.
     frames = [(image(800, 160 + 3 * k), 0.2 * k, X_WC) for k in range(7)]
-    watch, _ = shown(*frames)
-    assert len(watch.things) == 1
-    assert watch.things[0].velocity[0] > 0.02
-    assert len(watch.views) <= 4, "of views that show the same few are kept"
+    tracker, _ = shown(*frames)
+    assert len(tracker.things) == 1
+    assert tracker.things[0].velocity[0] > 0.02
+    assert len(tracker.views) <= 4, "of views that show the same few are kept"
 
 
 def test_on_the_way_only_what_is_behind_all_is_learned():
-    watch, _ = shown((image(), 0.0, X_WC), (image(800), 0.2, X_WC))
-    passing = reset_while_driving(watch, watch.views[-1], PARAMETERS)
+    tracker, _ = shown((image(), 0.0, X_WC), (image(800), 0.2, X_WC))
+    passing = reset_while_driving(tracker, tracker.views[-1], PARAMETERS)
     assert passing.things == passing.views == ()
     assert len(passing.behind) > 0
 
 
 def test_an_object_that_was_lifted_before_it_was_seen_there_has_not_come():
     disc = image(800)
-    watch, _ = shown((image(), 0.0, X_WC), (disc, 0.2, X_WC), (disc, 0.4, X_WC))
-    assert watch.things
+    tracker, _ = shown((image(), 0.0, X_WC), (disc, 0.2, X_WC), (disc, 0.4, X_WC))
+    assert tracker.things
     ball = Solid(Sphere(0.08), RigidTransform())
     there = RigidTransform([0.0, 0.0, 0.82])
     before = RigidTransform([0.0, -0.3, 0.82])
-    assert without_object(watch, [ball], [before, there], 0.015).things == ()
+    assert without_object(tracker, [ball], [before, there], PARAMETERS).things == ()
     # What is beside the object is not it.
-    assert without_object(watch, [ball], [before, before], 0.015).things == watch.things
+    assert without_object(tracker, [ball], [before, before], PARAMETERS).things == tracker.things

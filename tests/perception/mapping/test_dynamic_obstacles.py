@@ -87,7 +87,7 @@ def test_what_is_seen_once_goes_on_from_the_rest_of_what_it_belongs_to():
     now = DepthFrame(plate(0.1)[1], X_WC, PERIOD, CAMERA)
     seen = np.concatenate((elsewhere, arm))
     (thing,) = associate((), front(tip), now, MEMORY, PARAMETERS, seen)
-    np.testing.assert_allclose(thing.velocity, [PARAMETERS.likely, 0.0, 0.0], atol=0.005)
+    np.testing.assert_allclose(thing.velocity, [PARAMETERS.usual_speed, 0.0, 0.0], atol=0.005)
     for alone in (np.concatenate((elsewhere, tip)), NOTHING):
         (thing,) = associate((), front(tip), now, MEMORY, PARAMETERS, alone)
         np.testing.assert_array_equal(thing.velocity, np.zeros(3))
@@ -136,13 +136,13 @@ def test_what_is_lost_where_nothing_is_measured_is_supposed_to_be_there_for_a_wh
 
 def test_what_was_lost_long_ago_did_not_go_on_for_ever():
     things, now = lost(np.zeros((CAMERA.height, CAMERA.width), np.float32), 5.0)
-    farthest = 0.05 + 0.25 * (PARAMETERS.onward + PARAMETERS.horizon)
+    farthest = 0.05 + 0.25 * (PARAMETERS.extrapolated + PARAMETERS.horizon)
     assert soon(things, now)[:, 0].max() == pytest.approx(farthest, abs=0.03)
 
 
 @pytest.mark.parametrize(
     ("speed", "expected"),
-    [(0.0, 0.0), (PARAMETERS.slowest / 2, PARAMETERS.slowest / 2), (0.1, PARAMETERS.likely)],
+    [(0.0, 0.0), (PARAMETERS.slowest / 2, PARAMETERS.slowest / 2), (0.1, PARAMETERS.usual_speed)],
 )
 def test_what_has_begun_to_move_may_go_on_faster_but_not_what_stands(speed, expected):
     thing = TrackedObstacle(plate(0.0)[0], np.array([speed, 0.0, 0.0]), 0.0)

@@ -10,7 +10,7 @@ from pepper_drake.models.control_model import ControlModel
 from pepper_drake.models.pepper import clamp_coupled_limits
 from pepper_drake.models.scene import load_scene
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CameraIntrinsics, HeadCamera
-from pepper_drake.perception.cameras.noise import DepthNoise, degrade_depth
+from pepper_drake.perception.cameras.noise import DepthNoise, apply_depth_noise
 from pepper_drake.perception.cloud_evaluation import evaluate_cloud, visible_surface
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.perception.mapping.obstacle_map import (
@@ -59,7 +59,7 @@ class Table:
         self.frame += 1
         if image is None:
             depth = self.rig.depth("CameraDepth")
-            image = degrade_depth(depth, NEAR, self.noise, seed=0, frame=self.frame)
+            image = apply_depth_noise(depth, NEAR, self.noise, seed=0, frame=self.frame)
         return update_obstacles(
             voxels,
             image,
@@ -208,7 +208,9 @@ def test_faulty_images_spoil_nothing(standing, fault):
     for _ in range(3):
         voxels = standing.look(voxels)
     rng = np.random.default_rng(0)
-    good = degrade_depth(standing.rig.depth("CameraDepth"), NEAR, DepthNoise(), seed=0, frame=999)
+    good = apply_depth_noise(
+        standing.rig.depth("CameraDepth"), NEAR, DepthNoise(), seed=0, frame=999
+    )
     salted = good.copy()
     salted[rng.random(good.shape) < 0.1] = 0
     salted[rng.random(good.shape) < 0.1] = 65535
@@ -226,7 +228,9 @@ def test_faulty_images_spoil_nothing(standing, fault):
 
 
 def test_images_of_another_size_or_unit_are_refused(standing):
-    good = degrade_depth(standing.rig.depth("CameraDepth"), NEAR, DepthNoise(), seed=0, frame=999)
+    good = apply_depth_noise(
+        standing.rig.depth("CameraDepth"), NEAR, DepthNoise(), seed=0, frame=999
+    )
     with pytest.raises(InputError, match="320x120"):
         standing.look(VoxelMap.empty(), image=good[:120])
     with pytest.raises(InputError, match="below the floor"):
@@ -240,9 +244,9 @@ def test_torn_image_leaves_nothing_that_stays(standing, monkeypatch):
     voxels = VoxelMap.empty()
     for _ in range(3):
         voxels = standing.look(voxels)
-    first = degrade_depth(standing.rig.depth("CameraDepth"), NEAR, lit, seed=0, frame=800)
+    first = apply_depth_noise(standing.rig.depth("CameraDepth"), NEAR, lit, seed=0, frame=800)
     standing.rig.set_positions({"HeadYaw": 0.1})
-    second = degrade_depth(standing.rig.depth("CameraDepth"), NEAR, lit, seed=0, frame=801)
+    second = apply_depth_noise(standing.rig.depth("CameraDepth"), NEAR, lit, seed=0, frame=801)
     torn = np.concatenate([second[:120], first[120:]])
     voxels = standing.look(voxels, image=torn)
     for _ in range(3):

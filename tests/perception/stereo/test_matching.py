@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import HeadCamera, pixel_rays
-from pepper_drake.perception.cameras.noise import ColorNoise, degrade_color
+from pepper_drake.perception.cameras.noise import ColorNoise, apply_color_noise
 from pepper_drake.perception.cameras.texture import paint_texture
 from pepper_drake.perception.stereo.matching import (
     StereoParameters,
@@ -92,7 +92,7 @@ def wall_pair():
         bare = np.full((720, 1280, 4), 190, np.uint8)
         painted = paint_texture(bare, z, camera.intrinsics, X)
         images.append(
-            degrade_color(painted, camera.intrinsics, ColorNoise(2.0), seed=0, frame=k)[..., 0]
+            apply_color_noise(painted, camera.intrinsics, ColorNoise(2.0), seed=0, frame=k)[..., 0]
         )
     return images, normal, offset
 

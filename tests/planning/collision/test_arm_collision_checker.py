@@ -31,13 +31,14 @@ def kinematics():
     return SHAPES.kinematics
 
 
-def around(kinematics, field, *, X_FT=None, object_field=NOTHING, body=None):
+def around(kinematics, field, *, X_FT=None, object_field=NOTHING, X_TO=None, body=None):
     layer = np.full(np.prod(arm_region("right").counts), GRID_CAP) if body is None else body
     return ArmCollisionChecker(
         SHAPES,
         field,
         X_FT=RigidTransform() if X_FT is None else X_FT,
         goal_object=object_field,
+        X_TO=RigidTransform() if X_TO is None else X_TO,
         body=lambda: SolidSet([]),
         body_layer=lambda: layer,
         body_allowance=0.01,
@@ -96,6 +97,15 @@ def test_the_goal_object_is_apart_from_what_was_seen_and_in_the_grid(kinematics)
     assert np.isinf(alone.distances(JOINTS[:1])[0])
     assert alone.object_distances(JOINTS[:1])[0] < 0.0
     assert alone.approximate_distances(JOINTS[:1]).min() < 0.0
+    placed = around(
+        kinematics,
+        NOTHING,
+        object_field=PointCloudDistance(np.zeros((1, 3)), extension=0.0),
+        X_TO=RigidTransform(RollPitchYaw(0.3, 0.2, 0.1), hand),
+    )
+    np.testing.assert_allclose(
+        placed.object_distances(JOINTS), alone.object_distances(JOINTS), atol=1e-12
+    )
 
 
 def test_only_forearm_and_hand_see_the_body(kinematics):
@@ -157,6 +167,7 @@ def test_self_distances_are_those_of_forearm_and_hand_to_the_body():
         NOTHING,
         X_FT=RigidTransform(),
         goal_object=NOTHING,
+        X_TO=RigidTransform(),
         body=lambda: SolidSet(solids),
         body_layer=lambda: np.zeros(0),
         body_allowance=0.0,
@@ -167,7 +178,10 @@ def test_self_distances_are_those_of_forearm_and_hand_to_the_body():
     for joints, distance in zip(JOINTS, checker.self_distances(JOINTS), strict=True):
         centers = SHAPES.kinematics.sphere_centers_at(joints[None])[0, moving]
         away = np.linalg.norm(centers - (hand + [0.0, 0.0, 0.3]), axis=1)
-        assert distance == pytest.approx((away - 0.05 - spheres.radii[moving]).min())
+        least = (away - 0.05 - spheres.radii[moving]).min()
+        assert distance == pytest.approx(least)
+        assert checker.self_distances(joints[None], 0.5)[0] == pytest.approx(least)
+        assert 0.0 <= checker.self_distances(joints[None], 0.0)[0] <= least
 
 
 def test_the_body_is_the_robot_without_the_arm_and_its_shoulder():

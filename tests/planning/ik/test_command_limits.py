@@ -16,9 +16,9 @@ from pepper_drake.models.pepper import (
 from pepper_drake.planning.ik.command_check import StopReason, check_command
 from pepper_drake.planning.ik.command_limits import (
     limit_joint_command,
-    stopping_distance,
     track_joint_command,
 )
+from pepper_drake.planning.ik.compiled_tick import stopping_distance
 
 TIME_STEP = 0.01
 

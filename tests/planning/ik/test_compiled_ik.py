@@ -13,7 +13,8 @@ from pydrake.systems.framework import BusValue
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.pepper import hand_frame
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
-from pepper_drake.planning.ik.compiled_ik import CompiledIk, solve_box_qp
+from pepper_drake.planning.ik.compiled_ik import CompiledIk
+from pepper_drake.planning.ik.compiled_tick import solve_box_qp
 from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
     arm_joint_limits,

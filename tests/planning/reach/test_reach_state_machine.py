@@ -171,6 +171,16 @@ def test_images_that_come_too_seldom_are_the_cause_of_a_reach_that_takes_too_lon
     assert "so late or so seldom" in one.state.message
 
 
+def test_images_that_come_too_seldom_are_the_cause_of_a_drive_that_takes_too_long():
+    one = Supervised(timing=replace(TIMING, driving_timeout=8.0)).set(base_arrived=False)
+    one.until(ReachMode.DRIVING)
+    while one.state.mode == ReachMode.DRIVING:
+        one.image_time = np.floor(one.time)
+        one.step()
+    assert one.state.reason == "cloud_missing"
+    assert "so late or so seldom" in one.state.message
+
+
 def test_a_stop_names_the_joint_that_it_is_about():
     one = Supervised().until(ReachMode.REACHING)
     one.set(stop_reason=StopReason.JOINT_HELD, stop_joint="RElbowYaw").failed("joint_held")
@@ -412,7 +422,7 @@ def test_the_state_does_not_depend_on_how_long_planning_took():
 
 
 @pytest.mark.parametrize(
-    ("age", "words"), [(np.inf, "the bottom camera gave no image"), (7.0, "for 7.0 s")]
+    ("age", "words"), [(np.inf, "the bottom camera gave no usable image"), (7.0, "for 7.0 s")]
 )
 def test_a_goal_that_is_not_seen_for_want_of_images_is_said_to_be_that(age, words):
     unseen = {"goal_valid": False, "goal_age": np.inf}

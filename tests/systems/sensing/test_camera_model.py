@@ -15,8 +15,8 @@ from pepper_drake.perception.cameras.image_future import ImageFuture
 from pepper_drake.perception.cameras.noise import (
     ColorNoise,
     DepthNoise,
-    degrade_color,
-    degrade_depth,
+    apply_color_noise,
+    apply_depth_noise,
     drop_dark_patches,
 )
 from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
@@ -157,11 +157,11 @@ def test_noise_is_that_of_seed_and_frame_number(kind, make, noise):
     np.testing.assert_array_equal(one, again)
     assert not np.array_equal(one[1], other[1])
     if kind == "color":
-        expected = degrade_color(make(0.2).data, INTRINSICS, noise, seed=4, frame=1)
+        expected = apply_color_noise(make(0.2).data, INTRINSICS, noise, seed=4, frame=1)
     else:
         clean = make(0.2).data[..., 0]
         lit = drop_dark_patches(clean, INTRINSICS, RigidTransform(), noise, seed=4)
-        expected = degrade_depth(lit, INTRINSICS, noise, seed=4, frame=1)
+        expected = apply_depth_noise(lit, INTRINSICS, noise, seed=4, frame=1)
     np.testing.assert_array_equal(np.squeeze(one[1]), np.squeeze(expected))
 
 

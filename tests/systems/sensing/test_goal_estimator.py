@@ -6,7 +6,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.sensors import ImageRgba8U
 
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
-from pepper_drake.perception.cameras.noise import ColorNoise, degrade_color
+from pepper_drake.perception.cameras.noise import ColorNoise, apply_color_noise
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.systems.sensing.goal_estimator import GoalEstimator
 
@@ -30,7 +30,7 @@ class Bench:
         self.frame += 1
         gray = self.draw_marker(X_CM, camera.ideal())
         rgba = cv2.cvtColor(gray, cv2.COLOR_GRAY2RGBA)
-        return degrade_color(rgba, camera, ColorNoise(), seed=0, frame=self.frame)
+        return apply_color_noise(rgba, camera, ColorNoise(), seed=0, frame=self.frame)
 
     def show(self, pixels, time, X_WC=X_WC, camera="top"):
         image = ImageRgba8U(pixels.shape[1], pixels.shape[0]) if pixels.size else ImageRgba8U()

@@ -5,7 +5,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays
-from pepper_drake.perception.cameras.noise import ColorNoise, degrade_color
+from pepper_drake.perception.cameras.noise import ColorNoise, apply_color_noise
 from pepper_drake.perception.cameras.texture import paint_texture, project_pattern
 from pepper_drake.perception.stereo.matching import make_stereo_cameras
 from pepper_drake.systems.sensing.projected_pattern import ProjectedPattern
@@ -23,7 +23,7 @@ def wall_image(camera, number):
     z = (WALL - X_WC.translation()[0]) / (rays @ X_WC.rotation().matrix()[0])
     bare = np.full((720, 1280, 4), 190, np.uint8)
     painted = paint_texture(bare, z, camera.intrinsics, X_WC)
-    pixels = degrade_color(painted, camera.intrinsics, ColorNoise(2.0), seed=0, frame=number)
+    pixels = apply_color_noise(painted, camera.intrinsics, ColorNoise(2.0), seed=0, frame=number)
     image = ImageRgba8U(1280, 720)
     image.mutable_data[:] = pixels
     return image

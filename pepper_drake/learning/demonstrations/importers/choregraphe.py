@@ -4,7 +4,8 @@ import ast
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -54,15 +55,25 @@ def read_timeline(path: Path, text: str) -> list[Track]:
         fps = _number(timeline, "fps", path, 25.0)
         if not 0.0 < fps < 1e4:
             raise InputError(f"{path}: a timeline of {fps:g} frames a second; correct fps")
-        curves = []
-        for curve in _own(timeline):
-            read = _curve(curve, fps, path)
-            if read is not None:
-                curves.append(read)
+        own = list(_own(timeline))
+        curves = [read for curve in own if (read := _curve(curve, fps, path)) is not None]
         if curves:
             number = len(tracks) + 1
             name = path.stem if number == 1 else f"{path.stem}_{number}"
-            tracks.append(_track(path, name, "Choregraphe timeline", curves, "deg"))
+            last = _number(timeline, "end_frame", path, -1.0)
+            track = _track(
+                path,
+                name,
+                "Choregraphe timeline",
+                curves,
+                "deg",
+                last / fps if last > 0.0 else None,
+            )
+            models = {e.get("model", "") for e in timeline if _local(e) == "ActuatorList"}
+            if "nao" in models:
+                note = "made for NAO, whose arms are shorter: Pepper's hand goes elsewhere"
+                track = replace(track, notes=(*track.notes, note))
+            tracks.append(track)
     if not tracks:
         raise InputError(f"{path}: XML without a timeline of Choregraphe that has keys of joints")
     return tracks
@@ -87,11 +98,42 @@ def is_exported_python(text: str) -> bool:
 def read_exported_python(path: Path, text: str) -> list[Track]:
     """Reads the lists `names`, `times` and `keys` of exported Python, without running it.
 
+    Each place that makes a new list `names` begins a motion of its own; what is in a string of
+    several lines is no code.
+
     Raises:
         InputError: The text is no Python, or its lists do not belong together.
     """
+    code = _STRINGS.sub(lambda match: "\n" * match[0].count("\n"), text)
+    starts = [match.start() for match in _NEW_LISTS.finditer(code)]
+    parts = [code[a:b] for a, b in pairwise((*starts, len(code)))] if starts else [code]
+    first = [code.count("\n", 0, start) for start in starts] or [0]
+    functions = [(m.start(), m[1]) for m in re.finditer(r"^[ \t]*def (\w+)", code, re.MULTILINE)]
+    found = []
+    for part, start, line in zip(parts, starts or [0], first, strict=True):
+        curves = _exported_curves(path, part, line)
+        within = [name for place, name in functions if place < start]
+        if curves:
+            found.append((within[-1] if within else "", curves))
+    if not found:
+        raise InputError(f"{path}: no joint of Pepper among the names")
+    tracks: list[Track] = []
+    for number, (function, curves) in enumerate(found, start=1):
+        name = path.stem if len(found) == 1 else f"{path.stem}_{function or number}"
+        if name in [track.name for track in tracks]:
+            name = f"{name}_{number}"
+        tracks.append(_track(path, name, "Choregraphe's exported Python", curves, "rad"))
+    return tracks
+
+
+_STRINGS = re.compile(r"\"\"\".*?\"\"\"|\'\'\'.*?\'\'\'", re.DOTALL)
+_NEW_LISTS = re.compile(r"^[ \t]*names[ \t]*=[ \t]*(?:list\(\)|\[\])", re.MULTILINE)
+
+
+def _exported_curves(path: Path, text: str, before: int) -> list[_Curve]:
+    """Returns the curves of one motion; `before` lines are before it in the file."""
     lists: dict[str, list[Any]] = {"names": [], "times": [], "keys": []}
-    for number, name, argument in _appended(path, text):
+    for number, name, argument in _appended(path, text, before):
         try:
             lists[name].append((number, ast.literal_eval(argument)))
         except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError):
@@ -103,17 +145,24 @@ def read_exported_python(path: Path, text: str) -> list[Track]:
         key: [v for _, v in sorted(values, key=lambda e: e[0])] for key, values in lists.items()
     }
     names, times, keys = ordered["names"], ordered["times"], ordered["keys"]
-    if not names or not len(names) == len(times) == len(keys):
+    if not names and not times and not keys:
+        return []
+    if not len(names) == len(times) == len(keys):
         raise InputError(
             f"{path}: {len(names)} names, {len(times)} lists of times and {len(keys)} of keys;"
             " there must be one of each for each joint"
         )
     _check_order(path, lists)
-    curves = []
+    curves: list[_Curve] = []
     for name, when, what in zip(names, times, keys, strict=True):
         joint = joint_of(name) if isinstance(name, str) else None
         if joint is None:
             continue
+        if joint in [curve.joint for curve in curves]:
+            raise InputError(
+                f"{path}: {joint} is appended twice, so two motions are in one list; put each into"
+                " a file of its own"
+            )
         try:
             bezier = isinstance(what[0], Sequence)
             at = np.array(when, dtype=float)
@@ -124,12 +173,10 @@ def read_exported_python(path: Path, text: str) -> list[Track]:
         except (TypeError, ValueError, IndexError, KeyError, OverflowError):
             raise InputError(f"{path}: the keys of {joint} are not numbers") from None
         curves.append(_checked(_Curve(joint, at, values, handles), path))
-    if not curves:
-        raise InputError(f"{path}: no joint of Pepper among the names")
-    return [_track(path, path.stem, "Choregraphe's exported Python", curves, "rad")]
+    return curves
 
 
-def _appended(path: Path, text: str) -> Iterator[tuple[int, str, str]]:
+def _appended(path: Path, text: str, before: int) -> Iterator[tuple[int, str, str]]:
     """Yields line, list and argument of each append; the rest may be of Python 2."""
     lines = text.split("\n")
     for k, line in enumerate(lines):
@@ -140,9 +187,11 @@ def _appended(path: Path, text: str) -> Iterator[tuple[int, str, str]]:
         while argument.count("(") >= argument.count(")"):
             end += 1
             if end == len(lines) or len(argument) > _LONGEST_TEXT:
-                raise InputError(f"{path}, line {k + 1}: the bracket of {match[1]} is not closed")
+                raise InputError(
+                    f"{path}, line {before + k + 1}: the bracket of {match[1]} is not closed"
+                )
             argument += lines[end]
-        yield k + 1, match[1], argument.strip().rstrip(";").strip()[:-1].strip()
+        yield before + k + 1, match[1], argument.strip().rstrip(";").strip()[:-1].strip()
 
 
 def _check_order(path: Path, lists: dict[str, list[Any]]) -> None:
@@ -160,7 +209,7 @@ def _check_order(path: Path, lists: dict[str, list[Any]]) -> None:
 
 def _curve(element: ElementTree.Element, fps: float, path: Path) -> _Curve | None:
     joint = joint_of(element.get("actuator", ""))
-    if joint is None or joint.endswith("Hand"):
+    if joint is None or joint.endswith("Hand") or element.get("mute") == "1":
         return None
     keys = [child for child in element if _local(child) == "Key"]
     if not keys:
@@ -201,29 +250,41 @@ def _checked(curve: _Curve, path: Path) -> _Curve:
     return curve
 
 
-def _track(path: Path, name: str, kind: str, curves: list[_Curve], unit: str) -> Track:
-    # Before its first key a joint goes there from wherever the robot was, which no file knows.
+def _track(
+    path: Path, name: str, kind: str, curves: list[_Curve], unit: str, last: float | None = None
+) -> Track:
+    """Returns the curves at `RATE`, to their end or to `last` [s], where the timeline ends."""
     arms = [c for c in curves if c.joint[1:].startswith(("Shoulder", "Elbow", "Wrist"))] or curves
-    start = max(curve.times[0] for curve in arms)
+    twice = {c.joint for i, c in enumerate(arms) if c.joint in [d.joint for d in arms[:i]]}
+    if twice:
+        raise InputError(
+            f"{path}: {sorted(twice)[0]} has two curves in one timeline; remove one of them"
+        )
+    # Before its first key a joint goes there from wherever the robot was, which no file knows.
+    start = min(curve.times[0] for curve in arms)
     end = max(curve.times[-1] for curve in arms)
+    end = end if last is None else max(start, min(end, last))
+    late = [c.joint for c in arms if len(c.times) > 1 and c.times[0] > start + 1.0 / RATE]
     count = round((end - start) * RATE) + 1
     times = start + np.arange(count) / RATE
-    last = {curve.joint: curve for curve in arms}
-    joints = np.column_stack([_evaluate(curve, times) for curve in last.values()])
-    keys = sum(len(curve.times) for curve in last.values())
-    notes = (
-        f"{keys} keys of {len(last)} joints, taken {RATE:g} times a second from {start:g} s on",
-    )
+    joints = np.column_stack([_evaluate(curve, times) for curve in arms])
+    keys = sum(len(curve.times) for curve in arms)
+    notes = [
+        f"{keys} keys of {len(arms)} joints, taken {RATE:g} times a second from {start:g} s"
+        f" to {end:g} s"
+    ]
+    if late:
+        notes.append(f"held at the first key, which comes later: {', '.join(late)}")
     return Track(
         path,
         name,
         kind,
         times - start,
         joints=joints,
-        joint_names=tuple(last),
+        joint_names=tuple(curve.joint for curve in arms),
         joint_unit=unit,
         time_unit="s",
-        notes=notes,
+        notes=tuple(notes),
     )
 
 

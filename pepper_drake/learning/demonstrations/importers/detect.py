@@ -10,7 +10,7 @@ from pepper_drake.learning.demonstrations.importers.choregraphe import (
     read_exported_python,
     read_timeline,
 )
-from pepper_drake.learning.demonstrations.importers.foreign import refuse_foreign
+from pepper_drake.learning.demonstrations.importers.foreign import refuse_code, refuse_foreign
 from pepper_drake.learning.demonstrations.importers.lerobot import is_dataset, read_dataset
 from pepper_drake.learning.demonstrations.importers.motion_capture import (
     is_motive,
@@ -63,6 +63,7 @@ def _read_text(path: Path) -> list[Track]:
         return read_timeline(path, text)
     if is_exported_python(text):
         return read_exported_python(path, text)
+    refuse_code(path)
     table = parse_words(path, text)
     if not table.rows:
         raise InputError(f"{path}: 0 rows of numbers; a motion needs at least 4")

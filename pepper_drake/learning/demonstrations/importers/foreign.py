@@ -9,6 +9,11 @@ _TABLE = (
 )
 _NUMPY = 'np.savetxt("motion.csv", table, delimiter=",", header="time,x,y,z", comments="")'
 
+_TIMELINE = (
+    "copy the timeline with its Export motion to clipboard, Python (names.append(...),"
+    " times.append(...), keys.append(...)), or give behavior.xar"
+)
+
 _STARTS: tuple[tuple[bytes, str, str], ...] = (
     (b"\x93NUMPY", "a NumPy array, which does not say what its columns are", f"write {_NUMPY}"),
     (b"\x89HDF", "an HDF5 file", _TABLE),
@@ -28,6 +33,9 @@ _STARTS: tuple[tuple[bytes, str, str], ...] = (
     (b"\x89PNG", "a picture", "apps/perceive.py --image looks at pictures"),
     (b"\xff\xd8\xff", "a picture", "apps/perceive.py --image looks at pictures"),
     (b"HIERARCHY", "a BVH skeleton, whose joints are not Pepper's", _TABLE),
+    (b"header:\n", "YAML, as rostopic echo writes it", "record a bag, or use rostopic echo -p"),
+    (b"header: \n", "YAML, as rostopic echo writes it", "record a bag, or use rostopic echo -p"),
+    (b"comment,", "an export of OptiTrack before version 1.2", "export it again with Motive's CSV"),
     (b"PathFileType", "an OpenSim TRC file", _TABLE),
     (b"NO_OF_FRAMES", "a Qualisys TSV file", f"{_TABLE}; its units are mm (--unit mm)"),
     (b"version https://git-lfs", "a pointer of Git LFS in place of the file", "git lfs pull"),
@@ -46,7 +54,24 @@ _SUFFIXES: dict[str, tuple[str, str]] = {
     ".yml": ("YAML, as rostopic echo writes it", "record a bag, or use rostopic echo -p"),
     ".bvh": ("a BVH skeleton, whose joints are not Pepper's", _TABLE),
     ".feather": ("an Arrow table", _TABLE),
+    ".pmt": ("Choregraphe's path of the base, which moves no arm", "give the behavior's .xar"),
 }
+
+
+_CODE = {".py", ".cpp", ".cc", ".c", ".h", ".m", ".java", ".js", ".ts", ".sh", ".ipynb"}
+
+
+def refuse_code(path: Path) -> None:
+    """Refuses program code, which is not run.
+
+    Raises:
+        InputError: With how to get the motion out.
+    """
+    if path.suffix.lower() in _CODE:
+        raise InputError(
+            f"{path}: program code without the lists that Choregraphe exports is not read;"
+            f" {_TIMELINE}"
+        )
 
 
 def refuse_foreign(path: Path) -> None:

@@ -138,7 +138,8 @@ def meaning(header: str) -> Meaning | None:
             unit if unit is not None and (unit in ("deg", "rad") or unit[0] == UNKNOWN) else None
         )
         return Meaning("joint", unit=known, joint=joint)
-    words = [word for word in re.split(r"[^a-z0-9°µμ]+", text.lower()) if word]
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)  # xPos, timeStamp.
+    words = [word for word in re.split(r"[^a-z0-9°µμ]+", apart.lower()) if word]
     if not words:
         return None
     if unit is None and _ends_with_unit(words):

@@ -121,7 +121,7 @@ def _rows(file: Path, rate: float) -> list[tuple[int, float, Any]]:
 
 
 def _values(metadata: Any, columns: list[str]) -> int:
-    """How many values some columns of a parquet file have, as its metadata says."""
+    """Number of values in some columns of a parquet file, as its metadata says."""
     groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
     chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
     return sum(

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import struct
+import warnings
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -232,13 +233,17 @@ def read_lasa(path: Path) -> list[Track]:
     try:
         # It reads streams, which its type hints do not know.
         stream: Any = io.BytesIO(data)
-        content = loadmat(stream, squeeze_me=True, struct_as_record=False)
+        with warnings.catch_warnings(action="ignore"):  # Of variables that are not read.
+            content = loadmat(stream, squeeze_me=True, struct_as_record=False)
         demos = np.atleast_1d(content["demos"])[:100]
         found = [
             (np.asarray(d.t, dtype=float).ravel(), np.asarray(d.pos, dtype=float)) for d in demos
         ]
     except KeyError:
-        raise InputError(f"{path}: a .mat file without `demos`, as the LASA set has it") from None
+        raise InputError(
+            f"{path}: a .mat file without `demos`, as the LASA set has it; write its motion as a"
+            " table (writematrix) with a first line time,x,y,z"
+        ) from None
     except Exception as error:  # loadmat raises what its parser meets: any kind.
         raise InputError(
             f"{path}: no LASA motion ({type(error).__name__}: {_one_line(error)})"

@@ -53,6 +53,8 @@ class ImportOptions:
         rate: Samples a second [Hz], where the file has no times.
         track: Name or number (from 1) of the motion, where a file holds several.
         drop_outliers: Leave out single samples that jump away and back, in place of refusing them.
+        clip_joints: Bring joints that are up to 0.5 rad beyond Pepper's limits to the limit, as
+            ALMotion does, in place of refusing them.
     """
 
     unit: str | None = None
@@ -67,6 +69,7 @@ class ImportOptions:
     rate: float | None = None
     track: str | None = None
     drop_outliers: bool = False
+    clip_joints: bool = False
 
     __repr__ = short_repr
 

@@ -136,6 +136,7 @@ _EXCEL = re.compile(r'"?sep=.?"?', re.IGNORECASE)
 """A first line by which Excel is told the separator."""
 
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
+_DAY_AND_TIME = re.compile(r"(\d{4}-\d\d-\d\d) +(?=\d\d:\d\d)")
 _CLOCK = re.compile(r"(?:(?:(\d{1,2}):)?(\d{1,2}):)(\d{1,2}(?:[.,]\d+)?)")
 
 
@@ -174,7 +175,7 @@ def _without_clocks(
 def split(line: str, separator: str) -> tuple[str, ...]:
     """Returns the words of a line; quotes keep separators together."""
     if separator == " ":
-        return tuple(line.partition("#")[0].split())
+        return tuple(_DAY_AND_TIME.sub(r"\1T", line.partition("#")[0]).split())
     try:
         words = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
     except (csv.Error, StopIteration):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +72,24 @@ class Track:
             if values is not None:
                 return len(values)
         return 0
+
+    def without_repeats(self) -> Track:
+        """Returns the track without rows that are the row before once more, time and all."""
+        if self.times is None:
+            return self
+        names = ("times", "positions", "velocities", "accelerations", "rotations", "angles")
+        parts = {n: v for n in (*names, "joints") if (v := getattr(self, n)) is not None}
+        table = np.column_stack(list(parts.values()))
+        kept = np.append(True, np.any(table[1:] != table[:-1], axis=1))
+        if kept.all():
+            return self
+        note = f"{int((~kept).sum())} rows that repeat the row before were left out"
+        return replace(
+            self,
+            lines=None if self.lines is None else self.lines[kept],
+            notes=(*self.notes, note),
+            **{n: v[kept] for n, v in parts.items()},
+        )
 
     def where(self, sample: int) -> str:
         """Returns file and line of a sample, or its number where there are no lines."""

@@ -131,6 +131,86 @@ def test_a_timeline_in_a_box_of_another_one_is_read_once_at_its_own_rate(tmp_pat
     np.testing.assert_allclose(demo.joints[[0, -1], 0], np.radians([60, 30]), atol=1e-9)
 
 
+def _python(
+    *joints, times=(0.4, 2.4), values=((1.0, 0.4), (-0.2, -0.3), (1, 1), (0.5, 0.9), (0, 0))
+):
+    return "".join(
+        f'names.append("{name}")\ntimes.append({list(times)})\nkeys.append({list(value)})\n'
+        for name, value in zip(joints or NAMES, values, strict=True)
+    )
+
+
+def test_each_function_of_exported_python_is_a_motion_of_its_own(tmp_path):
+    start = "  names = list()\n  times = list()\n  keys = list()\n"
+    other = ((0.8, 0.2), (-0.1, -0.4), (0.7, 1), (0.6, 0.4), (0, 0))
+    text = (
+        f"def wave(robot):\n{start}{_python()}"
+        + f'def nod(robot):\n{start}"""names.append("HeadYaw")\ntimes.append([1])\n'
+        + f'keys.append([0.1])"""\n{_python(times=(0.2, 1.2), values=other)}'
+    )
+    path = write(tmp_path / "moves.py", text)
+    with pytest.raises(InputError, match=r"2 motions in it \(moves_wave, moves_nod\)"):
+        Demonstration.load(path)
+    wave, nod = read_demonstrations(path)
+    np.testing.assert_allclose(wave.joints[[0, -1], 0], [1.0, 0.4], atol=1e-9)
+    np.testing.assert_allclose(nod.joints[[0, -1], 0], [0.8, 0.2], atol=1e-9)
+    assert (wave.duration, nod.duration) == (pytest.approx(2.0), pytest.approx(1.0))
+
+
+def test_two_motions_in_one_list_are_refused(tmp_path):
+    path = write(tmp_path / "moves.py", _python() + _python())
+    with pytest.raises(InputError, match="RShoulderPitch is appended twice"):
+        Demonstration.load(path)
+    for name in ("walk.py", "main.cpp"):
+        with pytest.raises(InputError, match=r"program code.*Export motion to clipboard"):
+            Demonstration.load(write(tmp_path / name, "import time\ntime.sleep(1)\n"))
+
+
+def _timeline(curves, **attributes):
+    said = " ".join(f'{name}="{value}"' for name, value in attributes.items())
+    text = "".join(
+        f'<ActuatorCurve actuator="{name}" {extra}>'
+        + "".join(f'<Key frame="{frame}" value="{value}"/>' for frame, value in keys)
+        + "</ActuatorCurve>"
+        for name, extra, keys in curves
+    )
+    text = f'<ActuatorList model="nao">{text}</ActuatorList>'
+    return f'<P><Timeline fps="25" {said}>{text}</Timeline></P>'
+
+
+def test_a_timeline_is_played_as_far_as_it_is_played(tmp_path):
+    """To its last frame, without mute curves; a late joint does not cut off the others."""
+    keys = [(0, 60), (50, 30), (75, 0)]
+    curves = [(NAMES[0], "", keys), (NAMES[1], 'mute="0"', [(0, -10), (75, -20)])]
+    curves += [(NAMES[2], "", [(0, 60), (75, 60)]), (NAMES[3], "", [(0, 30), (75, 50)])]
+    curves += [(NAMES[4], "", [(25, 0), (75, 10)]), (NAMES[0], 'mute="1"', [(0, 90), (75, 90)])]
+    path = write(tmp_path / "behavior.xar", _timeline(curves, end_frame=50))
+    demo = Demonstration.load(path)
+    assert demo.duration == pytest.approx(2.0)
+    np.testing.assert_allclose(demo.joints[[0, -1], 0], np.radians([60, 30]), atol=1e-9)
+    np.testing.assert_allclose(demo.joints[[0, 50], 4], 0.0, atol=1e-9)
+    assert any(f"held at the first key, which comes later: {NAMES[4]}" in n for n in demo.notes)
+    assert any("made for NAO" in note for note in demo.notes)
+
+
+def test_joints_a_little_beyond_a_limit_may_stop_there(tmp_path):
+    """A roll of 18 degrees is in NAO's limits, not in Pepper's."""
+    keys = [(0, 60), (50, 30)]
+    curves = [(NAMES[0], "", keys), (NAMES[1], "", [(0, -10), (50, 18)])]
+    curves += [(name, "", [(0, 30), (50, 40)]) for name in NAMES[2:]]
+    path = write(tmp_path / "behavior.xar", _timeline(curves))
+    with pytest.raises(InputError, match=rf"{NAMES[1]} at 0.31.* rad.*--clip-joints"):
+        Demonstration.load(path)
+    demo = Demonstration.load(path, clip_joints=True)
+    assert demo.joints[-1, 1] == pytest.approx(-0.00872665)
+    assert any(f"limits, by 0.32 rad at most: {NAMES[1]}" in note for note in demo.notes)
+    path = write(
+        tmp_path / "behavior.xar", _timeline([*curves[:1], (NAMES[1], "", [(0, 60)]), *curves[2:]])
+    )
+    with pytest.raises(InputError, match=r"beyond its limits.*; correct it$"):
+        Demonstration.load(path, clip_joints=True)
+
+
 def test_exported_python_is_read_not_run(tmp_path):
     text = "names = list()\n__import__('os').mkdir('ran')\n"
     for name, values in zip(

@@ -1,0 +1,466 @@
+"""One tick of the arm's command, compiled: inverse kinematics, then the limits of the joints.
+
+The inverse kinematics is the program of `differential_ik.make_differential_ik`, Drake's system,
+term by term; the tests hold it against that system and against another solver. Drake solves it by
+OSQP, which without an active bound is content with a gradient of a thousandth of its terms, and
+makes program, contexts and solver anew every tick. Here its minimum is found to rounding, in
+microseconds.
+
+All that is compiled stands in one file, since numba keeps what it compiled (beside this file, or in
+$NUMBA_CACHE_DIR) until this file changes, whatever happens to what it calls elsewhere. Numbers one
+by one, not arrays: each array that is made takes longer than what is done with it.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from pepper_drake.models.control_model import LimitArrays
+from pepper_drake.planning.collision.arm_kinematics import ArmChain
+
+Vector = npt.NDArray[np.float64]
+
+SHARES = 24
+"""Shares between the desired acceleration and full braking that are tried at a coupled limit,
+twice: coarse, then fine."""
+ROUNDING = 1e-10
+"""Rounding allowed at a coupled limit [rad]."""
+
+
+class IkNumbers(NamedTuple):
+    """Numbers of `DifferentialIkParams` that the compiled code needs, and the joints' limits.
+
+    Attributes:
+        position: Weight of the hand's linear velocity.
+        orientation: Weight of its angular velocity.
+        posture_gain: Pull to the nominal posture [1/s].
+        rate: Share of the pose error that is made up for in a tick, per time step [1/s].
+        limit_margin: Distance to a position limit at which motion towards it ends [rad].
+        limit_influence: Distance from which on motion towards it is slowed [rad].
+        twist: (6,) largest angular [rad/s] and linear [m/s] velocity asked for.
+        lower: (5,) position limits [rad].
+        upper: (5,) position limits [rad].
+        slowest: (5,) velocity limits [rad/s].
+        fastest: (5,) velocity limits [rad/s].
+    """
+
+    position: float
+    orientation: float
+    posture_gain: float
+    rate: float
+    limit_margin: float
+    limit_influence: float
+    twist: Vector
+    lower: Vector
+    upper: Vector
+    slowest: Vector
+    fastest: Vector
+
+
+@njit(cache=True)
+def _times(R: Vector, C: Vector) -> Vector:
+    """R C, (3, 3)."""
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = R[i, 0] * C[0, j] + R[i, 1] * C[1, j] + R[i, 2] * C[2, j]
+    return out
+
+
+@njit(cache=True)
+def _hand(q: Vector, chain: ArmChain) -> tuple[Vector, Vector, Vector]:
+    """Rotation and position of the hand in T, and its Jacobian (6, 5), angular first."""
+    R, p = np.eye(3), np.zeros(3)
+    axes, origins = np.empty((5, 3)), np.empty((5, 3))
+    for k in range(6):
+        offset = chain.positions[k]
+        for i in range(3):
+            p[i] += R[i, 0] * offset[0] + R[i, 1] * offset[1] + R[i, 2] * offset[2]
+        R = _times(R, chain.rotations[k])
+        if k == 5:
+            break
+        number = chain.axis_numbers[k]
+        a, b = (number + 1) % 3, (number + 2) % 3
+        cos, sin = np.cos(q[k]), chain.senses[k] * np.sin(q[k])
+        for i in range(3):
+            axes[k, i], origins[k, i] = chain.senses[k] * R[i, number], p[i]
+            first, second = R[i, a], R[i, b]
+            R[i, a] = first * cos + second * sin
+            R[i, b] = second * cos - first * sin
+    J = np.empty((6, 5))
+    for k in range(5):
+        x, y, z = p[0] - origins[k, 0], p[1] - origins[k, 1], p[2] - origins[k, 2]
+        u, v, w = axes[k]
+        J[0, k], J[1, k], J[2, k] = u, v, w
+        J[3, k], J[4, k], J[5, k] = v * z - w * y, w * x - u * z, u * y - v * x
+    return R, p, J
+
+
+@njit(cache=True)
+def _quaternion(R: Vector) -> Vector:
+    """Unit quaternion w, x, y, z of a rotation matrix (Shepperd 1978, doi 10.2514/3.55767b)."""
+    found = np.empty(4)
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    if trace >= max(R[0, 0], R[1, 1], R[2, 2]):
+        found[0] = 1.0 + trace
+        found[1], found[2] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0]
+        found[3] = R[1, 0] - R[0, 1]
+    else:
+        i = np.argmax(np.diag(R))
+        j, k = (i + 1) % 3, (i + 2) % 3
+        found[0] = R[k, j] - R[j, k]
+        found[1 + i] = 1.0 + 2.0 * R[i, i] - trace
+        found[1 + j] = R[j, i] + R[i, j]
+        found[1 + k] = R[k, i] + R[i, k]
+    return found / np.sqrt(np.sum(found * found))
+
+
+@njit(cache=True)
+def _rotation_vector(asked: Vector, R: Vector) -> Vector:
+    """Rotation vector (3,) in T [rad] that takes R to the quaternion asked for."""
+    w, x, y, z = _quaternion(R)
+    aw, ax, ay, az = asked
+    scalar = aw * w + ax * x + ay * y + az * z
+    vector = np.array(
+        [
+            ax * w - aw * x - ay * z + az * y,
+            ay * w - aw * y - az * x + ax * z,
+            az * w - aw * z - ax * y + ay * x,
+        ]
+    )
+    length = np.sqrt(np.sum(vector * vector))
+    if length < 1e-300:
+        return np.zeros(3)
+    angle = 2.0 * np.arctan2(length, abs(scalar))
+    return vector * (angle / length if scalar >= 0.0 else -angle / length)
+
+
+@njit(cache=True)
+def _solve_free(H: Vector, g: Vector, side: npt.NDArray[np.int64], L: Vector, v: Vector) -> None:
+    """Sets the free components of v to the minimum for the others' values, by Cholesky in L."""
+    n = len(g)
+    for i in range(n):
+        if side[i] != 0:
+            continue
+        total = g[i]
+        for j in range(n):
+            if side[j] != 0:
+                total -= H[i, j] * v[j]
+        for j in range(i):
+            if side[j] == 0:
+                entry = H[i, j]
+                for k in range(j):
+                    if side[k] == 0:
+                        entry -= L[i, k] * L[j, k]
+                L[i, j] = entry / L[j, j]
+                total -= L[i, j] * v[j]
+        square = H[i, i]
+        for k in range(i):
+            if side[k] == 0:
+                square -= L[i, k] * L[i, k]
+        if not (square > 0.0 and math.isfinite(square) and math.isfinite(total)):
+            raise np.linalg.LinAlgError("the program has no finite minimum")
+        L[i, i] = math.sqrt(square)
+        v[i] = total / L[i, i]
+    for i in range(n - 1, -1, -1):
+        if side[i] == 0:
+            for j in range(i + 1, n):
+                if side[j] == 0:
+                    v[i] -= L[j, i] * v[j]
+            v[i] /= L[i, i]
+
+
+@njit(cache=True)
+def solve_box_qp(H: Vector, g: Vector, low: Vector, high: Vector) -> Vector:
+    """The minimum of v' H v / 2 - g' v over low <= v <= high, H positive definite.
+
+    Principal pivoting by least index, which ends for every positive definite H (Judice and Pires
+    1992, doi 10.1007/BF00940318): a component out of its bounds is put on the bound, one on a bound
+    whose gradient points inward is freed. Without an active bound it is one linear solve.
+
+    Raises:
+        LinAlgError: A number is not finite.
+    """
+    n = len(g)
+    side = np.zeros(n, dtype=np.int64)  # -1 on the lower bound, 1 on the upper, 0 free.
+    v, L = np.zeros(n), np.empty((n, n))
+    # Rounding at a degenerate minimum could go round in circles: the number of sets is the limit.
+    for _ in range(3**n):
+        for i in range(n):
+            if side[i] != 0:
+                v[i] = low[i] if side[i] < 0 else high[i]
+        _solve_free(H, g, side, L, v)
+        changed = False
+        for i in range(n):
+            if side[i] == 0:
+                if v[i] < low[i] or v[i] > high[i]:
+                    side[i] = -1 if v[i] < low[i] else 1
+                    changed = True
+            else:
+                slope = g[i]
+                for j in range(n):
+                    slope -= H[i, j] * v[j]
+                if side[i] * slope < 0.0:
+                    side[i] = 0
+                    changed = True
+            if changed:
+                break
+        if not changed:
+            break
+    return np.minimum(np.maximum(v, low), high)
+
+
+@njit(cache=True)
+def _add_centering(H: Vector, g: Vector, pull: Vector, J: Vector) -> None:
+    """Adds a centering cost that is blind to turns of the hand by a row J (5,) of its Jacobian.
+
+    Drake weighs by the null space's basis that Gaussian elimination gives: e_k - r_k e_m with
+    r_k = J_k / J_m, m the pivot.
+    """
+    m = np.argmax(np.abs(J))
+    if J[m] == 0.0:
+        for i in range(5):
+            H[i, i] += 1.0
+            g[i] += pull[i]
+        return
+    for i in range(5):
+        if i != m:
+            share = J[i] / J[m]
+            centered = pull[i] - share * pull[m]
+            H[i, i] += 1.0
+            H[i, m] -= share
+            H[m, i] -= share
+            H[m, m] += share * share
+            g[i] += centered
+            g[m] -= share * centered
+
+
+@njit(cache=True)
+def ik_velocity(
+    q: Vector,
+    nominal: Vector,
+    position: Vector,
+    rotation: Vector,
+    chain: ArmChain,
+    numbers: IkNumbers,
+) -> Vector:
+    """Joint velocities (5,) [rad/s]; see `CompiledIk.velocity`."""
+    R, p, J = _hand(q, chain)
+    turn = _rotation_vector(rotation, R)
+    H, g = np.zeros((5, 5)), np.zeros(5)
+    for r in range(6):
+        weight = numbers.orientation if r < 3 else numbers.position
+        error = turn[r] if r < 3 else position[r - 3] - p[r - 3]
+        rate = min(max(numbers.rate * error, -numbers.twist[r]), numbers.twist[r])
+        for i in range(5):
+            g[i] += weight * J[r, i] * rate
+            for j in range(5):
+                H[i, j] += weight * (J[r, i] * J[r, j])
+    pull = numbers.posture_gain * (nominal - q)
+    for axis in range(2):
+        _add_centering(H, g, pull, J[axis])
+    low, high = numbers.slowest.copy(), numbers.fastest.copy()
+    span = numbers.limit_influence - numbers.limit_margin
+    for k in range(5):
+        below, above = q[k] - numbers.lower[k], numbers.upper[k] - q[k]
+        share = min(max((min(below, above) - numbers.limit_margin) / span, 0.0), 1.0)
+        if below < above:
+            low[k] *= share
+        else:
+            high[k] *= share
+    return solve_box_qp(H, g, low, high)
+
+
+@njit(cache=True)
+def stopping_distance(speed: float, change: float, time_step: float) -> float:
+    """Distance that a joint goes on while it brakes, in steps of `time_step` [rad].
+
+    Args:
+        speed: Absolute velocity of the last step [rad/s].
+        change: By how much the velocity may change in a step [rad/s].
+        time_step: Time between commands [s].
+    """
+    steps = math.floor(speed / change)
+    return time_step * steps * (speed - 0.5 * change * (steps + 1))
+
+
+@njit(cache=True)
+def stoppable_velocity(distance: float, change: float, time_step: float) -> float:
+    """Largest next velocity that, braking after it, ends within a signed distance.
+
+    It solves T v + `stopping_distance`(v) = distance, which is piecewise linear in v.
+    """
+    share = abs(distance) / (change * time_step)
+    steps = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * share) - 1.0))
+    speed = change * (share + 0.5 * steps * (steps + 1)) / (steps + 1)
+    return math.copysign(speed, distance)
+
+
+@njit(cache=True)
+def tracking_velocities(
+    position: Vector, wish: Vector, previous_wish: Vector, limits: LimitArrays, time_step: float
+) -> Vector:
+    """Velocities (n,) with which commands follow their wishes, and catch up with them."""
+    desired = np.empty(len(position))
+    for k in range(len(position)):
+        reference = (wish[k] - previous_wish[k]) / time_step
+        if not abs(reference) <= limits.velocity[k] + ROUNDING:
+            reference = 0.0
+        error = wish[k] - position[k] - time_step * reference
+        desired[k] = np.nan
+        if math.isfinite(error):
+            change = limits.acceleration[k] * time_step
+            desired[k] = reference + stoppable_velocity(error, change, time_step)
+    return desired
+
+
+@njit(cache=True)
+def limited_step(
+    position: Vector, velocity: Vector, desired: Vector, limits: LimitArrays, time_step: float
+) -> tuple[Vector, Vector]:
+    """The next command (n,) [rad] and its velocity (n,) [rad/s]; see `limit_joint_command`."""
+    following, lowest, highest = np.empty((3, len(position)))
+    for k in range(len(position)):
+        change, top = limits.acceleration[k] * time_step, limits.velocity[k]
+        slow, fast = velocity[k] - change, velocity[k] + change
+        # A command that is too fast brakes as hard as it may.
+        least = min(max(slow, -top), fast)
+        most = max(min(fast, top), slow)
+        up = stoppable_velocity(limits.upper[k] - position[k], change, time_step)
+        down = -stoppable_velocity(position[k] - limits.lower[k], change, time_step)
+        least, most = min(max(least, down), most), max(min(most, up), least)
+        wish = 0.0 if math.isnan(desired[k]) else desired[k]
+        lowest[k], highest[k], following[k] = least, most, min(max(wish, least), most)
+    for c in range(len(limits.pairs)):
+        _keep_coupled(c, position, following, lowest, highest, limits, time_step)
+    return position + time_step * following, following
+
+
+@njit(cache=True)
+def _interpolated(x: float, nodes: Vector, values: Vector) -> float:
+    """Value at x of the line through nodes, constant beyond them, as numpy.interp's."""
+    if x <= nodes[0]:
+        return values[0]
+    if x >= nodes[-1]:
+        return values[-1]
+    j = np.searchsorted(nodes, x, side="right") - 1
+    return (values[j + 1] - values[j]) / (nodes[j + 1] - nodes[j]) * (x - nodes[j]) + values[j]
+
+
+@njit(cache=True)
+def _coupled_margins(
+    table: Vector, start: Vector, velocities: Vector, change: Vector, time_step: float
+) -> tuple[float, float]:
+    """Least distances of the follower to both its limits, if both joints brake after one step.
+
+    Args:
+        table: (3, K) positions of the leader, and lower and upper limits there [rad].
+        start: Leader and follower now (2,) [rad].
+        velocities: Their velocities in the next step (2,) [rad/s].
+        change: By how much they may change in a step (2,) [rad/s].
+        time_step: Time between commands [s].
+
+    Returns:
+        Distance to the lower and to the upper limit [rad], negative beyond.
+    """
+    below, above, place = np.inf, np.inf, np.empty(2)
+    last = max(abs(velocities[0]) // change[0], abs(velocities[1]) // change[1])
+    for step in range(int(last) + 1):
+        for i in range(2):
+            speed = abs(velocities[i])
+            braked = min(float(step), math.floor(speed / change[i]))
+            travelled = time_step * (braked + 1.0) * (speed - change[i] * 0.5 * braked)
+            place[i] = start[i] + np.sign(velocities[i]) * travelled
+        below = min(below, place[1] - _interpolated(place[0], table[0], table[1]))
+        above = min(above, _interpolated(place[0], table[0], table[2]) - place[1])
+    return below, above
+
+
+@njit(cache=True)
+def _keep_coupled(
+    number: int,
+    position: Vector,
+    velocity: Vector,
+    lowest: Vector,
+    highest: Vector,
+    limits: LimitArrays,
+    time_step: float,
+) -> None:
+    """Changes a leader's and a follower's velocity so that both can brake inside their limit."""
+    leader, follower = limits.pairs[number]
+    lower, upper = limits.strictest[number]
+    speed, change_f = velocity[follower], limits.acceleration[follower] * time_step
+    after = position[follower] + time_step * speed
+    stop = after + math.copysign(stopping_distance(abs(speed), change_f, time_step), speed)
+    if lower <= min(after, stop) and max(after, stop) <= upper:
+        return  # The follower can stop within the strictest of its limits.
+    table = limits.tables[number]
+    change = np.array([limits.acceleration[leader] * time_step, change_f])
+    start = np.array([position[leader], position[follower]])
+    wish = np.array([velocity[leader], velocity[follower]])
+    below, above = _coupled_margins(table, start, wish, change, time_step)
+    if min(below, above) >= -ROUNDING:
+        return
+    brake_l = min(max(0.0, lowest[leader]), highest[leader])
+    brake_f = min(max(0.0, lowest[follower]), highest[follower])
+    away = lowest[follower] if above < below else highest[follower]
+    # First the follower turns away from its limit, then the leader brakes, then the follower.
+    corners = np.array([[wish[0], wish[1]], [wish[0], away], [brake_l, away], [brake_l, brake_f]])
+    previous = corners[0].copy()
+    for leg in range(3):
+        for share in range(SHARES + 1):
+            candidate = corners[leg] + share / SHARES * (corners[leg + 1] - corners[leg])
+            below, above = _coupled_margins(table, start, candidate, change, time_step)
+            if min(below, above) >= -ROUNDING:
+                for fine in range(SHARES + 1):
+                    finer = previous + fine / SHARES * (candidate - previous)
+                    below, above = _coupled_margins(table, start, finer, change, time_step)
+                    if min(below, above) >= -ROUNDING:
+                        candidate = finer
+                        break
+                velocity[leader], velocity[follower] = candidate
+                return
+            previous = candidate
+    # From outside the limit the follower moves back in.
+    lower = _interpolated(start[0], table[0], table[1])
+    upper = _interpolated(start[0], table[0], table[2])
+    way = min(max(start[1], lower), upper) - start[1]
+    back = stoppable_velocity(way, change[1], time_step)
+    velocity[leader] = brake_l
+    velocity[follower] = min(max(back, lowest[follower]), highest[follower])
+
+
+@njit(cache=True)
+def track_path(
+    joints: Vector,
+    velocity: Vector,
+    nominal: Vector,
+    positions: Vector,
+    rotations: Vector,
+    chain: ArmChain,
+    numbers: IkNumbers,
+    limits: LimitArrays,
+    time_step: float,
+    ends: int,
+    goal: Vector,
+    tolerance: float,
+    still_speed: float,
+) -> Vector:
+    """Joint commands (N, 5) [rad] along a path; see `CompiledIk.track`."""
+    count = len(positions) + 1
+    commands = np.empty((count, 5))
+    commands[0] = joints
+    for n in range(1, count):
+        wished = ik_velocity(
+            joints, nominal[n - 1], positions[n - 1], rotations[n - 1], chain, numbers
+        )
+        joints, velocity = limited_step(joints, velocity, wished, limits, time_step)
+        commands[n] = joints
+        if n >= ends and n % 5 == 0 and np.abs(velocity).max() < still_speed:
+            off = _hand(joints, chain)[1] - goal
+            if np.sqrt(np.sum(off * off)) < tolerance:
+                return commands[: n + 1]
+    return commands
