@@ -105,27 +105,25 @@ def main() -> int:
             report = make_report(arguments, arm, result, seconds, interrupted=True)
             save_report(report, inside)
 
-    with (
-        open_meshcat(page=arguments.live, host=arguments.host) as (meshcat, shown),
-        stop_on_interrupt() as should_stop,
-    ):
+    with open_meshcat(page=arguments.live, host=arguments.host) as (meshcat, shown):
         if shown is not None:
-            wait_for_browser(shown)
-        result = reproduce(
-            primitive,
-            arm,
-            ReproductionOptions(
-                goal=None if arguments.goal is None else np.array(arguments.goal),
-                pushes=pushes,
-                params=params,
-                meshcat=meshcat,
-                realtime=arguments.live,
-                progress=not arguments.quiet,
-                should_stop=should_stop,
-                keep=keep,
-            ),
-        )
-        interrupted, page = should_stop(), meshcat.StaticHtml()
+            wait_for_browser(shown)  # Which any interrupt ends.
+        with stop_on_interrupt() as should_stop:
+            result = reproduce(
+                primitive,
+                arm,
+                ReproductionOptions(
+                    goal=None if arguments.goal is None else np.array(arguments.goal),
+                    pushes=pushes,
+                    params=params,
+                    meshcat=meshcat,
+                    realtime=arguments.live,
+                    progress=not arguments.quiet,
+                    should_stop=should_stop,
+                    keep=keep,
+                ),
+            )
+            interrupted, page = should_stop(), meshcat.StaticHtml()
     seconds = time.perf_counter() - start
     report = make_report(arguments, arm, result, seconds, interrupted=interrupted)
     with whole_results(arguments.output, RESULTS) as folder:

@@ -102,7 +102,9 @@ class Attack:
         """Opens the page's websocket, as a browser does."""
         import viser
 
-        request = HTTPRequest(self._url.replace("http:", "ws:"), headers=headers)
+        # Beside the files of meshcat's own server, which are in a folder.
+        url = self._url.replace("http:", "ws:").replace("/static/", "/")
+        request = HTTPRequest(url, headers=headers)
         return await websocket_connect(request, subprotocols=[f"viser-v{viser.__version__}"])
 
     def _goes_on(self) -> bool:
@@ -113,6 +115,7 @@ class Attack:
         while self._goes_on():
             if self.sent >= (len(self.memory) + 1) * self._count // 10:
                 self.memory.append(memory(self._process))
+                print(f"{self.sent} messages, {self.memory[-1]:.0f} MiB", flush=True)
             await asyncio.sleep(0.2)
         self.memory.append(memory(self._process))
 

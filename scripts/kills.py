@@ -29,6 +29,7 @@ from pepper_drake import cli
 from pepper_drake.__main__ import load_app
 from pepper_drake.array_files import read_npz
 from pepper_drake.errors import InputError
+from pepper_drake.learning.demonstrations.recording import PARTIAL, recover
 from pepper_drake.yaml_files import read_yaml
 
 _DEMONSTRATION = "pepper_drake/models/demonstrations/reach"
@@ -65,8 +66,15 @@ _OTHERS = 5.0
 
 
 def broken(folder: Path) -> list[str]:
-    """Returns the files below a folder that cannot be read."""
+    """Returns the files below a folder that cannot be read; recovers what was recorded."""
     found = []
+    if (folder / PARTIAL).exists():
+        try:
+            recover(folder)
+        except InputError as error:
+            if "before it held a motion" not in str(error):
+                found.append(str(error))
+            (folder / PARTIAL).unlink()
     for path in sorted(folder.rglob("*")):
         if not path.is_file() or ".unfinished-" in str(path):
             continue  # What was being written is in a folder of that name until it is whole.

@@ -4,7 +4,7 @@
   sockets.py reach teach     these
 
 By default an app may listen at loopback only, and where no page or server was asked for, nowhere.
-Exit code 1 if one does otherwise.
+Exit code 1 if one does otherwise, or has not come so far in its time.
 """
 
 import argparse
@@ -117,7 +117,9 @@ def main() -> int:
                 arguments, options.seconds, Path(folder) / "results", has_page=has_page
             )
         outside = {one for one in found if not ip_address(one).is_loopback}
-        is_wrong = bool(outside) or (bool(found) and not has_page)
+        # What has not begun when its time is up, or shows no page, has told nothing.
+        began = f"exit code {-signal.SIGTERM}" not in end
+        is_wrong = bool(outside) or bool(found) != has_page or not began
         findings += is_wrong
         print(
             f"{'FINDING ' if is_wrong else ''}{' '.join(arguments)[:60]:60} "

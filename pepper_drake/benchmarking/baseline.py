@@ -93,8 +93,8 @@ class Baseline:
         except (AttributeError, KeyError, TypeError):
             raise InputError(f"{path}: this is not a baseline; {mend}") from None
         for name, metric in metrics.items():
-            check_fields(metric, f"{path}: {name}", mend)
             _check(metric, f"{path}: {name}")
+            check_fields(metric, f"{path}: {name}", mend)
         return baseline
 
 

@@ -129,6 +129,8 @@ def reproduce(
     context = diagram.GetMyMutableContextFromRoot(root)
     goal = begin_movement(diagram, context, options.goal)
     _advance(simulator, diagram, goal, options)
+    if not diagram.logs["phase"].FindLog(root).num_samples():
+        raise KeyboardInterrupt  # The end was asked for before anything was done.
     result = measure(diagram, root, goal)
     if options.meshcat is not None:
         _draw(options.meshcat, diagram, context, result)

@@ -163,9 +163,9 @@ class GaussianForcing:
             raise ValueError("centres and widths must be two lists of the same length")
         if weights.ndim != 2 or len(weights) != basis.num_features:
             raise ValueError(f"weights must have {basis.num_features} rows of the same length")
-        numbers = (basis.centres, basis.widths, weights)
-        if not all(np.all(np.abs(a) <= LARGEST_NUMBER) for a in numbers) or np.any(
-            basis.widths <= 0.0
-        ):
-            raise ValueError("centres, widths and weights must be finite, widths positive")
+        places = np.abs(np.concatenate((basis.centres, basis.widths)))
+        if not np.isfinite(weights).all() or not np.all(places <= LARGEST_NUMBER):
+            raise ValueError("centres, widths and weights must be finite")
+        if np.any(basis.widths <= 0.0):
+            raise ValueError("widths must be positive")
         return cls(basis, weights)

@@ -284,6 +284,7 @@ class JointPrimitive:
         Raises:
             InputError: With file, field and how to mend it.
         """
+        from pepper_drake.learning.dmp.primitive_check import check_joint_movement
         from pepper_drake.learning.dmp.primitive_files import (
             VERSION,
             read_fields,
@@ -307,10 +308,12 @@ class JointPrimitive:
                 f"{file}: {len(names)} joints, but the forcing term has"
                 f" {model.model.num_dimensions} dimensions"
             )
-        return cls(
+        primitive = cls(
             tuple(names),
             model,
             fields.positive("duration"),
             approximator,
             str(fields.value("name", str)),
         )
+        check_joint_movement(primitive, file)
+        return primitive

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from pepper_drake.errors import InputError
+from pepper_drake.learning.dmp.joint_primitive import JointPrimitive
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
+from pepper_drake.learning.dmp.transformation import TransformationModel
 
 LONGEST, SHORTEST = 600.0, 0.01
 """Limits of a movement's duration [s]."""
@@ -32,13 +34,7 @@ def check_movement(primitive: MovementPrimitive, path: Path) -> MovementPrimitiv
         InputError: It takes too long, has parts that do not fit together, or leads nowhere.
     """
     duration = primitive.duration
-    if not SHORTEST <= duration <= LONGEST:
-        raise InputError(
-            f"{path}: duration: {duration:g} s; it must be {SHORTEST:g} to {LONGEST:g} s"
-        )
-    numbers = 100.0 * duration * len(primitive.translation.model.to_data()["weights"])
-    if numbers > _MOST_NUMBERS:
-        raise InputError(f"{path}: duration: {duration:g} s is too long for so many weights")
+    _check_duration(duration, primitive.translation, path)
     if not 0.0 <= primitive.path_length <= 1e4:
         raise InputError(f"{path}: path_length: {primitive.path_length:g} m makes no sense")
     parts = [("translation", primitive.translation)]
@@ -49,8 +45,7 @@ def check_movement(primitive: MovementPrimitive, path: Path) -> MovementPrimitiv
             if abs(np.linalg.norm(quaternion) - 1.0) > 1e-3:
                 raise InputError(f"{path}: orientation.{name}: must be a unit quaternion")
     for name, part in parts:
-        if not 0.1 <= part.alpha_z <= 1e3:
-            raise InputError(f"{path}: {name}.alpha_z: {part.alpha_z:g} must be 0.1 to 1000")
+        _check_gain(part, name, path)
     try:
         with np.errstate(all="ignore"):
             path_T = primitive.rollout(time_step=duration / _STEPS)
@@ -75,3 +70,39 @@ def check_movement(primitive: MovementPrimitive, path: Path) -> MovementPrimitiv
     ):
         raise InputError(f"{path}: the movement leads farther than {FARTHEST:g} m, or nowhere")
     return primitive
+
+
+def check_joint_movement(primitive: JointPrimitive, path: Path) -> None:
+    """Rolls a primitive of joints out once, coarsely.
+
+    Args:
+        primitive: As it was read.
+        path: From where, for errors.
+
+    Raises:
+        InputError: It takes too long, has parts that do not fit together, or leads beyond any
+            joint.
+    """
+    _check_duration(primitive.duration, primitive.transformation, path)
+    _check_gain(primitive.transformation, "transformation", path)
+    try:
+        with np.errstate(all="ignore"):
+            joints = primitive.rollout(time_step=primitive.duration / _STEPS).joints
+    except (ValueError, IndexError, TypeError, FloatingPointError, np.linalg.LinAlgError) as error:
+        raise InputError(f"{path}: its parts do not fit together ({error})") from None
+    if not np.all(np.abs(joints) <= 2 * np.pi):
+        raise InputError(f"{path}: the movement leads beyond any joint, or nowhere")
+
+
+def _check_duration(duration: float, part: TransformationModel, path: Path) -> None:
+    if not SHORTEST <= duration <= LONGEST:
+        raise InputError(
+            f"{path}: duration: {duration:g} s; it must be {SHORTEST:g} to {LONGEST:g} s"
+        )
+    if 100.0 * duration * len(part.model.to_data()["weights"]) > _MOST_NUMBERS:
+        raise InputError(f"{path}: duration: {duration:g} s is too long for so many weights")
+
+
+def _check_gain(part: TransformationModel, name: str, path: Path) -> None:
+    if not 0.1 <= part.alpha_z <= 1e3:
+        raise InputError(f"{path}: {name}.alpha_z: {part.alpha_z:g} must be 0.1 to 1000")
