@@ -21,7 +21,7 @@ from pepper_drake import cli
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
-from pepper_drake.robot_server.extras import make_extras
+from pepper_drake.robot_server.ground_truth_service import make_extras
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
 from pepper_drake.robot_server.robot.simulator import LATENCY, SimulatorConfig
 from pepper_drake.robot_server.served_pepper import ServedPepper

@@ -30,17 +30,17 @@ from pepper_drake.diagrams.safety_layer import SafetyParams
 from pepper_drake.diagrams.station import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling
+from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling, Coupling
 from pepper_drake.models.hands import RELAXED
 from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.robot_wear import ROBOTS, RobotWear
 from pepper_drake.models.scene import Scene, load_scene
 from pepper_drake.models.typed_yaml import load_yaml, save_yaml, with_settings
-from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.planner_registry import DEFAULT_PLANNER, get_planner
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.task_sequence import SequenceTask
+from pepper_drake.planning.safety.contact_detection import ContactParams
 from pepper_drake.systems.faults.fault import parse_faults
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.guiding.external_force import ForcePulse

@@ -14,7 +14,7 @@ from typing import Any
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators.registry import Approximator, register
-from pepper_drake.learning.dmp.coupling import register_coupling
+from pepper_drake.learning.dmp.obstacle_coupling import register_coupling
 
 _COUPLING = ("clearance", "push", "zero_beyond")
 """Methods of a coupling."""

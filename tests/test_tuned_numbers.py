@@ -111,7 +111,7 @@ ALLOWED = {
     },
     "planning/ik/compiled_tick.py": {"numeric": "SHARES ROUNDING"},
     "planning/ik/goal_configurations.py": {"numeric": "_LIBRARY_SIZE _SEED _DAMPING _LARGEST_STEP"},
-    "planning/ik/safe_command.py": {"numeric": "_SAME"},
+    "planning/safety/safe_command.py": {"numeric": "_SAME"},
     "planning/reach/barrier_for_path.py": {"numeric": "_TRIED"},
     "planning/reach/base_placement.py": {"numeric": "_BATCH"},
     "planning/reach/movement_from_path.py": {"numeric": "_SAMPLES"},

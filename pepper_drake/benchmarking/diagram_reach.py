@@ -20,7 +20,7 @@ from pepper_drake.diagrams.reach_simulation import (
 )
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling
 from pepper_drake.models.control_model import (
     CONTROL_PERIOD,
     arm_joints,

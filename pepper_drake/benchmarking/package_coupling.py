@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.learning.dmp.coupling import CouplingOutput, Field, ReportCoupling
+from pepper_drake.learning.dmp.obstacle_coupling import CouplingOutput, Field, ReportCoupling
 
 Array = npt.NDArray[np.float64]
 

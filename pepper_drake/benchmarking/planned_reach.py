@@ -28,10 +28,10 @@ from pepper_drake.benchmarking.goal_search import goal_postures
 from pepper_drake.benchmarking.known_scene import GroundTruthScene
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.metrics import demonstration_distance, path_length, rms_jerk
+from pepper_drake.benchmarking.ompl_rrt_connect import rrt_connect, seed_ompl
 from pepper_drake.benchmarking.pink_barriers import barrier_motion
 from pepper_drake.benchmarking.planned_reach_page import record_motion
 from pepper_drake.benchmarking.roboplan_rrt import roboplan_rrt
-from pepper_drake.benchmarking.rrt_connect import rrt_connect, seed_ompl
 from pepper_drake.benchmarking.scene_file import POSITION_TOLERANCE
 from pepper_drake.benchmarking.timed_path import timed_path
 from pepper_drake.benchmarking.trajectory_optimization import optimized_motion

@@ -8,7 +8,7 @@ from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.approximators.registry import get_approximator
 from pepper_drake.learning.demonstrations.arm_chain import arm_of
 from pepper_drake.learning.demonstrations.check import refuse_out_of_reach
-from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling, get_coupling
+from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling, Coupling, get_coupling
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS
 from pepper_drake.learning.dmp.primitive import DEFAULT_APPROXIMATOR, DEFAULT_SCALING
 from pepper_drake.learning.dmp.scaling import check_scaling

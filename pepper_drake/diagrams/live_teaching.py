@@ -10,7 +10,7 @@ from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.models.movable_objects import with_movable_objects
 from pepper_drake.models.pepper import arm_group

@@ -15,7 +15,7 @@ from pepper_drake.diagrams.safety_layer import SafetyLayer
 from pepper_drake.diagrams.sequencing import add_sequencer
 from pepper_drake.diagrams.station import PepperStation, select_joints
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling
 from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene

@@ -6,11 +6,11 @@ from pepper_drake.diagrams.compliance import ComplianceConfig
 from pepper_drake.diagrams.head_perception import PerceptionConfig
 from pepper_drake.diagrams.safety_layer import SafetyParams
 from pepper_drake.diagrams.station import StationConfig
-from pepper_drake.planning.ik.contact_detection import ContactParams
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.task_sequence import SequenceTask
+from pepper_drake.planning.safety.contact_detection import ContactParams
 
 
 @dataclass

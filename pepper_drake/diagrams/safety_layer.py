@@ -15,7 +15,7 @@ from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.collision.exact_distance import ExactDistance
-from pepper_drake.planning.ik.contact_detection import ContactParams
+from pepper_drake.planning.safety.contact_detection import ContactParams
 from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into, connect, export_input

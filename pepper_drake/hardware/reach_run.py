@@ -15,7 +15,7 @@ from pepper_drake.hardware.link_fault import LINK_FAULTS
 from pepper_drake.hardware.paced_run import Pacing
 from pepper_drake.hardware.robot_run import HardwareRun, RobotRun
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling
 from pepper_drake.models.control_model import CONTROL_PERIOD
 from pepper_drake.models.scene import RobotStart, Scene
 from pepper_drake.planning.reach.reach_mode import ReachMode

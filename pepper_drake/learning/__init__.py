@@ -19,7 +19,8 @@ from pepper_drake.learning.demonstrations.demonstration import TORSO_HEIGHT, Dem
 from pepper_drake.learning.demonstrations.demonstration_folder import load_all
 from pepper_drake.learning.dmp.bimanual import BimanualPrimitive
 from pepper_drake.learning.dmp.chain import Chain, Step, plan_chain
-from pepper_drake.learning.dmp.coupling import (
+from pepper_drake.learning.dmp.joint_primitive import JointPrimitive
+from pepper_drake.learning.dmp.obstacle_coupling import (
     BarrierCoupling,
     Coupling,
     CouplingOutput,
@@ -28,7 +29,6 @@ from pepper_drake.learning.dmp.coupling import (
     get_coupling,
     register_coupling,
 )
-from pepper_drake.learning.dmp.joint_primitive import JointPrimitive
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.primitive import MovementPrimitive, Path3D
 from pepper_drake.learning.dmp.rhythmic import RhythmicPrimitive, fit_rhythmic

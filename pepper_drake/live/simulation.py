@@ -19,7 +19,7 @@ from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.coupling import BarrierCoupling
+from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling
 from pepper_drake.models.movable_objects import (
     SPARES,
     with_movable_objects,

@@ -26,7 +26,6 @@ from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
-from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
@@ -35,6 +34,7 @@ from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.reach_state_machine import obey, step
+from pepper_drake.planning.safety.command_check import StopReason
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 Vector = npt.NDArray[np.float64]

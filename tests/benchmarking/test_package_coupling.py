@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pepper_drake.learning.dmp.coupling import ReportCoupling
+from pepper_drake.learning.dmp.obstacle_coupling import ReportCoupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 
 package = pytest.importorskip(

@@ -9,7 +9,7 @@ from pepper_drake.diagrams.factory import (
 )
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration
-from pepper_drake.learning.dmp.coupling import BarrierCoupling, ReportCoupling
+from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling, ReportCoupling
 from pepper_drake.models.scene import load_scene
 
 

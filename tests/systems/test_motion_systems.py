@@ -12,7 +12,7 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.dmp.coupling import get_coupling
+from pepper_drake.learning.dmp.obstacle_coupling import get_coupling
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling

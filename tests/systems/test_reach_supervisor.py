@@ -6,8 +6,8 @@ from pydrake.systems.analysis import Simulator
 
 from pepper_drake.models.control_model import BODY_JOINTS, arm_joints, body_indices
 from pepper_drake.perception.mapping.depth_validity import DepthFault
-from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.safety.command_check import StopReason
 from pepper_drake.systems.reach_supervisor import ReachSupervisor
 from tests.planning.reach.scripted_planner import (
     ADAPTED,

@@ -31,7 +31,7 @@ from pepper_drake.files import path_inside, write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
-from pepper_drake.learning.dmp.coupling import Coupling, get_coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling, get_coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.primitive import DEFAULT_APPROXIMATOR, MovementPrimitive, Path3D
 from pepper_drake.learning.spring import NODES, advance, make_step

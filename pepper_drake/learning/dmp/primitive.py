@@ -15,7 +15,7 @@ from pepper_drake.learning.approximators.registry import LinearForcingModel
 from pepper_drake.learning.demonstrations.conditioning import hermite
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.demonstrations.refusals import refuse_impossible, refuse_unlike
-from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling
 from pepper_drake.learning.dmp.orientation import OrientationAttractor, learn_orientation
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.posture import PostureProfile, learn_posture

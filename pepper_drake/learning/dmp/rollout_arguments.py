@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
-from pepper_drake.learning.dmp.coupling import Coupling, get_coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling, get_coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 
 Array = npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.learning.dmp.arithmetic import arithmetic
-from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.rollout import Motion, number_of_steps, time_grid
 from pepper_drake.learning.dmp.transformation import (

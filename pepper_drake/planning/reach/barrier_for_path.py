@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.learning.dmp.coupling import BarrierCoupling
+from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 
 Vector = npt.NDArray[np.float64]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.short_repr import short_repr
 

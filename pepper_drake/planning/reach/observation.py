@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.perception.mapping.seen_space import SeenSpace
-from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.safety.command_check import StopReason
 from pepper_drake.short_repr import short_repr
 
 Vector = npt.NDArray[np.float64]

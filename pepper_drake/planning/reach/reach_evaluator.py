@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.coupling import BarrierCoupling, Coupling
+from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling, Coupling
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.reach.barrier_for_path import fit_barrier_to_path

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pepper_drake.planning.ik.command_check import StopReason, stop_sentence
 from pepper_drake.planning.reach.likely_cause import likely_cause
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
@@ -14,6 +13,7 @@ from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPla
 from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
 from pepper_drake.planning.reach.replanner import ReachReplanner
 from pepper_drake.planning.reach.separation import changed_speed, speed_share
+from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
 
 _ROUNDING = 1e-9
 """Tolerance of times [s]."""

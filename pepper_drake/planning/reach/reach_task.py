@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from pydrake.math import RigidTransform
 
-from pepper_drake.learning.dmp.coupling import Coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.goal.detection import MarkedObject

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.perception import PointCloud
 
-from pepper_drake.learning.dmp.coupling import Coupling, CouplingOutput
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling, CouplingOutput
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache

@@ -9,7 +9,10 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, OutputPort
 
 from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.planning.ik.command_limits import clamp_to_position_limits, limit_joint_command
+from pepper_drake.planning.safety.command_limits import (
+    clamp_to_position_limits,
+    limit_joint_command,
+)
 from pepper_drake.systems.framework import LeafSystem
 
 Vector = npt.NDArray[np.float64]
@@ -61,7 +64,7 @@ class ArmCommand(LeafSystem):
     Outputs: `position_command` (5) [rad]; `velocity_command` (5) [rad/s]; `active` (1), 1 while the
     arm moves by itself: in JOINTS, and in HAND during a movement; `limp` (1), 1 while it is led.
     State: command position (5) and velocity (5), at `time_step`; at rest it does not change.
-    The law is `planning.ik.command_limits.limit_joint_command`.
+    The law is `planning.safety.command_limits.limit_joint_command`.
     """
 
     def __init__(

@@ -17,9 +17,9 @@ from pydrake.systems.framework import (
 )
 
 from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.planning.ik.command_check import StopReason, check_command
-from pepper_drake.planning.ik.contact_detection import ContactParams
-from pepper_drake.planning.ik.safe_command import SafeCommand, SafeCommandLayout, slowed
+from pepper_drake.planning.safety.command_check import StopReason, check_command
+from pepper_drake.planning.safety.contact_detection import ContactParams
+from pepper_drake.planning.safety.safe_command import SafeCommand, SafeCommandLayout, slowed
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 _NOT_MEASURED = (
@@ -34,9 +34,10 @@ class SafetyMonitor(LeafSystem):
 
     A stop is latched. The joints brake within their acceleration limits and stay; a joint that
     did not follow its command sends all of them back to where they were a moment before. Stops
-    come from the command itself (`planning.ik.command_check.check_command`), from a link that moves
-    closer to an obstacle than `minimum_clearance`, from a joint that does not follow
-    (`planning.ik.contact_detection`), from measurements that do not come, and from `stop_request`.
+    come from the command itself (`planning.safety.command_check.check_command`), from a link that
+    moves closer to an obstacle than `minimum_clearance`, from a joint that does not follow
+    (`planning.safety.contact_detection`), from measurements that do not come, and from
+    `stop_request`.
 
     .. pydrake_system::
 

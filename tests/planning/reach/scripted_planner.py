@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from pepper_drake.diagrams.factory import make_primitive
-from pepper_drake.learning.dmp.coupling import BarrierCoupling
+from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement import Movement

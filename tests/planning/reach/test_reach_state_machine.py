@@ -6,10 +6,10 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.models.control_model import body_indices
 from pepper_drake.perception.mapping.depth_validity import DepthFault
-from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import PlanStatus
+from pepper_drake.planning.safety.command_check import StopReason
 from tests.planning.reach.scripted_planner import (
     ADAPTED,
     CLOUD,

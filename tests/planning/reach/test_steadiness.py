@@ -10,10 +10,10 @@ from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
-from pepper_drake.planning.ik.command_check import StopReason
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_state_machine import step
 from pepper_drake.planning.reach.steadiness import Steadiness, SteadinessParams
+from pepper_drake.planning.safety.command_check import StopReason
 from tests.planning.reach.scripted_planner import TIMING, ScriptedPlanner, Supervised
 
 PARAMS = SteadinessParams()

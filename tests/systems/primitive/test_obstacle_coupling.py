@@ -3,7 +3,7 @@ import pytest
 from pydrake.common.value import Value
 
 from pepper_drake.learning import PointCloudDistance
-from pepper_drake.learning.dmp.coupling import get_coupling
+from pepper_drake.learning.dmp.obstacle_coupling import get_coupling
 from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
 from tests.systems.motion_example import make_cloud, moving
 

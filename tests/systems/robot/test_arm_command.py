@@ -3,7 +3,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from pepper_drake.models.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.ik.command_check import StopReason
+from pepper_drake.planning.safety.command_check import StopReason
 from pepper_drake.systems.robot.arm_command import ArmCommand, ArmMode
 from tests.systems.motion_example import moving
 

@@ -3,8 +3,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from pepper_drake.models.control_model import arm_joints, shared_control_model
-from pepper_drake.planning.ik.command_check import STOP_SENTENCES, StopReason, stop_sentence
-from pepper_drake.planning.ik.contact_detection import ContactParams
+from pepper_drake.planning.safety.command_check import STOP_SENTENCES, StopReason, stop_sentence
+from pepper_drake.planning.safety.contact_detection import ContactParams
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 
 START = np.array([1.0, -0.5, 0.5, 0.8, 0.1])

@@ -10,7 +10,6 @@ from pepper_drake.learning.demonstrations.importers.choregraphe import (
     read_exported_python,
     read_timeline,
 )
-from pepper_drake.learning.demonstrations.importers.foreign import refuse_code, refuse_foreign
 from pepper_drake.learning.demonstrations.importers.lerobot import is_dataset, read_dataset
 from pepper_drake.learning.demonstrations.importers.motion_capture import (
     is_motive,
@@ -25,13 +24,17 @@ from pepper_drake.learning.demonstrations.importers.named_columns import (
     read_named_columns,
 )
 from pepper_drake.learning.demonstrations.importers.number_columns import read_number_columns
-from pepper_drake.learning.demonstrations.importers.said import with_comments
+from pepper_drake.learning.demonstrations.importers.stated_units import with_comments
 from pepper_drake.learning.demonstrations.importers.table import (
     check_file,
     parse_words,
     read_table_text,
 )
 from pepper_drake.learning.demonstrations.importers.track import Track
+from pepper_drake.learning.demonstrations.importers.unsupported_formats import (
+    refuse_code,
+    refuse_foreign,
+)
 
 
 def read_tracks(path: Path) -> list[Track]:

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pepper_drake.planning.ik.command_check import StopReason
-from pepper_drake.planning.ik.contact_detection import ContactParams
-from pepper_drake.planning.ik.safe_command import SafeCommand, SafeCommandLayout
+from pepper_drake.planning.safety.command_check import StopReason
+from pepper_drake.planning.safety.contact_detection import ContactParams
+from pepper_drake.planning.safety.safe_command import SafeCommand, SafeCommandLayout
 
 
 def rows(count):

@@ -2,7 +2,7 @@
 
 A stop is a course of its own: the joints brake within their acceleration limits; after a contact
 they go back to where they came from; whatever presses afterwards makes the command give way to the
-measured position. All of it passes the one limiter (`planning.ik.command_limits`).
+measured position. All of it passes the one limiter (`planning.safety.command_limits`).
 """
 
 from dataclasses import dataclass, field, replace
@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.planning.ik.command_check import StopReason
-from pepper_drake.planning.ik.command_limits import track_joint_command
-from pepper_drake.planning.ik.contact_detection import (
+from pepper_drake.planning.safety.command_check import StopReason
+from pepper_drake.planning.safety.command_limits import track_joint_command
+from pepper_drake.planning.safety.contact_detection import (
     ContactParams,
     excess_error,
     following_error,

@@ -1,0 +1,1 @@
+"""Joint commands that the robot may be given: limits, checks, contacts, stops."""
