@@ -64,6 +64,22 @@ class ReachPlan:
     unseen: Vector = field(default_factory=lambda: np.zeros((0, 3)))
     out_of_view: float = 0.0
 
+    def flaw(self, p_WO: Vector, reach: float) -> str | None:
+        """Returns a sentence about why this cannot be the answer of a sound planner, or None.
+
+        Args:
+            p_WO: (3,) the goal object in W [m].
+            reach: Distance of the base from the goal beyond which the arm cannot get there [m].
+        """
+        if not np.isfinite(self.base_pose).all():
+            return "the planner gave a base pose that is not a number"
+        distance = float(np.linalg.norm(self.base_pose[:2] - p_WO[:2]))
+        if distance > reach:
+            return f"the planner placed the base {distance:.1f} m from the goal"
+        if self.joint_path is not None and not np.isfinite(self.joint_path).all():
+            return "the planner gave joint angles that are not numbers"
+        return None
+
     def nearest(self, arm: ArmState) -> int:
         """Returns the index of the command in the path that is nearest to the arm's."""
         assert self.joint_path is not None

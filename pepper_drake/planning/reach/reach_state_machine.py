@@ -141,6 +141,10 @@ class _Supervision:
             starting = state.to(ReachMode.REACHING, time)
             return replace(starting, movements=1, started=time, look_at=_NOWHERE)
         assert plan is not None
+        if plan.status == PlanStatus.CLEAR or result.effect == Effect.MOVEMENT:
+            flaw = plan.flaw(self._observation.p_WO, self._planner.params.obstacle_range)
+            if flaw is not None:
+                return state.fail(time, "plan_invalid", flaw)
         if result.effect == Effect.MOVEMENT:
             moving = state.to(ReachMode.REACHING, time)
             return moving.with_plan(plan, time, result.suspended_plan)

@@ -181,6 +181,30 @@ def test_images_that_come_too_seldom_are_the_cause_of_a_drive_that_takes_too_lon
     assert "so late or so seldom" in one.state.message
 
 
+@pytest.mark.parametrize(
+    ("base_pose", "words"),
+    [((300.0, -20.0, 1.0), "from the goal"), ((np.nan, 0.0, 0.0), "not a number")],
+)
+def test_a_base_is_not_sent_where_no_planner_would_place_it(base_pose, words):
+    one = Supervised(ScriptedPlanner(placement=replace(plan(), base_pose=np.array(base_pose))))
+    one.failed("plan_invalid")
+    assert words in one.state.message
+    assert ReachMode.DRIVING not in one.modes
+
+
+@pytest.mark.parametrize("question", ["reach", "detour"])
+def test_an_arm_is_not_moved_along_what_is_no_path(question):
+    nowhere = replace(path_plan(), joint_path=np.full((9, 5), np.nan))
+    planner = ScriptedPlanner(**{question: nowhere})
+    one = Supervised(planner)
+    if question == "detour":
+        planner.reach = path_plan()
+        one.until(ReachMode.REACHING)
+        planner.ahead = 0.0
+    one.failed("plan_invalid")
+    assert "joint angles" in one.state.message
+
+
 def test_a_stop_names_the_joint_that_it_is_about():
     one = Supervised().until(ReachMode.REACHING)
     one.set(stop_reason=StopReason.JOINT_HELD, stop_joint="RElbowYaw").failed("joint_held")
