@@ -215,7 +215,7 @@ def make_session(options: Namespace) -> LiveSession:
         config=config,
         movables=folder.record.move,
         coupling=options.coupling,
-        barrier=scenario.barrier,
+        barrier=scenario.barrier_coupling(),
         spares=options.script is None,
         realtime=options.script is None or options.watch,
     )

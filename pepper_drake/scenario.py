@@ -107,6 +107,8 @@ StationSettings: Any = _without(
 """The fields of `StationConfig` that a scenario sets."""
 ComplianceSettings: Any = _without(ComplianceConfig, ("pushes",), "ComplianceSettings")
 """The fields of `ComplianceConfig` that a scenario sets."""
+BarrierSettings: Any = _without(BarrierCoupling, (), "BarrierSettings")
+"""The fields of `BarrierCoupling`, which itself is frozen."""
 
 
 @dataclass
@@ -125,6 +127,10 @@ class TaskSettings:
     """Opening that the hand goes to instead of a movement, from 0, closed, to 1, open."""
     returns: bool = False
     """True to go back to where the hand was before the reach."""
+
+    def barrier_coupling(self) -> BarrierCoupling:
+        """Returns the barrier with the scenario's constants."""
+        return BarrierCoupling(**vars(self.barrier))
 
     def check(self) -> None:
         """Raises InputError unless it is one task of sensible size."""
@@ -206,7 +212,9 @@ class Scenario:
     """When the robot is stopped, and how the base drives and brakes."""
     contact: ContactParams = field(default_factory=ContactParams)
     """When a joint counts as held by something."""
-    barrier: BarrierCoupling = field(default_factory=hand_barrier)
+    barrier: BarrierSettings = field(
+        default_factory=lambda: BarrierSettings(**vars(hand_barrier()))
+    )
     """Constants of the coupling "barrier"."""
     compliance: ComplianceSettings = field(default_factory=ComplianceSettings)
     """Compliance of an arm that is pushed; without a push it is stiff."""
@@ -226,7 +234,7 @@ class Scenario:
             planner.following,
             planner.retreat,
             planner.new_obstacle,
-            self.barrier,
+            self.barrier_coupling(),
             self.perception.gaze,
             self.perception.marker,
             self.station.stereo_pair.matching,
@@ -358,7 +366,7 @@ def coupling_of(scenario: Scenario) -> Coupling | None:
         InputError: There is no coupling of that name.
     """
     name = scenario.scene.coupling if scenario.avoid_obstacles else "none"
-    return make_coupling(name, scenario.barrier)
+    return make_coupling(name, scenario.barrier_coupling())
 
 
 def build_reaching(

@@ -430,7 +430,7 @@ def test_a_sensor_is_where_it_was_when_the_image_was_taken():
         stamp = (seconds, round((then - seconds) * 1e6))
         found = pepper.call("ALMotion._getSensorTransformAtTime", "CameraTop", stamp)
         np.testing.assert_allclose(found, there, atol=1e-5)
-        with pytest.raises(ServiceError, match="nothing is remembered"):
+        with pytest.raises(ServiceError, match="nothing is known"):
             pepper.call("ALMotion._getSensorTransformAtTime", "CameraTop", (seconds - 60, 0))
 
     virtual(scenario)

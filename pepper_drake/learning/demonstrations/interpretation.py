@@ -236,11 +236,11 @@ def _taken_as(track: Track, options: ImportOptions) -> list[str]:
     """Returns a note on what neither the file nor the user says; of our own folders, none."""
     own = track.positions is None or track.kind == "a folder of a demonstration"
     said = {
-        "metres": options.unit or track.unit,
-        "seconds": options.time or track.time_unit,
-        "in the torso frame": options.frame or options.start or options.plane or track.frame,
+        "metres": (options.unit, track.unit),
+        "seconds": (options.time, track.time_unit),
+        "in the torso frame": (options.frame, options.start, options.plane, track.frame),
     }
-    taken = [word for word, value in said.items() if value is None]
+    taken = [word for word, values in said.items() if all(value is None for value in values)]
     return [f"taken as {', '.join(taken)}: nothing says otherwise"] if taken and not own else []
 
 

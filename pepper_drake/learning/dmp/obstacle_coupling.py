@@ -147,7 +147,7 @@ class ReportCoupling:
         return np.full(state.shape[:-2], np.inf)
 
 
-@dataclass(unsafe_hash=True)
+@dataclass(frozen=True)
 class BarrierCoupling:
     """Barrier, sliding and phase stopping. The z axis of the motion's frame points up.
 

@@ -39,7 +39,7 @@ class EdgeParams:
     """... this share of a module's width, ..."""
     blurred_growth: float = 0.0148
     """... and by how much more it grows by a factor of e."""
-    least_offset: float = 0.08
+    least_offset: float = 0.14
     """Edges that are all farther than this towards black or white are of an image exposed too much
     or too little [pixels]: their common offset is then fitted, too."""
     least_contrast: float = 0.35
