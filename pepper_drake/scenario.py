@@ -128,10 +128,6 @@ class TaskSettings:
     returns: bool = False
     """True to go back to where the hand was before the reach."""
 
-    def barrier_coupling(self) -> BarrierCoupling:
-        """Returns the barrier with the scenario's constants."""
-        return BarrierCoupling(**vars(self.barrier))
-
     def check(self) -> None:
         """Raises InputError unless it is one task of sensible size."""
         label = f"task {self.name!r}"
@@ -218,6 +214,10 @@ class Scenario:
     """Constants of the coupling "barrier"."""
     compliance: ComplianceSettings = field(default_factory=ComplianceSettings)
     """Compliance of an arm that is pushed; without a push it is stiff."""
+
+    def barrier_coupling(self) -> BarrierCoupling:
+        """Returns the barrier with the scenario's constants."""
+        return BarrierCoupling(**vars(self.barrier))
 
     def check(self) -> None:
         """Checks what the types do not say.
