@@ -167,17 +167,16 @@ class ReachPlannerParams:
 class PlanningLatency:
     """Simulated time from an observation to the effect of what was computed from it.
 
-    Each is the 90th percentile of the processor time on one core of the machine of the README, in
-    eight moving scenes (seeds 2000 to 2007), rounded up.
+    Each is more than the 90th percentile of the processor time on one core of a quiet machine, in
+    eight moving scenes (seeds 2000 to 2007; `benchmarks/loop_speed.py planner --scenes 8`).
     """
 
     base_placement: float = 1.6
-    """Latency of base placement [s]; the robot waits. Measured: median 0.22, 90th percentile 1.58;
-    refusals, which try most, take longest."""
+    """Latency of base placement [s]; the robot waits. Measured: median 0.31; the two refusals, which
+    try most and after which nothing moves, 2.5."""
     plan: float = 0.1
-    """Latency of checks, replans and retreats [s]; the arm goes on or brakes meanwhile. Measured
-    in scenes 2000 to 2004 on a busy machine: 90th percentiles 0.03, 0.07 and 0.03; answers take
-    effect at the supervisor's period."""
+    """Latency of checks, replans and retreats [s]; the arm goes on or brakes meanwhile. Measured:
+    90th percentiles 0.030, 0.054 and 0.025; answers take effect at the supervisor's period."""
     check: float = 0.05
     """Latency of the remaining clearance [s]: a brake or a start follows it by this.
     Measured: 0.006; the supervisor's period is the shortest time in which it can act."""
