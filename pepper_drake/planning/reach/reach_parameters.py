@@ -172,8 +172,8 @@ class PlanningLatency:
     """
 
     base_placement: float = 1.6
-    """Latency of base placement [s]; the robot waits. Measured: median 0.31; the two refusals, which
-    try most and after which nothing moves, 2.5."""
+    """Latency of base placement [s]; the robot waits. Measured: median 0.31; the two refusals,
+    which try most and after which nothing moves, 2.5."""
     plan: float = 0.1
     """Latency of checks, replans and retreats [s]; the arm goes on or brakes meanwhile. Measured:
     90th percentiles 0.030, 0.054 and 0.025; answers take effect at the supervisor's period."""
