@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from served import served
 
-from pepper_drake.hardware.link import HOLD_FRACTION, RobotLink
+from pepper_drake.hardware.arm_stream import HOLD_FRACTION
+from pepper_drake.hardware.link import RobotLink
 from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.mailbox import CAMERA_NAMES, END, HAND_OVER, HOLD, STREAM, Mailbox
 from pepper_drake.hardware.robot_commands import HEADROOM, base_segment, streamed_targets
@@ -194,7 +195,10 @@ def test_a_command_beyond_the_limits_is_sent_within_them():
     async def scenario(it):
         far = np.array([3.0, -0.5, 2.5, 2.0, 2.5])
         await it.play(lambda t: START + (far - START) * min(t / 1.0, 1.0), 2.0)
-        lower, upper = it.link._limits.position_lower[2:], it.link._limits.position_upper[2:]
+        lower, upper = (
+            it.link._arm.limits.position_lower[2:],
+            it.link._arm.limits.position_upper[2:],
+        )
         commands = it.robot.do(lambda: [c.positions[NAOQI] for c in it.robot.robot.commands])
         assert np.all(np.array(commands) <= upper + 1e-9)
         assert np.all(np.array(commands) >= lower - 1e-9)

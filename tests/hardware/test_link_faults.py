@@ -13,11 +13,12 @@ from test_link import ARM, NAOQI, START, Led, led
 import pepper_drake.hardware.link
 from pepper_drake.errors import InputError
 from pepper_drake.hardware import dead_man
-from pepper_drake.hardware.link import FROZEN, RobotLink
+from pepper_drake.hardware.link import RobotLink
 from pepper_drake.hardware.link_config import LATE_CYCLES, LinkConfig
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.mailbox import END, HAND_OVER, HOLD, Mailbox
 from pepper_drake.hardware.preflight import PreflightOptions, check_robot
+from pepper_drake.hardware.state_reader import FROZEN
 from pepper_drake.hardware.transport import RobotAccess, make_transport
 from pepper_drake.robot_server.robot.robot_model import MAX_VELOCITY
 from pepper_drake.robot_server.robot.robot_port import CameraImage

@@ -1,0 +1,115 @@
+"""The robot's joints and odometry, asked for once a cycle, by both clocks."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import numpy as np
+
+from pepper_drake.hardware.link_clock import LinkClock
+from pepper_drake.hardware.link_fault import LinkFault
+from pepper_drake.hardware.measurements import Measurement, Measurements
+from pepper_drake.hardware.transport import Transport
+from pepper_drake.models.control_model import BODY_JOINTS
+from pepper_drake.naoqi.clock import join_time
+from pepper_drake.naoqi.constants import BODY, CYCLE, HANDS
+from pepper_drake.naoqi.streaming import lookahead
+
+FRESH = 0.1
+"""Age above which neither a state nor a command counts any more [s]."""
+FROZEN = 1.0
+"""Time without an answer after which the robot is taken for frozen [s]."""
+FIRST_ANSWERS = 3
+"""Answers before the round trip is judged: the first take longer, since services are looked up."""
+_CLOCK_KEY = "Device/SubDeviceList/HeadYaw/Position/Sensor/Value"
+
+
+class StateReader:
+    """Measurements of a robot, and how long it takes to answer.
+
+    Attributes:
+        measured: The measurements so far.
+        answers: Number of them.
+        round_trip: Time from a question to its answer, filtered [s]; 0 before the first.
+        shortest_trip: The shortest of them [s]; infinite before the first.
+        hands: Opening of each of `HANDS`; NaN before the first.
+
+    Args:
+        transport: The robot.
+        clock: The link's.
+    """
+
+    def __init__(self, transport: Transport, clock: LinkClock) -> None:
+        self._transport, self._clock = transport, clock
+        self._columns = [BODY.index(name) for name in BODY_JOINTS]
+        self._asked = 0.0
+        self._question: asyncio.Task[None] | None = None
+        self.measured = Measurements()
+        self.answers = 0
+        self.round_trip, self.shortest_trip = 0.0, np.inf
+        self.hands = [np.nan] * len(HANDS)
+
+    @property
+    def _is_asking(self) -> bool:
+        return self._question is not None and not self._question.done()
+
+    def ask(self, start: Callable[[Coroutine[Any, Any, None]], asyncio.Task[None]]) -> None:
+        """Asks for a state, unless the last answer is still to come.
+
+        Args:
+            start: Starts a task; what it raises is the link's to handle.
+        """
+        if not self._is_asking:
+            self._asked = self._clock.now()
+            self._question = start(self._read())
+
+    def check(self) -> None:
+        """Judges how the robot answers.
+
+        Raises:
+            LinkFault: It does not answer, its clock stands still, or it answers too slowly.
+        """
+        now, newest = self._clock.now(), self.measured.newest
+        silent = now - self._asked if self._is_asking else 0.0
+        if silent > FROZEN:
+            raise LinkFault("link_frozen", f"no answer for {FROZEN:g} s")
+        if silent < FRESH and newest and now - newest.time > FROZEN:
+            raise LinkFault("state_stale", f"its clock stood still for {FROZEN:g} s")
+        if self.answers > FIRST_ANSWERS and lookahead(self.round_trip) is None:
+            raise LinkFault("link_slow", f"{self.round_trip * 1000:.0f} ms to an answer")
+
+    async def at(self, robot_time: float) -> Measurement | None:
+        """Returns the state at a time of the robot's clock; None where it is not known."""
+        taken = self.measured.at(robot_time)
+        if taken is None:
+            # The state of that moment may still be under way.
+            await self._clock.pause(2 * CYCLE + self.round_trip)
+            taken = self.measured.at(robot_time)
+        return taken
+
+    async def _read(self) -> None:
+        call = self._transport.call
+        stamp, angles, base = await asyncio.gather(
+            call("ALMemory", "getTimestamp", _CLOCK_KEY),
+            call("ALMotion", "getAngles", "Body", True),
+            call("ALMotion", "getRobotPosition", True),
+        )
+        answered = self._clock.now()
+        trip = answered - self._asked
+        if self.answers < FIRST_ANSWERS:
+            self.round_trip = min(trip, self.round_trip or trip)
+        else:
+            self.round_trip += 0.1 * (trip - self.round_trip)
+        self.shortest_trip = min(self.shortest_trip, trip)
+        if len(angles) != len(BODY):
+            raise LinkFault("wrong_robot", f"its body has {len(angles)} joints, not {len(BODY)}")
+        positions, base_pose = np.array(angles)[self._columns], np.array(base)
+        self.hands = [float(angles[BODY.index(name)]) for name in HANDS]
+        if not (np.isfinite(positions).all() and np.isfinite(base_pose).all()):
+            raise LinkFault("wrong_robot", "it measures what is not a number")
+        # It answers in the middle, with what it measured half a cycle before, on average.
+        measured = (self._asked + answered) / 2 - CYCLE / 2
+        self.answers += 1
+        self.measured.add(
+            Measurement(join_time(stamp[1], stamp[2]), measured, positions, base_pose)
+        )
