@@ -80,8 +80,8 @@ def explain_adaptation(
     report.taught_message = plan.message
     if plan.status == PlanStatus.CLEAR:
         report.taught_message = (
-            f"the arm would pass what was seen at {1000 * plan.clearance:.0f} mm, less than the "
-            f"{1000 * want:.0f} mm that are wanted"
+            f"the arm would pass what was seen at {1000 * plan.clearance:.1f} mm, less than the "
+            f"{1000 * want:.1f} mm that are wanted"
         )
         if plan.clearance >= want:
             report.taught_message = (
