@@ -222,6 +222,9 @@ class ReachTiming:
     """Longest duration of one movement, in units of tau."""
     reach_timeout: float = 35.0
     """Longest time from the arm's first start to its arrival, whatever was replanned [s]."""
+    slow_reach: float = 25.0
+    """By how much longer it may take where the arm slows down [s]: past an obstacle that stays, at
+    0.04 m/s, it gets a metre."""
     blocked_timeout: float = 20.0
     """Time for which the arm waits for obstacles to leave, in all its retreats [s]."""
     detour_delay: float = 4.0

@@ -80,6 +80,7 @@ class ReachState:
         speed: The share of its speed at which the movement is performed.
         performed: Time of the movement that is over, at its full speed [s].
         stale: Space ahead that was not seen lately, its time as that of the movement.
+        slowed: Time that slowing down has cost, in all movements [s].
         waited: Time for which it waited for obstacles to leave, in all [s].
         blind: Time for which the arm waited because depth images did not come [s].
         may_drive: Whether the base may be sent to another place.
@@ -111,6 +112,7 @@ class ReachState:
     speed: float = 1.0
     performed: float = 0.0
     stale: StaleSpace = field(default_factory=StaleSpace)
+    slowed: float = 0.0
     waited: float = 0.0
     blind: float = 0.0
     may_drive: bool = True
@@ -159,6 +161,15 @@ class ReachState:
     def __deepcopy__(self, memo: dict) -> "ReachState":
         """Returns itself: Drake copies the state at each event, and this never changes."""
         return self
+
+    def after(self, duration: float) -> "ReachState":
+        """Returns the state with so much more of the movement performed, if there is one [s]."""
+        if not self.active_movement:
+            return self
+        moved = self.speed * duration
+        return replace(
+            self, performed=self.performed + moved, slowed=self.slowed + duration - moved
+        )
 
     def to(self, mode: ReachMode, time: float) -> "ReachState":
         """Returns the state in another mode from now on."""

@@ -49,8 +49,7 @@ def step(
     supervision = _Supervision(observation, planner, timing)
     if state.has_started:
         steadiness = state.steadiness.advanced(observation, timing.steadiness)
-        moved = state.speed * timing.time_step if state.active_movement else 0.0
-        state = replace(state, steadiness=steadiness, performed=state.performed + moved)
+        state = replace(state, steadiness=steadiness).after(timing.time_step)
     failed = supervision.fault(state)
     if failed is not None:
         return failed
@@ -113,8 +112,9 @@ class _Supervision:
             return state.fail(time, "cloud_missing", self._observation.cloud_message)
         if complaint is not None:
             return state.fail(time, *complaint)
-        if state.mode == ReachMode.REACHING and time - state.started > timing.reach_timeout:
-            message = f"the hand had not arrived {timing.reach_timeout:g} s after the arm started"
+        longest = timing.reach_timeout + min(state.slowed, timing.slow_reach)
+        if state.mode == ReachMode.REACHING and time - state.started > longest:
+            message = f"the hand had not arrived {longest:.0f} s after the arm started"
             return self._fail(state, "timeout", message)
         return None
 

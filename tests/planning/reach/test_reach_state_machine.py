@@ -9,6 +9,7 @@ from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import PlanStatus
+from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.safety.command_check import StopReason
 from tests.planning.reach.scripted_planner import (
     ADAPTED,
@@ -379,6 +380,15 @@ def test_replanning_again_and_again_does_not_outlast_the_reach():
     one.failed("timeout", limit=60.0)
     assert one.state.movements > 20
     assert one.state.since - one.state.started <= TIMING.reach_timeout + 2 * STEP
+
+
+def test_an_arm_that_has_to_go_slowly_gets_more_time_but_not_for_ever():
+    one = on_its_way(stale=StaleSpace(X_WO.translation(), 0.0, 0.5)).set(tau=5.0)
+    one.image_time = None
+    one.failed("timeout", limit=100.0)
+    longest = TIMING.reach_timeout + TIMING.slow_reach
+    assert one.state.slowed > TIMING.slow_reach
+    assert one.state.since - one.state.started == pytest.approx(longest, abs=2 * STEP)
 
 
 def blocked_for_good(**changes):
