@@ -37,7 +37,7 @@ class PackageCoupling(ReportCoupling):
         goal_clearance: float,
         tau: float,
     ) -> CouplingOutput:
-        """Returns the package's coupling term; see `learning.coupling.Coupling`."""
+        """Returns the package's coupling term; see `learning.Coupling`."""
         from movement_primitives.dmp import obstacle_avoidance_acceleration_3d
 
         hands = state.reshape(-1, 2, 3)

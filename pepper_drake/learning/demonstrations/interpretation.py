@@ -236,12 +236,12 @@ def _taken_as(track: Track, options: ImportOptions) -> list[str]:
     """Returns a note on what neither the file nor the user says; of our own folders, none."""
     own = track.positions is None or track.kind == "a folder of a demonstration"
     said = {
-        "metres": (options.unit, track.unit),
-        "seconds": (options.time, track.time_unit),
+        "in metres": (options.unit, track.unit),
+        "in seconds": (options.time, track.time_unit),
         "in the torso frame": (options.frame, options.start, options.plane, track.frame),
     }
     taken = [word for word, values in said.items() if all(value is None for value in values)]
-    return [f"taken as {', '.join(taken)}: nothing says otherwise"] if taken and not own else []
+    return [f"taken to be {', '.join(taken)}: nothing says otherwise"] if taken and not own else []
 
 
 def _with_times(track: Track, options: ImportOptions, notes: list[str]) -> Track:

@@ -32,7 +32,7 @@ class ObstacleCoupling(LeafSystem):
         - slowdown
         - distance
 
-    C_t of equation 2.6 and the phase stopping of `learning.coupling`. No state: outputs follow
+    C_t of equation 2.6 and the phase stopping of `learning.Coupling`. No state: outputs follow
     from the inputs. The k-d tree of the clouds is built once for each new cloud.
 
     Inputs: `movement`, abstract Movement: with its coupling it is bent, if it has any, and at rest
