@@ -28,19 +28,22 @@ def draw_demonstration(demonstration: Demonstration, report: DemonstrationReport
     axes = figure.add_subplot(grid[0, 0])
     for k, name in enumerate(_AXES):
         axes.plot(t, p[:, k], color=_COLORS[k], label=name, marker="." if len(t) < 50 else "")
-    axes.set(xlabel="time [s]", ylabel="position in the torso frame [m]")
+    axes.set(xlabel="time [s]", ylabel="position in the torso frame [m]", title="hand path")
     axes.legend()
     axes = figure.add_subplot(grid[0, 1])
     axes.plot(t, np.linalg.norm(demonstration.velocities, axis=1), color="tab:purple")
-    axes.set(xlabel="time [s]", ylabel="speed [m/s]")
+    axes.set(xlabel="time [s]", ylabel="speed [m/s]", title="speed of the hand")
     axes = figure.add_subplot(grid[1, 0])
     for arm in ARMS:
         away = np.linalg.norm(p - arm_chain(arm).shoulder, axis=1)
         axes.plot(t, away, label=f"from the {arm} shoulder")
     axes.axhline(report.arm_reach, color="black", linestyle="--", label="the arm reaches")
-    axes.set(xlabel="time [s]", ylabel="distance [m]")
+    axes.set(xlabel="time [s]", ylabel="distance [m]", title="is it within reach?")
     axes.legend()
     axes = figure.add_subplot(grid[1, 1])
-    axes.plot(t[1:], 1000.0 * np.diff(t), color="tab:gray")
-    axes.set(xlabel="time [s]", ylabel="time between samples [ms]")
+    steps = 1000.0 * np.diff(t)
+    axes.plot(t[1:], steps, color="tab:gray")
+    # From zero, so that rounding does not look like jitter.
+    axes.set(xlabel="time [s]", ylabel="time between samples [ms]", title="are samples missing?")
+    axes.set_ylim(0.0, 1.2 * float(steps.max()))
     return figure
