@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 
 import pytest
@@ -78,3 +79,28 @@ def test_what_cannot_be_served_is_refused_in_one_line(run_app, options, sentence
     assert ran.returncode == 2
     assert sentence in ran.stderr
     assert ran.stderr.count("\n") == 1
+
+
+@pytest.mark.render
+def test_the_simulator_does_not_outlive_a_server_that_is_killed():
+    app = subprocess.Popen(
+        [sys.executable, str(APP), "--port", "0"], stdout=subprocess.PIPE, text=True
+    )
+    app.stdout.readline()
+    started = Path(f"/proc/{app.pid}/task/{app.pid}/children").read_text().split()
+    app.kill()
+    app.wait()
+    assert started
+    end = time.monotonic() + 10.0
+    while any(is_running(process) for process in started):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def is_running(process):
+    """True unless a process has ended, waited for or not."""
+    state = Path(f"/proc/{process}/stat")
+    try:
+        return state.read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

@@ -25,6 +25,7 @@ from pepper_drake.naoqi.constants import BOTTOM, CYCLE, DEPTH, HANDS, JOINTS, TO
 from pepper_drake.robot_server.robot.range_sensors import MEASURED, PERIOD, RangeSensors
 from pepper_drake.robot_server.robot.robot_port import SENSORS
 from pepper_drake.robot_server.robot.shared_state import SharedNames, SharedRecord
+from pepper_drake.signals import end_with_parent
 from pepper_drake.systems.robot.reference_filter import step_follower
 
 CAMERAS = {TOP: "camera_top", BOTTOM: "camera_bottom", DEPTH: "camera_depth"}
@@ -114,6 +115,7 @@ def simulate(config: SimulatorConfig, names: SharedNames) -> None:
         config: The robot.
         names: Its shared memory.
     """
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which ends this process.
     SimulatedPepper(config, names).run()
 
