@@ -5,11 +5,16 @@ Its ratio to the diagram's speed holds on any machine, where both run by turns i
 
 import numpy as np
 from pydrake.geometry import SceneGraph
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from pepper_drake.diagrams.station import PepperStation, add_gravity_compensation
+from pepper_drake.diagrams.station import (
+    PepperStation,
+    add_gravity_compensation,
+    plant_config,
+)
 from pepper_drake.models.objects import add_scene
 from pepper_drake.models.pepper import add_pepper
 from pepper_drake.models.scene import Scene
@@ -24,13 +29,7 @@ def make_physics(scene: Scene, like: PepperStation) -> Simulator:
     """
     builder = DiagramBuilder()
     pair: tuple[MultibodyPlant, SceneGraph] = AddMultibodyPlant(
-        MultibodyPlantConfig(
-            time_step=like.config.time_step,
-            contact_model="point",
-            discrete_contact_approximation="sap",
-            use_sampled_output_ports=False,
-        ),
-        builder,
+        plant_config(like.config.time_step), builder
     )
     plant, pepper = pair[0], add_pepper(pair[0])
     add_scene(plant, scene)
@@ -47,7 +46,7 @@ def make_physics(scene: Scene, like: PepperStation) -> Simulator:
     simulator = Simulator(builder.Build())
     context = plant.GetMyContextFromRoot(simulator.get_mutable_context())
     for number in range(plant.num_model_instances()):
-        instance = type(pepper)(number)
+        instance = ModelInstanceIndex(number)
         port = plant.get_desired_state_input_port(instance)
         if port.size():
             rows = plant.GetActuatedJointIndices(instance)

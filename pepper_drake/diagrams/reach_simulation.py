@@ -432,10 +432,10 @@ class ReachSimulation:
         elif report.contacts:
             report.reason = "touched"
             report.message = touched
-        elif report.goal_force > limits.force:
+        elif (force := report.goal_force or 0.0) > limits.force:
             report.reason = "goal_pushed"
             report.message = (
-                f"the goal object was pushed with {report.goal_force:.0f} N, more than "
+                f"the goal object was pushed with {force:.0f} N, more than "
                 f"{limits.force:g} N (planner.tolerance.force)"
             )
         elif report.final_position_error is None or any(

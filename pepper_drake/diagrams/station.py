@@ -109,6 +109,20 @@ class StationConfig:
     """Signals that fail during the run."""
 
 
+def plant_config(time_step: float) -> MultibodyPlantConfig:
+    """Returns how contacts of the simulated robot are computed.
+
+    Args:
+        time_step: Of the plant [s].
+    """
+    return MultibodyPlantConfig(
+        time_step=time_step,
+        contact_model="point",
+        discrete_contact_approximation="sap",
+        use_sampled_output_ports=False,
+    )
+
+
 def select_joints(
     builder: DiagramBuilder, joint_position: OutputPort, name: str, joints: Sequence[str]
 ) -> OutputPort:
@@ -228,15 +242,7 @@ class PepperStation(Diagram):
         cameras = HEAD_CAMERA_MODELS | calibrated_cameras(config.calibration)
         self.depth_intrinsics: CameraIntrinsics = cameras["camera_depth"].intrinsics
         builder = DiagramBuilder()
-        plant, scene_graph = AddMultibodyPlant(
-            MultibodyPlantConfig(
-                time_step=config.time_step,
-                contact_model="point",
-                discrete_contact_approximation="sap",
-                use_sampled_output_ports=False,
-            ),
-            builder,
-        )
+        plant, scene_graph = AddMultibodyPlant(plant_config(config.time_step), builder)
         self.plant: MultibodyPlant = plant
         self.scene_graph: SceneGraph = scene_graph
         if scene is not None and config.cameras and config.stereo:

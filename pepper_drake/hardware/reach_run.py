@@ -1,6 +1,5 @@
 """One reach of a robot: checked before, paced by the clock, and handed over at the end."""
 
-import math
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -61,11 +60,12 @@ class HardwareReport(ReachReport):
     """Word of what went wrong with robot or link."""
     warnings: list[str] = field(default_factory=list)
     """Words of what was noticed and did not end the run."""
-    # Nobody measured these, which is not zero; the file has null.
-    contact_force: float = math.nan
-    goal_force: float = math.nan
-    arm_speed: float = math.nan
-    command_acceleration: float = math.nan
+    # Nobody measured these, which is not zero.
+    contacts: int | None = None
+    contact_force: float | None = None
+    goal_force: float | None = None
+    arm_speed: float | None = None
+    command_acceleration: float | None = None
 
     def summary(self) -> str:
         """A few lines for the terminal: what a robot knows of itself."""

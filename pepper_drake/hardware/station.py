@@ -55,7 +55,6 @@ class LinkStatus:
         is_fresh: Whether the state is young enough to be acted upon.
         age: Age of the state [s].
         round_trip: Time from a call to its answer [s].
-        is_slowed: Whether the robot slows its arm near what it sees.
         fault: Word of what went wrong, "" if nothing did.
         message: The sentence to it.
     """
@@ -63,7 +62,6 @@ class LinkStatus:
     is_fresh: bool = True
     age: float = 0.0
     round_trip: float = 0.0
-    is_slowed: bool = False
     fault: str = ""
     message: str = ""
 
@@ -185,7 +183,6 @@ class RobotInterface(LeafSystem):
                 age < 0.1 and not fault,
                 age,
                 float(state["round_trip"]),
-                bool(state["slowed"]),
                 fault,
                 str(state["detail"]),
             ),

@@ -74,19 +74,20 @@ class ReachReport:
     """Least signed distance between any link of Pepper and any obstacle over the whole run."""
     closest_pair: str = ""
     """Link and obstacle of the least clearance."""
-    contacts: int = 0
-    """Time steps (of 20 ms) with a link in contact with an obstacle."""
+    contacts: int | None = 0
+    """Time steps (of 20 ms) with a link in contact with an obstacle; None, as the next ones, where
+    nobody measured it."""
     touch_speed: float | None = None
     """Speed of link and obstacle against each other at the first touch; None without one."""
     own_touch_speed: float | None = None
     """The link's part in it."""
-    contact_force: float = 0.0
+    contact_force: float | None = 0.0
     """Largest force between Pepper and obstacles [N]."""
-    goal_force: float = 0.0
+    goal_force: float | None = 0.0
     """Largest force between Pepper and the goal object [N]."""
-    arm_speed: float = 0.0
+    arm_speed: float | None = 0.0
     """Largest speed of a point of the reaching arm, against the torso."""
-    command_acceleration: float = 0.0
+    command_acceleration: float | None = 0.0
     """Largest acceleration of a joint's commands [rad/s^2]."""
     stopping_seconds: float | None = None
     """After a failure: time until arms, body and base stood still; None if the run ended before."""
@@ -151,10 +152,12 @@ class ReachReport:
                 f"   ({self.contacts} steps in contact"
                 + (f"; {self.closest_pair})" if self.closest_pair else ")")
             )
-        lines.append(
-            f"  fastest arm point {1000 * self.arm_speed:6.0f} mm/s"
-            f"   (largest force {max(self.contact_force, self.goal_force):.0f} N)"
-        )
+        if self.arm_speed is not None:
+            force = max(self.contact_force or 0.0, self.goal_force or 0.0)
+            lines.append(
+                f"  fastest arm point {1000 * self.arm_speed:6.0f} mm/s"
+                f"   (largest force {force:.0f} N)"
+            )
         if self.touch_speed is not None:
             lines.append(f"  speed at touch    {1000 * self.touch_speed:6.0f} mm/s")
         for volume, name in (

@@ -1,6 +1,5 @@
 """A service on a port of its own for what no robot has: the truth, and a person's hand."""
 
-import math
 from typing import Any
 
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
@@ -39,9 +38,12 @@ def make_extras(robot: SimulatedRobot) -> Service:
     )
 
     def move_goal(*offset: float) -> None:
-        if not all(math.isfinite(value) and abs(value) <= _FARTHEST for value in offset):
+        if not all(abs(value) <= _FARTHEST for value in offset):  # Which NaN is not.
             raise ServiceError(f"PepperDrake::moveGoal: within {_FARTHEST:g} m along each axis")
-        robot.move_goal(offset)
+        try:
+            robot.move_goal(offset)
+        except ValueError as error:
+            raise ServiceError(f"PepperDrake::moveGoal: {error}") from None
 
     service.add_method(
         "moveGoal",

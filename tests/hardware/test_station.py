@@ -189,6 +189,8 @@ def test_a_report_of_a_robot_tells_what_it_knows_and_what_slowed_it(tmp_path):
     report.save(tmp_path / "report.json")
     saved = json.loads((tmp_path / "report.json").read_text())
     assert saved["arm_speed"] is None
+    assert saved["contacts"] is None
+    assert HardwareReport.load(tmp_path / "report.json") == report
     assert saved["warnings"] == ["arm_slowed"]
 
 

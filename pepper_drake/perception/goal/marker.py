@@ -315,15 +315,15 @@ def corner_covariance(
 ) -> npt.NDArray[np.float64]:
     """Returns the covariance (8, 8) of a detection's corners, corner by corner [pixels^2]."""
     own = detection.corner_sigma**2 * np.eye(8)
-    if detection.side >= params.largest_soft_side:
-        return own
     outwards = detection.corners - detection.corners.mean(axis=0)
     outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
     inwards, alike = np.outer(outwards, outwards), np.tile(np.eye(2), (4, 4)) / 4
-    softer = max(detection.softness - params.sharp, 0.0)
+    is_soft = detection.side < params.largest_soft_side
+    softer = max(detection.softness - params.sharp, 0.0) if is_soft else 0.0
+    clipped = detection.clipped if is_soft else 0.0
 
     def blurred(by_softness: float, by_clipping: float) -> float:
-        return (by_softness * softer) ** 2 + (by_clipping * detection.clipped) ** 2
+        return (by_softness * softer) ** 2 + (by_clipping * clipped) ** 2
 
     drawn = blurred(params.shrinkage_by_softness, params.shrinkage_by_clipping) * inwards
     drawn += blurred(params.shift_by_softness, params.shift_by_clipping) * alike

@@ -47,6 +47,7 @@ class SimulatedRobot(ChildProcess):
         self._images = [SharedRecord(IMAGE) for _ in CAMERAS]
         self._enabled = [False] * len(CAMERAS)
         self._asked = [0] * len(CAMERAS)
+        self._goal_moves_itself = bool(config.scene.goal.path)
         names = SharedNames(
             self._state.name, self._command.name, tuple(image.name for image in self._images)
         )
@@ -131,7 +132,13 @@ class SimulatedRobot(ChildProcess):
         return CameraImage(float(image["time"]), color)
 
     def move_goal(self, offset: Sequence[float]) -> None:
-        """Moves the goal object, as a person would, to an offset (3,) in W from its place [m]."""
+        """Moves the goal object, as a person would, to an offset (3,) in W from its place [m].
+
+        Raises:
+            ValueError: The goal moves by itself.
+        """
+        if self._goal_moves_itself:
+            raise ValueError("the goal of this scene moves by itself")
         self._command.write(goal_offset=offset)
 
     def close(self) -> None:

@@ -237,9 +237,7 @@ def _shares(color: Sequence[Any]) -> tuple[float, float, float]:
     only = color[0]
     if isinstance(only, str):
         if only not in _NAMED:
-            raise ValueError(
-                f"there is not a colour {only!r:.40}; it must be one of {list(_NAMED)}"
-            )
+            raise ValueError(f"there is no colour {only!r:.40}; it must be one of {list(_NAMED)}")
         only = _NAMED[only]
     if not isinstance(only, int) or isinstance(only, bool) or not 0 <= only <= 0xFFFFFFFF:
         raise ValueError(f"{only!r:.40} is not a colour; give 0xRRGGBB or a name")
