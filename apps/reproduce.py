@@ -145,11 +145,7 @@ def chosen_scenario(arguments: argparse.Namespace) -> Scenario:
     scenario = replace(scenario_of(arguments), seed=arguments.seed)
     if arguments.stiffness is not None:
         scenario.compliance.stiffness = arguments.stiffness
-    if not 0.0 < scenario.compliance.stiffness <= 1.0:
-        raise InputError(
-            f"compliance.stiffness is {scenario.compliance.stiffness:g}; it must be above 0 and at "
-            "most 1"
-        )
+    scenario.check()
     return scenario
 
 

@@ -134,7 +134,7 @@ def main() -> int:
         )
     model = shared_control_model()
     simulator = KinematicSimulator(
-        model, arm_kinematics(model, "right"), DifferentialIkParams(), 0.4
+        model, arm_kinematics(model, "right"), DifferentialIkParams(), 0.4, 0.02
     )
     cases = [(table, seed) for table in TABLES for seed in range(options.table_seeds)]
     rows = [

@@ -12,6 +12,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, fields, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -57,9 +58,20 @@ NUMBERS = (
     "safety",
     "contact",
     "barrier",
-    "compliance",
 )
 """Fields of a scenario that say how the loop works, in whatever scene and for whatever task."""
+_POSITIVE = (
+    "compliance.stiffness",
+    "controller.catch_up_steps",
+    "controller.target_time_constant",
+    "perception.marker.edges.blurred_growth",
+    *(
+        f"perception.{camera}.{views}.most_views"
+        for camera in ("obstacles", "stereo_obstacles")
+        for views in ("memory", "approach")
+    ),
+)
+"""Numbers by which something is divided, or that count what is kept."""
 _MOVED_IN_APPROACH = {
     "visit": "transient_timeout",
     "onward": "extrapolated",
@@ -240,6 +252,7 @@ class Scenario:
             self.station.stereo_pair.matching,
         ):
             checked.check()
+        _check_ranges(self)
         if self.push and len(self.push) != 3:
             raise InputError(f"push has {len(self.push)} numbers; give three, or none")
         _check_tasks(self.tasks)
@@ -303,6 +316,19 @@ def use_method(scenario: Scenario, method: str) -> None:
     scenario.learning = (
         LearningParams("lwr", 40, "goal", "angles") if is_report else LearningParams()
     )
+
+
+def _check_ranges(scenario: Scenario) -> None:
+    """Raises InputError for a number by which something is divided, or counted, out of range."""
+    for name in _POSITIVE:
+        value = attrgetter(name)(scenario)
+        if not value > 0:
+            raise InputError(f"{name} is {value:g}; it must be positive")
+    stiffness, rest = scenario.compliance.stiffness, scenario.planner.rest_share
+    if stiffness > 1.0:
+        raise InputError(f"compliance.stiffness is {stiffness:g}; it must be above 0 and at most 1")
+    if not 0.0 <= rest < 1.0:
+        raise InputError(f"planner.rest_share is {rest:g}; it must be at least 0 and below 1")
 
 
 def movement_and_config(

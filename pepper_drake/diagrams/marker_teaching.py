@@ -41,6 +41,7 @@ from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.kinematic_simulation import ArmState, HandPath, KinematicSimulator
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.systems.framework import build
 from pepper_drake.systems.guiding.scripted_guide import GuidePath
 from pepper_drake.systems.sensing.camera_model import CameraModel
@@ -217,7 +218,9 @@ def _followed(
     count = len(wanted.times)
     nominal = np.tile(start, (count, 1))
     ik = DifferentialIkParams(time_step=float(wanted.times[1] - wanted.times[0]))
-    simulator = KinematicSimulator(model, kinematics, ik, settle=0.0)
+    simulator = KinematicSimulator(
+        model, kinematics, ik, settle=0.0, still_speed=ReachPlannerParams.still_speed
+    )
     joints = simulator.track(
         ArmState(start, np.zeros(5)),
         HandPath(wanted.positions, wanted.rotations, nominal, count - 1),

@@ -109,7 +109,9 @@ class Reaching(Diagram):
         station, compliance, model = self.station, config.compliance, self.station.control_model
         self.perception = add("perception", HeadPerception(scene, station, config.perception))
         self.perception.connect(self._builder, station)
-        task = ReachTask.in_scene(scene, model, coupling, config.ik, config.planner)
+        task = ReachTask.in_scene(
+            scene, model, coupling, config.ik, config.planner, config.station.camera_period
+        )
         self.planner = config.planner_class(self.primitive, task)
         planner, timing = faulty(self.planner, config.timing, self._faults)
         self.timed_planner = TimedPlanner(planner)

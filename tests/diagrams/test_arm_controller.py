@@ -94,7 +94,7 @@ def test_the_kinematic_simulation_gives_the_controllers_commands(arm, case):
     points = points_near(rig.primitive) if case.get("obstacles") else np.zeros((0, 3))
     # The cloud is in single precision.
     points = points.astype(np.float32).astype(float)
-    simulator = KinematicSimulator(MODEL, rig.kinematics, DifferentialIkParams(), 0.5)
+    simulator = KinematicSimulator(MODEL, rig.kinematics, DifferentialIkParams(), 0.5, 0.02)
     start = ArmState(rig.start, np.zeros(5))
     path = simulator.roll_out(movement, start, X_TG, PointCloudDistance(points))
     expected = simulator.track(start, path, 1e-9)

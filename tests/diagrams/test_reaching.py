@@ -298,7 +298,7 @@ def test_the_planners_simulation_gives_the_whole_diagrams_commands():
 
     kinematics = arm_kinematics(reaching.station.control_model, "right")
     offline = KinematicSimulator(
-        reaching.station.control_model, kinematics, reaching.config.ik, settle=0.4
+        reaching.station.control_model, kinematics, reaching.config.ik, settle=0.4, still_speed=0.02
     )
     field = PointCloudDistance(points)
     expected = offline.track(start, offline.roll_out(movement, start, X_TG, field), 1e-9)

@@ -56,7 +56,7 @@ class KinematicSimulator:
         kinematics: ArmKinematics,
         ik: DifferentialIkParams,
         settle: float,
-        still_speed: float = 0.02,
+        still_speed: float,
     ) -> None:
         self._kinematics, self._params, self._settle = kinematics, ik, settle
         self._still_speed = still_speed

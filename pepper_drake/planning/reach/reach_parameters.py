@@ -129,8 +129,6 @@ class ReachPlannerParams:
     rest_share: float = 0.06
     """Share of an adapted movement during which it rests at its end: there the forcing term learns
     to be zero, or else what is left of it would push the hand about at its goal."""
-    image_period: float = 0.2
-    """Time until the next depth image [s]: what is new counts to where the arm is by then."""
     places_with_slack: int = 3
     """Base placements with `slack` that are simulated at most."""
     places_tried: int = 8

@@ -139,7 +139,7 @@ class ReachPlanner:
                 x, y, z = unseen.regions[unseen.first.index(first)].mean(axis=0)
                 place = (x, y, z)
         # The distance to a new obstacle counts up to where the arm is by the next image.
-        near = centers[: round(self.params.image_period / duration) + 1].reshape(-1, 3)
+        near = centers[: round(self._task.image_period / duration) + 1].reshape(-1, 3)
         distance = np.inf
         if len(new_obstacle):
             X_WT = self._evaluator.scenes.torso_pose(observation)

@@ -26,6 +26,7 @@ class ReachTask:
         coupling: How obstacles bend the movement; None for not at all.
         ik: Parameters of the inverse kinematics.
         params: Criteria of a good reach.
+        image_period: Time between depth images [s].
         goal_solids: The goal object's shapes in its frame: an adapted movement keeps off them.
         axis: Of the hand, that counts for the task.
     """
@@ -36,6 +37,7 @@ class ReachTask:
     coupling: Coupling | None
     ik: DifferentialIkParams
     params: ReachPlannerParams
+    image_period: float
     goal_solids: Sequence[Solid] = ()
     axis: GoalAxis = field(default_factory=GoalAxis)
 
@@ -47,6 +49,7 @@ class ReachTask:
         coupling: Coupling | None,
         ik: DifferentialIkParams,
         params: ReachPlannerParams,
+        image_period: float,
     ) -> "ReachTask":
         """Returns the task of reaching for a scene's goal object."""
         x, y, z = scene.goal.pre_grasp.axis
@@ -57,6 +60,7 @@ class ReachTask:
             coupling,
             ik,
             params,
+            image_period,
             MarkedObject.from_scene(scene.goal).solids,
             GoalAxis((x, y, z), scene.goal.pre_grasp.tolerance),
         )

@@ -9,6 +9,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, OutputPort
 
 from pepper_drake.models.control_model import CommandLimits
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.safety.command_limits import (
     clamp_to_position_limits,
     limit_joint_command,
@@ -72,8 +73,8 @@ class ArmCommand(LeafSystem):
         *,
         limits: CommandLimits,
         start_position: Sequence[float],
-        time_constant: float = 0.1,
-        catch_up_steps: int = 4,
+        time_constant: float = DifferentialIkParams.target_time_constant,
+        catch_up_steps: int = DifferentialIkParams.catch_up_steps,
         time_step: float = 0.01,
     ) -> None:
         """Makes the system.

@@ -58,6 +58,7 @@ def make_planner(primitive, coupling, **params):
             coupling=coupling,
             ik=DifferentialIkParams(),
             params=ReachPlannerParams(**params),
+            image_period=0.2,
         ),
     )
 
