@@ -229,7 +229,7 @@ def replay(options: Namespace, scenario: Scenario) -> int:
     case, *others = make_cases(options, int(seed))
     if others:
         raise InputError("--replay is of one run; give --family one name")
-    keep_scenario(scenario, options.output)
+    keep_scenario(scenario, options.output, has_runs=(options.output / "results").exists())
     folder = replay_folder(options.output, Task(letter, case))
     if method.run.options is not None:
         words = " ".join([*case.reach_options, *method.run.options])
@@ -275,7 +275,7 @@ def main() -> int:
     if options.replay is not None:
         return replay(options, scenario)
     tasks = make_tasks(options)
-    keep_scenario(scenario, options.output)
+    keep_scenario(scenario, options.output, has_runs=(options.output / "results").exists())
     cluster = dask_cluster(options.dask) if options.dask else contextlib.nullcontext()
     hidden = options.quiet or not sys.stderr.isatty()
     with cluster as executor, tqdm(total=len(tasks), unit="run", disable=hidden) as bar:

@@ -188,6 +188,7 @@ def perform(arguments: argparse.Namespace, report: dict[str, object], chain: Pat
     quiet_libraries()
     primitive = make_primitive(chain, arguments.arm)
     result = reproduce(primitive, arguments.arm, ReproductionOptions(progress=not arguments.quiet))
+    assert result is not None  # Nothing asks it to stop.
     failed = result.final_position_error > REACHED
     report.update(
         outcome="failed" if failed else "reached",

@@ -121,8 +121,8 @@ def main() -> int:
     cli.quiet_libraries()
     cases, scenario = make_cases(options), scenario_of(options)
     options.output.mkdir(parents=True, exist_ok=True)
-    keep_scenario(scenario, options.output)
     path = options.output / "faults.json"
+    keep_scenario(scenario, options.output, has_runs=path.exists())
     done = load_results(path) if path.exists() else {}
     missing = [case for case in cases if case not in done]
     hide = options.quiet or not sys.stderr.isatty()

@@ -52,7 +52,13 @@ from pepper_drake.reporting.perception_figures import (
     save_images_figure,
 )
 from pepper_drake.results.folder import whole_results
-from pepper_drake.scenario import Scenario, add_scenario_options, save_scenario, scenario_of
+from pepper_drake.scenario import (
+    Scenario,
+    add_scenario_options,
+    check_robot_takes,
+    save_scenario,
+    scenario_of,
+)
 from pepper_drake.web.drake_page import open_meshcat
 
 RESULTS = (
@@ -213,6 +219,7 @@ def _perceive_with_robot(options: Namespace) -> int:
     """Looks with the robot that the options name."""
     cli.quiet_libraries()
     scenario = chosen_scenario(options)
+    check_robot_takes(scenario, "station")
     with cli.stop_on_interrupt() as should_stop:
         run = hardware_run(options, should_stop)
         view = look_with_robot(scenario.scene, run, scenario.perception)

@@ -56,7 +56,13 @@ from pepper_drake.learning.dmp.joint_primitive import JointPrimitive, is_joint_p
 from pepper_drake.models.pepper import POSTURES
 from pepper_drake.optimization.ratings import BEST_SCORE, load_scores
 from pepper_drake.results.folder import INTERRUPTED, whole_results
-from pepper_drake.scenario import Scenario, add_scenario_options, save_scenario, scenario_of
+from pepper_drake.scenario import (
+    Scenario,
+    add_scenario_options,
+    check_robot_takes,
+    save_scenario,
+    scenario_of,
+)
 from pepper_drake.systems.guiding.external_force import ForcePulse
 from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.drake_page import open_meshcat
@@ -86,6 +92,7 @@ def main() -> int:
     quiet_libraries()
     primitive, arm = load(arguments, scenario.learning)
     if is_robot:
+        check_robot_takes(scenario, "station", "compliance.stiffness")
         return perform_on_robot(arguments, primitive, arm, scenario)
     pushes: tuple[ForcePulse, ...] = ()
     if arguments.push is not None:
@@ -124,6 +131,8 @@ def main() -> int:
                 ),
             )
             interrupted, page = should_stop(), meshcat.StaticHtml()
+    if result is None:
+        return EXIT_INTERRUPTED
     seconds = time.perf_counter() - start
     report = make_report(arguments, arm, result, seconds, interrupted=interrupted)
     with whole_results(arguments.output, RESULTS) as folder:

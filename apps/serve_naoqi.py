@@ -110,6 +110,9 @@ def chosen_scenario(options: Namespace) -> Scenario:
     scenario.scene = chosen_scene(options, scenario.scene)
     if options.seed is not None:
         scenario.seed = options.seed
+    if not scenario.station.cameras:
+        raise InputError("station.cameras is false; a served robot has its cameras")
+    scenario.station.obstacle_motion_ports = False  # Nobody is there to move them.
     return scenario
 
 

@@ -40,9 +40,7 @@ from tqdm import tqdm
 from pepper_drake import cli
 from pepper_drake.cli_robot import (
     add_robot_options,
-    chosen_calibration,
     chosen_faults,
-    chosen_wear,
 )
 from pepper_drake.diagrams.robot_signals import STATION_SIGNALS
 from pepper_drake.errors import InputError, PepperDrakeError
@@ -199,17 +197,18 @@ def make_session(options: Namespace) -> LiveSession:
     if folder.record.arm not in ("", scene.arm):
         scene = scene.mirrored()
     folder.record.arm = scene.arm
-    scenario = scenario_of(options)
-    save_scenario(scenario, options.output / "scenario.yaml")
-    config = scenario.reaching_config()
-    config.station = replace(
-        config.station,
-        cameras=config.station.cameras and not options.no_cameras,
+    chosen_faults(options, STATION_SIGNALS)
+    scenario = replace(
+        scenario_of(options),
+        scene=scene,
         seed=options.seed,
-        wear=chosen_wear(options),
-        calibration=chosen_calibration(options),
-        faults=chosen_faults(options, STATION_SIGNALS),
+        robot=options.robot,
+        calibration=options.calibration or "",
+        faults=options.fault,
     )
+    scenario.station.cameras &= not options.no_cameras
+    config = scenario.reaching_config()
+    save_scenario(scenario, options.output / "scenario.yaml")
     simulation = LiveSimulation(
         scene,
         config=config,

@@ -4,8 +4,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Collection
 
 from pepper_drake.errors import InputError
-from pepper_drake.models.robot_calibration import RobotCalibration, calibration_of
-from pepper_drake.models.robot_wear import ROBOTS, RobotWear
+from pepper_drake.models.robot_wear import ROBOTS
 from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_faults
 from pepper_drake.systems.faults.fault_set import FaultSet
 
@@ -47,20 +46,6 @@ def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> Non
         f"more than once. Signals: {', '.join(SIGNALS)}. Kinds: {', '.join(KINDS)}. Start and "
         'duration in s; "reach": when the arm starts',
     )
-
-
-def chosen_calibration(options: Namespace) -> RobotCalibration | None:
-    """The calibration that `--calibration` names, of the robot of `--robot` and `--seed`.
-
-    Raises:
-        InputError: The file is no calibration, or that of another robot.
-    """
-    return calibration_of(options.calibration, options.robot, options.seed)
-
-
-def chosen_wear(options: Namespace) -> RobotWear | None:
-    """The errors of the robot that `--robot` and `--seed` name; None for none."""
-    return RobotWear.draw(options.seed) if options.robot == "worn" else None
 
 
 def chosen_faults(options: Namespace, signals: Collection[str] | None = None) -> FaultSet:

@@ -444,14 +444,36 @@ def save_scenario(scenario: Scenario, path: Path) -> None:
     save_yaml(scenario, path)
 
 
-def keep_scenario(scenario: Scenario, folder: Path) -> None:
+def check_robot_takes(scenario: Scenario, *simulated: str) -> None:
+    """Checks that nothing is set that only a simulated robot has.
+
+    Args:
+        scenario: The scenario of a run with a robot.
+        simulated: Its fields that have no effect there.
+
+    Raises:
+        InputError: One of them is not what it is by default.
+    """
+    for name in simulated:
+        if attrgetter(name)(scenario) != attrgetter(name)(Scenario()):
+            raise InputError(f"{name} is of the simulated robot; leave it out with --station naoqi")
+
+
+def keep_scenario(scenario: Scenario, folder: Path, *, has_runs: bool) -> None:
     """Writes the scenario of a folder whose runs are not repeated.
+
+    Args:
+        scenario: Of the runs to come.
+        folder: The folder.
+        has_runs: True if it holds runs already; where nothing says of which numbers, they are of
+            the usual ones.
 
     Raises:
         InputError: The folder holds runs of another scenario, or cannot be written to.
     """
     path = folder / "scenario.yaml"
-    if path.exists() and load_scenario(path) != scenario:
+    before = load_scenario(path) if path.exists() else Scenario()
+    if (path.exists() or has_runs) and before != scenario:
         raise InputError(
             f"{path}: the runs in this folder are of other numbers; give another --output"
         )

@@ -1,7 +1,7 @@
 import pytest
 
 from pepper_drake import cli
-from pepper_drake.cli_robot import add_robot_options, chosen_faults, chosen_wear
+from pepper_drake.cli_robot import add_robot_options, chosen_faults
 from pepper_drake.errors import InputError
 
 
@@ -13,7 +13,7 @@ def options(*words):
 
 def test_without_options_the_robot_is_ideal_and_nothing_fails():
     chosen = options()
-    assert chosen_wear(chosen) is None
+    assert chosen.robot == "ideal"
     assert chosen_faults(chosen).faults == ()
 
 
@@ -25,7 +25,6 @@ def test_robot_and_faults_follow_the_seed():
         "goal:wrong@reach",
     ]
     assert chosen_faults(chosen).seed == 7
-    assert chosen_wear(chosen).encoder_offset.any()
 
 
 def test_a_fault_of_what_is_not_there_is_refused():

@@ -16,6 +16,7 @@ from pepper_drake.scenario import (
     NUMBERS,
     Scenario,
     add_scenario_options,
+    check_robot_takes,
     coupling_of,
     keep_scenario,
     load_scenario,
@@ -215,10 +216,35 @@ def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
 
 
 def test_runs_of_other_numbers_do_not_mix_in_one_folder(tmp_path):
-    keep_scenario(load_scenario(None, ["planner.slack=0.1"]), tmp_path)
-    keep_scenario(load_scenario(None, ["planner.slack=0.1"]), tmp_path)
+    others = load_scenario(None, ["planner.slack=0.1"])
     with pytest.raises(InputError, match="are of other numbers; give another --output"):
-        keep_scenario(Scenario(), tmp_path)
+        keep_scenario(others, tmp_path, has_runs=True)  # Runs of an earlier release.
+    keep_scenario(others, tmp_path, has_runs=False)
+    keep_scenario(others, tmp_path, has_runs=True)
+    with pytest.raises(InputError, match="are of other numbers; give another --output"):
+        keep_scenario(Scenario(), tmp_path, has_runs=True)
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("compliance.stiffness=-3", "must be positive"),
+        ("compliance.stiffness=1.5", "at most 1"),
+        ("controller.catch_up_steps=0", "must be positive"),
+        ("planner.rest_share=1", "below 1"),
+        ("perception.marker.edges.blurred_growth=0", "must be positive"),
+        ("perception.obstacles.memory.most_views=0", "must be positive"),
+    ],
+)
+def test_numbers_that_the_loop_divides_by_are_refused_where_they_are_set(setting, words):
+    with pytest.raises(InputError, match=words):
+        load_scenario(None, [setting])
+
+
+def test_what_only_a_simulated_robot_has_is_refused_with_a_robot():
+    check_robot_takes(Scenario(), "station", "compliance.stiffness")
+    with pytest.raises(InputError, match="station is of the simulated robot"):
+        check_robot_takes(load_scenario(None, ["station.noise=false"]), "station")
 
 
 def test_the_barrier_and_an_arm_that_is_pushed_have_the_scenarios_numbers():

@@ -97,13 +97,16 @@ def start_positions(primitive: MovementPrimitive, arm: str) -> dict[str, float]:
 
 def reproduce(
     primitive: MovementPrimitive, arm: str, options: ReproductionOptions | None = None
-) -> ReproductionResult:
+) -> ReproductionResult | None:
     """Performs a primitive until the hand rests, or for three times its duration.
 
     Args:
         primitive: With orientation and posture.
         arm: "left" or "right".
         options: How it is run.
+
+    Returns:
+        The result; None if it was to stop before the movement began.
 
     Raises:
         InputError: The primitive has no orientation or no posture.
@@ -130,7 +133,7 @@ def reproduce(
     goal = begin_movement(diagram, context, options.goal)
     _advance(simulator, diagram, goal, options)
     if not diagram.logs["phase"].FindLog(root).num_samples():
-        raise KeyboardInterrupt  # The end was asked for before anything was done.
+        return None
     result = measure(diagram, root, goal)
     if options.meshcat is not None:
         _draw(options.meshcat, diagram, context, result)

@@ -72,6 +72,7 @@ def test_a_program_for_a_robot_finds_one():
         (["--password-file", "/nowhere/at/all"], "no such file"),
         (["--rate", "7"], "is not a rate"),
         (["--port", "x"], "is not a port"),
+        (["--set", "station.cameras=false"], "a served robot has its cameras"),
     ],
 )
 def test_what_cannot_be_served_is_refused_in_one_line(run_app, options, sentence):
