@@ -30,6 +30,7 @@ from pepper_drake.robot_server.robot.robot_port import SENSORS
 from pepper_drake.robot_server.robot.shared_state import SharedNames, SharedRecord
 from pepper_drake.signals import end_with_parent
 from pepper_drake.systems.robot.reference_filter import step_follower
+from pepper_drake.systems.sensing.camera_model import Frame
 
 CAMERAS = {TOP: "camera_top", BOTTOM: "camera_bottom", DEPTH: "camera_depth"}
 LARGEST_IMAGE = 1280 * 960 * 4
@@ -160,6 +161,7 @@ class SimulatedPepper:
         self._led_hand = LedHand(self._station.plant, _LEADING_STEP)
         self._led_arm, self._led_pose = "", np.zeros(6)
         self._stamps = [-math.inf] * len(CAMERAS)
+        self._rendering: list[Frame | None] = [None] * len(CAMERAS)
         plant = self._station.plant
         self._amperes = 1.0 / np.array([np.prod(_motor(name)) for name in BODY_JOINTS])
         places = {
@@ -323,21 +325,34 @@ class SimulatedPepper:
             self._publish_image(k, name)
 
     def _publish_image(self, camera: int, name: str) -> None:
+        """Publishes a camera's image once it is rendered; until the next one is out it may be late.
+
+        Then the robot's clock waits for it: images would be begun faster than they are finished,
+        and none would be the newest when it is done.
+        """
         system = self._station.GetSubsystemByName(name)
         frame = system.last_frame(system.GetMyContextFromRoot(self._context))
-        stamp = float(frame.time)
-        is_new = math.isfinite(stamp) and stamp > self._stamps[camera]
-        if not is_new or not frame.image.future.done():
-            return  # One that is still being rendered must not stop the robot's clock.
-        pixels = self._station.GetOutputPort(f"{name}.image").Eval(self._context).data
+        late = self._rendering[camera]
+        if late is not None and late is not frame:
+            self._write_image(camera, late)
+        if not math.isfinite(frame.time) or frame.time <= self._stamps[camera]:
+            return
+        if frame.image.future.done():
+            self._write_image(camera, frame)
+        else:
+            self._rendering[camera] = frame
+
+    def _write_image(self, camera: int, frame: Frame) -> None:
+        self._rendering[camera] = None
+        pixels = frame.image.pixels()
         if pixels.size == 0:
             return
-        self._stamps[camera] = stamp
+        self._stamps[camera] = frame.time
         data = np.ascontiguousarray(pixels[..., :3] if pixels.shape[2] == 4 else pixels)
         content = np.zeros(LARGEST_IMAGE, np.uint8)
         content[: data.nbytes] = data.view(np.uint8).ravel()
         self._images[camera].write(
-            time=self._config.epoch + stamp,
+            time=self._config.epoch + frame.time,
             width=pixels.shape[1],
             height=pixels.shape[0],
             pixels=content,
