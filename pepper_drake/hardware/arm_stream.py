@@ -73,7 +73,8 @@ class ArmStream:
     def range_of_targets(self) -> tuple[Vector, Vector] | None:
         """Returns the least and the largest target (n,) of each joint lately [rad].
 
-        The robot's own command is on its way between them. None before the first.
+        The robot's own command is on its way between them. Where it was held does not count: it
+        may have been another program that had brought it there. None before the first.
         """
         if not self._targets:
             return None
@@ -117,6 +118,9 @@ class ArmStream:
         if np.max(np.abs(position - newest.positions[self._rows])) > _BEHIND:
             # After a pause; the path's own speed, which may be zero, would never close the gap.
             fraction = max(fraction, HOLD_FRACTION)
+        self._targets.append((now, targets))
+        while len(self._targets) > 1 and self._targets[1][0] < now - ON_ITS_WAY:
+            self._targets.popleft()
         self._send(targets, fraction)
 
     def hold(self) -> None:
@@ -143,10 +147,6 @@ class ArmStream:
             raise LinkFault("arm_stalled", ", ".join(names))
 
     def _send(self, targets: Vector, fraction: float) -> None:
-        now = self._clock.now()
-        self._targets.append((now, targets))
-        while len(self._targets) > 1 and self._targets[1][0] < now - ON_ITS_WAY:
-            self._targets.popleft()
         self._sending = self._start(
             self._transport.call(
                 "ALMotion", "setAngles", list(self._joints), targets.tolist(), float(fraction)
