@@ -86,6 +86,7 @@ def test_clearances_stay_in_their_order():
         (["perception.gaze.search.period=0"], "gaze.search.period is 0; it must be positive"),
         (["perception.gaze.search.first_yaw=2"], "must lie within gaze.search.sweep"),
         (["planner.retreat.durations=[]"], "planner.retreat: sample_time"),
+        (["planner.retreat.sample_time=0.2"], "at most a quarter of the shortest"),
         (["planner.new_obstacle.depth_step=0"], "depth_step is 0 m; it must be positive"),
         (["station.stereo_pair.matching.block=6"], "stereo: block 6 must be odd"),
         (["perception.marker.small_side=-1"], "marker.small_side is -1; it must be positive"),
