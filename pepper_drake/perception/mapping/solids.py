@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from pydrake.geometry import Box, Capsule, Cylinder, Role, SceneGraph, Shape, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 
+from pepper_drake.compiled import compiled
 from pepper_drake.errors import InputError
 from pepper_drake.learning.dmp.point_cells import PointCells
 from pepper_drake.short_repr import short_repr
@@ -108,9 +108,7 @@ class SolidArrays(NamedTuple):
         )
 
 
-# All that calls this stands in this file: what numba keeps of a caller elsewhere would go on with
-# the old one after a change here.
-@njit(cache=True)
+@compiled
 def _signed_distance(
     kind: int, dimensions: npt.NDArray[np.float64], x: float, y: float, z: float
 ) -> float:
@@ -127,7 +125,7 @@ def _signed_distance(
     return math.sqrt(a * a + b * b + c * c) + inside
 
 
-@njit(cache=True)
+@compiled
 def _signed_distances(kind: int, dimensions: npt.NDArray[np.float64], points: Points) -> Points:
     distances = np.empty(len(points), points.dtype)
     for n in range(len(points)):
@@ -206,7 +204,7 @@ class SolidSet:
         return SolidArrays.of(self._solids)
 
 
-@njit(cache=True)
+@compiled
 def _lower_distances(least: npt.NDArray[np.float64], points: Points, solids: SolidArrays) -> None:
     """Lowers distances (N,) of points (N, 3) to those of solids, where these are nearer."""
     kinds, dimensions, radii, rotations, positions = solids
@@ -229,7 +227,7 @@ def _lower_distances(least: npt.NDArray[np.float64], points: Points, solids: Sol
             least[n] = min(least[n], distance)
 
 
-@njit(cache=True)
+@compiled
 def least_link_distances(
     rotations: npt.NDArray[np.float64],
     positions: npt.NDArray[np.float64],
