@@ -1,6 +1,5 @@
 import dataclasses
 import pickle
-from argparse import ArgumentParser
 from pathlib import Path
 
 import pytest
@@ -13,16 +12,11 @@ from pepper_drake.planning.collision.clearance_table import ClearanceTable
 from pepper_drake.scenario import (
     METHODS,
     MOVED,
-    NUMBERS,
     Scenario,
-    add_scenario_options,
-    check_robot_takes,
     coupling_of,
-    keep_scenario,
     load_scenario,
     movement_and_config,
     save_scenario,
-    scenario_of,
     use_method,
 )
 
@@ -160,35 +154,6 @@ def test_a_wrong_way_to_learn_is_refused(setting, words):
         load_scenario(settings=[setting])
 
 
-def options(*words):
-    parser = ArgumentParser()
-    add_scenario_options(parser, NUMBERS)
-    return parser.parse_args(words)
-
-
-def test_apps_with_a_scene_of_their_own_take_the_numbers_alone(tmp_path):
-    path = tmp_path / "scenario.yaml"
-    path.write_text("seed: 4\nrobot: worn\npush: [1, 0, 0]\nplanner:\n  hand_x: 0.25\n")
-    chosen = scenario_of(options("--scenario", str(path), "--set", "perception.gaze.dwell=0.4"))
-    config = chosen.reaching_config()
-    assert config.planner.hand_x == 0.25
-    assert config.perception.gaze.dwell == 0.4
-    assert config.station.seed == 0
-    assert config.station.wear is None
-    assert config.compliance is None
-    with pytest.raises(InputError, match=r"--set scene\.arm: this app takes station"):
-        scenario_of(options("--set", "scene.arm=right"))
-
-
-def test_an_app_refuses_what_it_has_no_use_for():
-    parser = ArgumentParser()
-    add_scenario_options(parser, ("station", "controller"))
-    chosen = scenario_of(parser.parse_args(["--set", "station.derivative_gain=20"]))
-    assert dict(leaves(chosen)) == dict(leaves(Scenario())) | {"station.derivative_gain": 20.0}
-    with pytest.raises(InputError, match=r"--set planner\.slack: this app takes station, contr"):
-        scenario_of(parser.parse_args(["--set", "planner.slack=0.1"]))
-
-
 @pytest.mark.parametrize(("former", "now"), MOVED.items())
 def test_a_former_name_is_read_and_the_new_one_told(former, now, tmp_path, caplog):
     groups, _, last = former.rpartition(".")
@@ -215,16 +180,6 @@ def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
         load_scenario(path)
 
 
-def test_runs_of_other_numbers_do_not_mix_in_one_folder(tmp_path):
-    others = load_scenario(None, ["planner.slack=0.1"])
-    with pytest.raises(InputError, match="are of other numbers; give another --output"):
-        keep_scenario(others, tmp_path, has_runs=True)  # Runs of an earlier release.
-    keep_scenario(others, tmp_path, has_runs=False)
-    keep_scenario(others, tmp_path, has_runs=True)
-    with pytest.raises(InputError, match="are of other numbers; give another --output"):
-        keep_scenario(Scenario(), tmp_path, has_runs=True)
-
-
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
@@ -239,12 +194,6 @@ def test_runs_of_other_numbers_do_not_mix_in_one_folder(tmp_path):
 def test_numbers_that_the_loop_divides_by_are_refused_where_they_are_set(setting, words):
     with pytest.raises(InputError, match=words):
         load_scenario(None, [setting])
-
-
-def test_what_only_a_simulated_robot_has_is_refused_with_a_robot():
-    check_robot_takes(Scenario(), "station", "compliance.stiffness")
-    with pytest.raises(InputError, match="station is of the simulated robot"):
-        check_robot_takes(load_scenario(None, ["station.noise=false"]), "station")
 
 
 def test_the_barrier_and_an_arm_that_is_pushed_have_the_scenarios_numbers():
