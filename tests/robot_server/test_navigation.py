@@ -25,7 +25,7 @@ _WALLS = [
 ] + [(Box(4.2, 0.1, 1.0), RigidTransform([0.0, y, 0.5])) for y in (-WALL - 0.05, WALL + 0.05)]
 PILLAR = (Box(0.3, 0.3, 1.0), RigidTransform([1.0, 0.0, 0.5]))
 RADIUS = 0.28
-"""Of the base [m]."""
+"""Radius of the base [m]."""
 
 
 def sensors(*more):

@@ -15,7 +15,7 @@ CALLER = Caller(client=1)
 
 
 class AtOnce(ThreadPoolExecutor):
-    """What other threads would do is done at once: the robot's clock does not run on meanwhile.
+    """Does at once what other threads would do: the robot's clock does not run on meanwhile.
 
     Attributes:
         done: Names of the functions that were run.

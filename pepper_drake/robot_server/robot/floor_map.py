@@ -33,7 +33,7 @@ EXTENT = 50.0
 _HIT, _FREE, _MOST = 1.5, -0.4, 5.0
 """Log-odds that a ray adds to where it ends, and to where it passes, and their limit."""
 _RADIUS = 0.28
-"""Of the base [m]."""
+"""Radius of the base [m]."""
 _CLEARANCE = _RADIUS + math.sqrt(0.5) * CELL + 0.5 * CELL
 """Distance that the base's middle keeps from the middle of an occupied cell [m]: what was seen may
 be half of a diagonal nearer, and the pose is known to half of a cell."""
