@@ -303,6 +303,15 @@ def near_solids(
     return SolidSet.posed(solids, poses).near(p_W, margin)
 
 
+def collision_solids(
+    plant: MultibodyPlant, scene_graph: SceneGraph, body: BodyIndex
+) -> list[Solid]:
+    """Returns the collision shapes of a body, in its frame."""
+    frame, inspector = plant.GetBodyFrameIdIfExists(body), scene_graph.model_inspector()
+    shapes = [] if frame is None else inspector.GetGeometries(frame, Role.kProximity)
+    return [Solid(inspector.GetShape(g), inspector.GetPoseInFrame(g)) for g in shapes]
+
+
 class RobotSolids:
     """A robot's collision shapes, where its joints put them.
 
@@ -319,7 +328,6 @@ class RobotSolids:
         model: ModelInstanceIndex | None = None,
     ) -> None:
         self._plant = plant
-        inspector = scene_graph.model_inspector()
         bodies = (
             [BodyIndex(k) for k in range(plant.num_bodies())]
             if model is None
@@ -328,13 +336,9 @@ class RobotSolids:
         self.solids: list[Solid] = []
         self._bodies: list[BodyIndex] = []
         for index in bodies:
-            frame = plant.GetBodyFrameIdIfExists(index)
-            if frame is None:
-                continue
-            for geometry in inspector.GetGeometries(frame, Role.kProximity):
-                shape = inspector.GetShape(geometry)
-                self.solids.append(Solid(shape, inspector.GetPoseInFrame(geometry)))
-                self._bodies.append(index)
+            own = collision_solids(plant, scene_graph, index)
+            self.solids += own
+            self._bodies += [index] * len(own)
         self.num_positions: int = plant.num_positions()
 
     def poses(self, q: npt.NDArray[np.float64]) -> list[RigidTransform]:

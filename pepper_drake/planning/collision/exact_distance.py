@@ -2,7 +2,6 @@
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Role
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning.dmp.point_cells import least_gaps
@@ -11,6 +10,7 @@ from pepper_drake.models.control_model import ControlModel
 from pepper_drake.perception.mapping.solids import (
     Solid,
     SolidArrays,
+    collision_solids,
     least_link_distances,
 )
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
@@ -37,14 +37,13 @@ class ExactDistance:
 
     def __init__(self, model: ControlModel, kinematics: ArmKinematics) -> None:
         self.kinematics = kinematics
-        inspector = model.diagram.scene_graph().model_inspector()
-        links, solids = [], []
+        plant, scene_graph = model.plant, model.diagram.scene_graph()
+        links: list[int] = []
+        solids: list[Solid] = []
         for number, name in enumerate(kinematics.spheres.link_names):
-            frame = model.plant.GetBodyFrameIdOrThrow(model.plant.GetBodyByName(name).index())
-            for geometry in inspector.GetGeometries(frame, Role.kProximity):
-                solid = Solid(inspector.GetShape(geometry), inspector.GetPoseInFrame(geometry))
-                links.append(number)
-                solids.append(solid)
+            own = collision_solids(plant, scene_graph, plant.GetBodyByName(name).index())
+            links += [number] * len(own)
+            solids += own
         self._links, self._solids = np.array(links), SolidArrays.of(solids)
 
     def distances(
