@@ -44,8 +44,8 @@ RUNS = {
     "reproduce": ("--live",),
 }
 _DONE = {"reach": "Press Ctrl-C"}
-"""What an app prints when its work is done. Until then it records, and its memory grows by that; it
-is attacked all the same, but the messages and the memory are counted from then on."""
+"""Words that an app prints when its work is done. Until then it records, and its memory grows by
+that; it is attacked all the same, but the messages and the memory are counted from then on."""
 _CONNECTIONS = 24
 _STARTING = 180.0
 """Longest time that an app may take to show its page [s]."""
