@@ -9,6 +9,7 @@ Exit code 1 if one does otherwise, or has not come so far in its time.
 
 import argparse
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -27,7 +28,7 @@ RUNS: tuple[tuple[bool, tuple[str, ...]], ...] = (
     (False, ("compare",)),
     (False, ("describe",)),
     (False, ("diagram",)),
-    (False, ("faults", "--scenes", "1")),
+    (False, ("faults", "--scenes", "free", "--signals", "depth", "--starts", "0")),
     (False, ("import", f"{_DEMONSTRATION}/translation.txt")),
     (False, ("learn", _DEMONSTRATION)),
     (False, ("optimize", _DEMONSTRATION, "--goal-offset", "0", "0.05", "0.05", "--jobs", "2")),
@@ -132,8 +133,8 @@ def main() -> int:
                 arguments, options.seconds, Path(folder) / "results", has_page=has_page
             )
         outside = {one for one in found if not ip_address(one).is_loopback}
-        # What has not begun when its time is up, or shows no page, has told nothing.
-        began = f"exit code {-signal.SIGTERM}" not in end
+        # One that has not begun when its time is up, or refuses its options, has told nothing.
+        began = not re.search(rf"exit code ({-signal.SIGTERM}|2)\b", end)
         is_wrong = bool(outside) or bool(found) != has_page or not began
         findings += is_wrong
         print(

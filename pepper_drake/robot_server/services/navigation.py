@@ -111,8 +111,7 @@ class Navigation(Module):
             await asyncio.to_thread(write_floor_map, known, place)
         except InputError as error:
             raise ValueError(_as_told(error, told, place)) from None
-        if self._map is known:
-            self._path = told
+        self._path = told
         return told
 
     async def load_exploration(self, path: str) -> int:
