@@ -384,7 +384,10 @@ def run_comparison(options: Namespace, problem: Problem) -> int:
             seeds=options.seeds,
             progress=bar.update,
         )
-    title = f"{len(problem.guess)} parameters, {options.samples} samples in each update"
+    title = (
+        "Which method lowers the cost in the fewest rollouts? "
+        f"{len(problem.guess)} parameters, {options.samples} samples in each update"
+    )
     figure = draw_comparison(comparison.costs, comparison.rollouts, title)
     summary = comparison.summary()
     table = {
