@@ -62,6 +62,17 @@ def test_another_program_that_commands_the_arm_is_told():
     led(scenario)
 
 
+def test_an_arm_that_is_on_its_way_to_a_far_command_is_not_taken_over():
+    async def scenario(it):
+        # As after a pause: with a tenth of its speed the robot is late for two looks and more.
+        await it.play(lambda t: START, 0.3)
+        await it.play(lambda t: START - 0.5, 1.2)
+        assert not str(it.state()["fault"]), it.state()["detail"]
+        np.testing.assert_allclose(it.arm(), START - 0.5, atol=0.01)
+
+    led(scenario)
+
+
 def test_an_arm_that_the_robot_slows_is_shown_and_goes_on():
     async def scenario(it):
         it.command(START)

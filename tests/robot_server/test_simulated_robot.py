@@ -1,3 +1,4 @@
+import math
 import time
 from dataclasses import replace
 
@@ -5,8 +6,10 @@ import numpy as np
 import pytest
 
 from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import load_scene
-from pepper_drake.naoqi.constants import CHAINS, JOINTS
+from pepper_drake.naoqi.constants import CHAINS, CYCLE, JOINTS
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.robot_server.ground_truth_service import make_extras
 from pepper_drake.robot_server.robot.robot_port import RobotCommand
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
@@ -93,3 +96,33 @@ def test_a_goal_that_moves_by_itself_is_moved_by_nobody(monkeypatch):
         with pytest.raises(ServiceError, match="moveGoal: the goal of this scene moves by itself"):
             move_goal.handler(0.0, 0.05, 0.02)
         assert still._command.writes == 0
+
+
+def test_a_person_leads_the_limp_arm_to_a_place_and_lets_go(robot):
+    extras = make_extras(robot)
+    call = {method.name: method.handler for method in extras.methods.values()}
+    stiff, start = np.ones(len(JOINTS)), robot.state().positions
+    limp = stiff.copy()
+    limp[_ARM] = 0.0
+    _command(robot, 0.1, start, limp)
+    kinematics = arm_kinematics(shared_control_model(), "right")
+    X_TH = kinematics.hand_pose(robot.state().positions[_ARM])
+    place = X_TH.translation() + [0.05, -0.05, 0.08]
+    call["leadHand"]("right", place.tolist())
+    path = np.array(_command(robot, 1.5, start, limp))
+    hands = np.array([kinematics.hand_pose(row[_ARM]).translation() for row in path])
+    assert np.linalg.norm(hands[-1] - place) < 0.01
+    # As a person: no faster than by hand, and nothing else is moved.
+    assert np.linalg.norm(np.diff(hands, axis=0), axis=1).max() < 3 * 0.35 * CYCLE
+    call["letGo"]()
+    call["touch"](["ChestBoard/Button"])
+    rest = np.array(_command(robot, 0.6, start, limp))
+    assert robot.state().touched == {"ChestBoard/Button"}
+    call["touch"]([])
+    assert np.abs(rest[-1][_ARM] - rest[len(rest) // 2][_ARM]).max() < 0.01
+    for wrong in (("both", [0.0, 0.0, 0.0]), ("left", [0.0, 0.0]), ("left", [math.nan] * 3)):
+        with pytest.raises(ServiceError, match="PepperDrake::leadHand"):
+            call["leadHand"](*wrong)
+    with pytest.raises(ServiceError, match='"nose" is no sensor; they are Head/Touch/Front'):
+        call["touch"](["nose"])
+    _command(robot, 0.1, robot.state().positions, stiff)
