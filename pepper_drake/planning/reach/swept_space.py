@@ -1,4 +1,4 @@
-"""Space that the arm is going to sweep and that was not seen: not measured is not free."""
+"""Space that the robot is going to sweep and that was not seen: not measured is not free."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from pepper_drake.perception.gaze.view_planning import within_possible_view
 from pepper_drake.perception.mapping.seen_space import SeenSpace, describe_place
 from pepper_drake.perception.mapping.voxel_map import voxel_keys
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+from pepper_drake.planning.collision.body_clearance import BodyClearance, at_base_poses, drive_poses
 
 Vector = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -43,7 +44,10 @@ class UnseenSpaceParams:
     least_cells: int = 8
     """Cells of a region that is large enough to hold something: 216 cm³, a fist."""
     own_margin: float = 0.02
-    """Places this near to where the arm stands now are known to be free: it stands there [m]."""
+    """Places this near to where the robot stands now are known to be free: it stands there [m]."""
+    floor: float = 0.05
+    """Height up to which a driving robot's places belong to the floor [m]: nothing so low is told
+    from it in an image."""
     out_of_view_is_clear: bool = True
     """True if space that no head angle shows from where the robot stands, close to its chest or
     behind its own shoulder, counts as known: whoever starts the robot keeps it clear. How much the
@@ -93,7 +97,7 @@ def unseen_space(
     *,
     stride: float = 0.0,
 ) -> UnseenSpace:
-    """Finds what of a movement's swept space was not seen.
+    """Finds what of an arm movement's swept space was not seen.
 
     The sweep is that of the centres of the arm's spheres, upper arm to hand.
 
@@ -117,7 +121,64 @@ def unseen_space(
     away = distance > radii + params.own_margin
     p_T, index = p_T[away], index[away]
     p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
-    oldest = params.oldest - stride * index
+    hiding = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
+    if body is not None:
+        hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
+    oldest = np.asarray(params.oldest - stride * index, dtype=float)
+    return _unseen_places(p_W, index, oldest, X_WT, hiding, space, time, params)
+
+
+def unseen_drive_space(
+    body: BodyClearance,
+    base_pose: Vector,
+    goal: Vector,
+    joint_position: Vector,
+    X_WT: RigidTransform,
+    hiding: tuple[Vector, Vector],
+    space: SeenSpace,
+    time: float,
+    params: UnseenSpaceParams,
+) -> UnseenSpace:
+    """Finds what was not seen of the space that the body sweeps on a straight drive.
+
+    Args:
+        body: All that is carried along.
+        base_pose: Where the base stands (3,), x, y [m], yaw [rad] in W.
+        goal: Where it is to stand (3,).
+        joint_position: The joints on the way (15,) [rad].
+        X_WT: The torso's pose now.
+        hiding: Centres (S, 3) in T and radii (S,) of spheres on the robot [m], which hide what is
+            behind them.
+        space: What was seen.
+        time: Now [s].
+        params: What counts as seen, and as large.
+    """
+    solid = body.solid_points(joint_position, params.cell)
+    poses = drive_poses(base_pose, goal, params.cell)
+    p_W = at_base_poses(solid, poses).reshape(-1, 3)
+    index = np.repeat(np.arange(len(poses)), len(solid))
+    taken = np.unique(voxel_keys(p_W, params.cell), return_index=True)[1]
+    taken = taken[p_W[taken, 2] > params.floor]
+    p_W, index = p_W[taken], index[taken]
+    own = cKDTree(at_base_poses(solid, base_pose[None])[0])
+    reach = params.cell + params.own_margin
+    away = ~np.isfinite(own.query(p_W, distance_upper_bound=reach)[0])
+    p_W, index = p_W[away], index[away]
+    oldest = np.full(len(p_W), params.oldest)
+    return _unseen_places(p_W, index, oldest, X_WT, hiding, space, time, params)
+
+
+def _unseen_places(
+    p_W: Vector,
+    index: npt.NDArray[np.intp],
+    oldest: Vector,
+    X_WT: RigidTransform,
+    hiding: tuple[Vector, Vector],
+    space: SeenSpace,
+    time: float,
+    params: UnseenSpaceParams,
+) -> UnseenSpace:
+    """Unseen space of places (N, 3) of configurations (N,), seen at most (N,) [s] ago."""
     unseen = np.flatnonzero(space.unseen(p_W, time, oldest=oldest))
     unseen = unseen[np.unique(voxel_keys(p_W[unseen], params.cell), return_index=True)[1]]
     around = p_W[unseen, None] + params.thickness * np.concatenate((np.eye(3), -np.eye(3)))
@@ -126,12 +187,9 @@ def unseen_space(
     unseen = unseen[sides.sum(axis=1) >= 5]
     out_of_view = 0.0
     if len(unseen) and params.out_of_view_is_clear:
-        hiding = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
-        if body is not None:
-            hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
         shown = within_possible_view(
             CAMERA_DEPTH,
-            p_T[unseen],
+            (p_W[unseen] - X_WT.translation()) @ X_WT.rotation().matrix(),
             hiding,
             params.projector_baseline,
             border=params.image_border,
@@ -171,11 +229,13 @@ def _large_regions(cells: Vector, params: UnseenSpaceParams) -> list[npt.NDArray
     return [np.flatnonzero(labels == k) for k in largest]
 
 
-def unseen_sentence(region: Vector, X_WT: RigidTransform, params: UnseenSpaceParams) -> str:
-    """Says where an unseen region (K, 3) of W is, and how large."""
+def unseen_sentence(
+    region: Vector, X_WT: RigidTransform, params: UnseenSpaceParams, mover: str = "the arm"
+) -> str:
+    """Says where an unseen region (K, 3) of W is, how large, and who would pass it."""
     p_T = X_WT.inverse() @ region.mean(axis=0)
     litres = 1000.0 * len(region) * params.cell**3
     return (
-        f"the arm would pass {litres:.1f} litres of space that the depth camera has not seen, "
+        f"{mover} would pass {litres:.1f} litres of space that the depth camera has not seen, "
         f"{describe_place(p_T)}"
     )
