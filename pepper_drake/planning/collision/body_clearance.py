@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
@@ -64,10 +65,8 @@ class BodyClearance:
         upper = (centers + radii[:, None]).max(axis=0)
         axes = [np.arange(*span, spacing) for span in zip(lower, upper, strict=True)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        inside = np.zeros(len(grid), dtype=bool)
-        for center, radius in zip(centers, radii, strict=True):
-            inside |= np.sum((grid - center) ** 2, axis=1) <= radius**2
-        return np.asarray(grid[inside])
+        within = cKDTree(grid).query_ball_point(centers, radii)
+        return np.asarray(grid[np.unique(np.concatenate(within).astype(int))])
 
     def __call__(
         self, base_poses: Vector, joint_position: Vector, field: PointCloudDistance

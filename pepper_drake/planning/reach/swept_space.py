@@ -43,6 +43,9 @@ class UnseenSpaceParams:
     the projector's light leaves sheets of a pixel or two in which nothing is measured."""
     least_cells: int = 8
     """Cells of a region that is large enough to hold something: 216 cm³, a fist."""
+    least_drive_cells: int = 37
+    """The same of the space that the whole robot passes on its drive: 1 litre, a bottle. Behind the
+    edges of its own hands and of the goal a few cells always stay in the light's shadow."""
     own_margin: float = 0.02
     """Places this near to where the robot stands now are known to be free: it stands there [m]."""
     floor: float = 0.05
@@ -125,7 +128,7 @@ def unseen_space(
     if body is not None:
         hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
     oldest = np.asarray(params.oldest - stride * index, dtype=float)
-    return _unseen_places(p_W, index, oldest, X_WT, hiding, space, time, params)
+    return _unseen_places(p_W, index, oldest, X_WT, hiding, space, time, params, params.least_cells)
 
 
 def unseen_drive_space(
@@ -165,7 +168,9 @@ def unseen_drive_space(
     away = ~np.isfinite(own.query(p_W, distance_upper_bound=reach)[0])
     p_W, index = p_W[away], index[away]
     oldest = np.full(len(p_W), params.oldest)
-    return _unseen_places(p_W, index, oldest, X_WT, hiding, space, time, params)
+    return _unseen_places(
+        p_W, index, oldest, X_WT, hiding, space, time, params, params.least_drive_cells
+    )
 
 
 def _unseen_places(
@@ -177,6 +182,7 @@ def _unseen_places(
     space: SeenSpace,
     time: float,
     params: UnseenSpaceParams,
+    least_cells: int,
 ) -> UnseenSpace:
     """Unseen space of places (N, 3) of configurations (N,), seen at most (N,) [s] ago."""
     unseen = np.flatnonzero(space.unseen(p_W, time, oldest=oldest))
@@ -198,7 +204,7 @@ def _unseen_places(
         shown &= _is_before_floor(p_W[unseen], X_WT, params.background)
         out_of_view = float(np.count_nonzero(~shown)) * params.cell**3
         unseen = unseen[shown]
-    regions = [unseen[cells] for cells in _large_regions(p_W[unseen], params)]
+    regions = [unseen[cells] for cells in _large_regions(p_W[unseen], params.cell, least_cells)]
     return UnseenSpace(
         tuple(p_W[cells] for cells in regions),
         tuple(int(index[cells].min()) for cells in regions),
@@ -215,17 +221,17 @@ def _is_before_floor(p_W: Vector, X_WT: RigidTransform, farthest: float) -> Mask
     return np.asarray(stretch * np.linalg.norm(off, axis=1) <= farthest)
 
 
-def _large_regions(cells: Vector, params: UnseenSpaceParams) -> list[npt.NDArray[np.intp]]:
+def _large_regions(cells: Vector, size: float, least: int) -> list[npt.NDArray[np.intp]]:
     """The indices of the connected regions of cells (N, 3) [m] that matter, the largest first."""
-    if len(cells) < params.least_cells:
+    if len(cells) < least:
         return []
     # Neighbours share a face, an edge or a corner; a point lies anywhere in its cell.
-    pairs = cKDTree(cells).query_pairs(2.0 * params.cell, output_type="ndarray")
+    pairs = cKDTree(cells).query_pairs(2.0 * size, output_type="ndarray")
     shape = (len(cells), len(cells))
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)
     _, labels = connected_components(graph, directed=False)
     sizes = np.bincount(labels)
-    largest = [k for k in np.argsort(-sizes, kind="stable") if sizes[k] >= params.least_cells]
+    largest = [k for k in np.argsort(-sizes, kind="stable") if sizes[k] >= least]
     return [np.flatnonzero(labels == k) for k in largest]
 
 
