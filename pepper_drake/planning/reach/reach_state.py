@@ -78,6 +78,7 @@ class ReachState:
             sought in vain [s].
         planned_with: The observation that the movement was planned with.
         started_with: The observation that the first movement was planned with.
+        waits_with: The observation with which the arm retreated or last sought a detour.
         suspended_plan: While the arm has retreated: the plan that is taken up again later.
         arrived: When the base last arrived where it was sent [s].
         started: When the arm first started [s].
@@ -110,6 +111,7 @@ class ReachState:
     checked: float = np.nan
     planned_with: Observation | None = None
     started_with: Observation | None = None
+    waits_with: Observation | None = None
     suspended_plan: ReachPlan | None = None
     arrived: float = np.nan
     started: float = np.nan
