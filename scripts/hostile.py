@@ -217,14 +217,27 @@ def joints_beyond(folder: Path) -> Iterator[str]:
                 yield f"{file}: {name} goes from {column.min():.3f} to {column.max():.3f} rad"
 
 
-def start(app: str, folder: str, options: tuple[str, ...]) -> tuple[subprocess.Popen[str], str]:
-    """Starts an app; returns it and its page's address."""
-    process = start_app(app, f"{folder}/results", *options, stdout=subprocess.PIPE)
-    assert process.stdout is not None
-    for line in process.stdout:
-        if found := re.search(r"http://\S+", line):
-            return process, found.group(0)
-    process.wait(_STARTING)
+def start(
+    app: str, folder: Path, options: tuple[str, ...]
+) -> tuple[subprocess.Popen[str], str, Path]:
+    """Starts an app.
+
+    Returns:
+        The app, its page's address, and the file of its errors.
+    """
+    errors = folder / "errors"
+    # Into files: nobody reads while it is attacked, and a full pipe would stop the app.
+    with (folder / "output").open("w") as output, errors.open("w") as error_file:
+        process = start_app(app, folder / "results", *options, stdout=output, stderr=error_file)
+    end = time.monotonic() + _STARTING
+    while time.monotonic() < end and process.poll() is None:
+        if found := re.search(r"http://\S+(?=\s)", (folder / "output").read_text()):
+            return process, found.group(0), errors
+        time.sleep(0.1)
+    if process.poll() is None:
+        process.kill()
+        process.wait()
+        raise SystemExit(f"{app} showed no page within {_STARTING:g} s")
     raise SystemExit(f"{app} ended with {process.returncode} before it showed a page")
 
 
@@ -242,7 +255,7 @@ def main() -> int:
         if options.app == "play":
             with socket.create_server(("127.0.0.1", 0)) as free:
                 arguments += (f"tcp://127.0.0.1:{free.getsockname()[1]}",)
-        process, url = start(options.app, folder, arguments)
+        process, url, error_file = start(options.app, Path(folder), arguments)
         attacked = process.pid
         if options.app == "play":  # Its window stays when it has ended.
             process.wait(_STARTING)
@@ -255,7 +268,8 @@ def main() -> int:
             if options.app == "play":
                 start_app("play", folder, "--stop", *arguments[1:]).wait(60.0)
             process.send_signal(signal.SIGTERM)
-            _, errors = process.communicate(timeout=120.0)
+            process.wait(120.0)
+            errors = error_file.read_text()
         wrong += joints_beyond(Path(folder))
     if process.returncode not in (0, 1, 130) or "Traceback" in errors:
         wrong.append(f"the app ended with {process.returncode}: {errors[-500:]}")

@@ -18,7 +18,7 @@ FLOORS = (
     ("cli_scene", "cli_robot", "cli_demonstration"),
     ("diagrams",),
     ("scenario",),
-    ("robot_server", "evaluation"),
+    ("robot_server", "evaluation", "cli_scenario"),
     ("hardware",),
     ("optimization", "benchmarking", "live"),
     ("reporting",),

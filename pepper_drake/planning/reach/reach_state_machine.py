@@ -107,8 +107,10 @@ class _Supervision(DriveSupervision):
             return replace(starting, movements=1, started=time, look_at=NOWHERE)
         assert plan is not None
         if plan.status == PlanStatus.CLEAR or result.effect == Effect.MOVEMENT:
-            flaw = plan.flaw(self._observation.p_WO, self._planner.params.obstacle_range)
-            if flaw is not None:
+            # Later the base stands where it is, and a goal that is far from it was moved.
+            is_placed = result.effect == Effect.PLACEMENT
+            reach = self._planner.params.obstacle_range if is_placed else np.inf
+            if (flaw := plan.flaw(self._observation.p_WO, reach)) is not None:
                 return state.fail(time, "plan_invalid", flaw)
         if result.effect == Effect.MOVEMENT:
             moving = state.to(ReachMode.REACHING, time)

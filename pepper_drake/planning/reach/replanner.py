@@ -147,8 +147,10 @@ class ReachReplanner:
         predict = partial(plan.predict, timing_error=self.timing.timing_error)
 
         def until_effect(latency: float) -> float:
-            # The controller begins with another movement in the tick after it is there.
-            return tick * (np.floor(latency / tick + 1e-6) + 1.0)
+            # The supervisor takes a result at its next step, the controller in the tick after it.
+            period = self.timing.time_step
+            taken = period * np.ceil(latency / period - 1e-6)
+            return tick * (np.floor(taken / tick + 1e-6) + 1.0)
 
         if not state.will_brake:
             start = predict(arm, elapsed, until_effect(latency.plan), state.speed)

@@ -40,6 +40,11 @@ class RetreatParams:
                 "planner.retreat: sample_time, braking_share, stride and all durations, of which "
                 "there must be one at least, must be positive"
             )
+        if 4.0 * self.sample_time > min(self.durations):
+            raise InputError(
+                f"planner.retreat.sample_time is {self.sample_time:g} s; it must be at most a "
+                f"quarter of the shortest of planner.retreat.durations, {min(self.durations):g} s"
+            )
 
 
 @dataclass

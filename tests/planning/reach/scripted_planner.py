@@ -231,9 +231,9 @@ class Supervised:
         return self
 
 
-def on_its_way(**prepared) -> Supervised:
+def on_its_way(timing: ReachTiming = TIMING, **prepared) -> Supervised:
     """An arm that moves, at 0.3 rad of its path; a depth image comes with the next look."""
-    supervised = Supervised(ScriptedPlanner(reach=path_plan()))
+    supervised = Supervised(ScriptedPlanner(reach=path_plan()), timing)
     supervised.until(ReachMode.REACHING).advance(0.55)
     for name, answer in prepared.items():
         setattr(supervised.planner, name, answer)

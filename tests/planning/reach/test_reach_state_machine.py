@@ -193,6 +193,13 @@ def test_a_base_is_not_sent_where_no_planner_would_place_it(base_pose, words):
     assert ReachMode.DRIVING not in one.modes
 
 
+def test_a_goal_that_was_carried_away_is_not_taken_for_an_error_of_the_planner():
+    one = on_its_way(ahead=0.004).look()
+    one.set(X_WO=RigidTransform([2.0, 0.0, 0.7])).advance(0.3)
+    assert one.state.plan is one.planner.detour
+    assert one.state.reason != "plan_invalid"
+
+
 @pytest.mark.parametrize("question", ["reach", "detour"])
 def test_an_arm_is_not_moved_along_what_is_no_path(question):
     nowhere = replace(path_plan(), joint_path=np.full((9, 5), np.nan))

@@ -65,6 +65,20 @@ def test_a_detour_starts_where_the_arm_will_be_when_it_takes_effect():
     np.testing.assert_allclose(start.velocity, [0.5, 0, 0, 0, 0])
 
 
+@pytest.mark.parametrize("latency", [0.101, 0.12, 0.15])
+def test_a_detour_starts_in_a_tick_of_the_supervisor_whatever_its_latency(latency):
+    one = on_its_way(replace(TIMING, latency=replace(LATENCY, plan=latency)), ahead=0.004)
+    first, before = one.time, one.state.plan
+    one.look()
+    while one.state.plan is before:
+        one.step()
+    begun = one.time - STEP - first
+    assert begun == pytest.approx(0.15)
+    start = one.planner.last("replan").arm
+    # The controller's first tick after that.
+    np.testing.assert_allclose(start.position, [0.3 + 0.5 * 0.16, 0, 0, 0, 0])
+
+
 def test_what_an_arm_is_off_its_path_it_is_predicted_to_stay_off():
     plan = path_plan()
     arm = ArmState(np.array([0.3, 0.01, 0, 0, 0]), np.array([0.4, 0.02, 0, 0, 0]))
