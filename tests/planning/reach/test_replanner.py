@@ -251,6 +251,23 @@ def test_what_moves_is_waited_for_and_only_then_passed():
     assert one.state.suspended_plan is None
 
 
+@pytest.mark.parametrize(("moved", "stands"), [(0.0, True), (0.05, True), (0.15, False)])
+def test_what_is_predicted_where_it_was_before_the_wait_stands(moved, stands):
+    # The end of an arm that is too near to the camera is never measured, and predicted for ever.
+    one = on_its_way(ahead=0.0).set(predicted_cloud=BESIDE[None])
+    one.look().advance(LATENCY.plan)
+    one.planner.back = NO_DETOUR
+    there = BESIDE + [0.0, moved, 0.0]
+    one.set(arm=ArmState(one.seen.arm.position, np.zeros(5)), predicted_cloud=there[None])
+    while "replan" not in one.planner.questions():
+        one.look()
+    seen = one.planner.last("replan").cloud
+    # What stands is passed as what was always there, what moves at a distance to all sides.
+    sides = np.abs(seen - there).max(axis=1)
+    assert np.any((sides > 0.01) & (sides < 0.06)) != stands
+    assert one.time - one.state.since >= TIMING.detour_delay
+
+
 def test_the_arm_does_not_retreat_to_where_something_was_that_may_come_back():
     one = on_its_way(ahead=0.0)
     one.set(cloud=CLOUD[:1], predicted_cloud=X_WO.translation()[None]).look()
