@@ -33,18 +33,13 @@ from pepper_drake.benchmarking.gate import gate_tasks, measure_gate
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.methods import METHODS, get_method
 from pepper_drake.cli_robot import add_robot_options
+from pepper_drake.cli_scenario import add_scenario_options, keep_scenario, scenario_of
 from pepper_drake.errors import InputError
 from pepper_drake.models.robot_calibration import calibration_of
 from pepper_drake.models.scene_families import FAMILIES
 from pepper_drake.optimization.parallel import dask_cluster
 from pepper_drake.reporting.benchmark_report import record_failures, replay_folder, save_benchmark
-from pepper_drake.scenario import (
-    NUMBERS,
-    Scenario,
-    add_scenario_options,
-    keep_scenario,
-    scenario_of,
-)
+from pepper_drake.scenario import NUMBERS, Scenario
 from pepper_drake.systems.faults.fault import parse_faults
 
 _BASELINE = Path(__file__).resolve().parents[1] / "benchmarks" / "baseline.json"

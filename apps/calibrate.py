@@ -26,6 +26,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pepper_drake import cli
+from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.diagrams.calibration_run import (
     CalibrationParams,
     CalibrationResult,
@@ -52,7 +53,7 @@ from pepper_drake.perception.calibration.marker_calibration import (
 )
 from pepper_drake.perception.goal.marker import MARKER_DICTIONARY, check_marker
 from pepper_drake.results.folder import whole_results
-from pepper_drake.scenario import add_scenario_options, save_scenario, scenario_of
+from pepper_drake.scenario import save_scenario
 
 RESULTS = ("calibration.yaml", "calibration.json", "scenario.yaml")
 """The files that a run leaves."""

@@ -165,6 +165,7 @@ def index_of(number: float, steps: Sequence[Step], option: str) -> int:
 def draw(chain: Chain, motion: Demonstration) -> Figure:
     """Draws positions and speed by time, with the joins."""
     figure = Figure(figsize=(10, 7), layout="constrained")
+    figure.suptitle("Does the hand pass from each movement to the next without a jump?")
     places, speeds = figure.subplots(2, 1, sharex=True)
     for axis, column, color in zip(
         "xyz", motion.positions.T, ("tab:red", "tab:green", "tab:blue"), strict=True
@@ -172,8 +173,10 @@ def draw(chain: Chain, motion: Demonstration) -> Figure:
         places.plot(motion.times, column, color=color, label=axis)
     speeds.plot(motion.times, np.linalg.norm(motion.velocities, axis=1), color="tab:purple")
     for axes in (places, speeds):
-        for join in chain.joins[:-1]:
-            axes.axvline(join, color="black", linestyle=":")
+        for number, join in enumerate(chain.joins[:-1]):
+            label = "join" if number == 0 else ""
+            axes.axvline(join, color="black", linestyle=":", label=label)
+        axes.grid(alpha=0.3)
     places.set(ylabel="position in the torso frame [m]")
     places.legend()
     speeds.set(xlabel="time [s]", ylabel="speed [m/s]")

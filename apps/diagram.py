@@ -17,6 +17,7 @@ from argparse import ArgumentParser, ArgumentTypeError
 from pydrake.systems.framework import Diagram
 
 from pepper_drake import cli
+from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.diagrams.teaching import Teaching
 from pepper_drake.models.control_model import shared_control_model
@@ -24,7 +25,7 @@ from pepper_drake.models.scene import SCENES, load_scene
 from pepper_drake.reporting.diagram_graph import make_diagram_graph
 from pepper_drake.reporting.diagram_picture import save_diagram_picture
 from pepper_drake.results.folder import whole_results
-from pepper_drake.scenario import Scenario, add_scenario_options, build_reaching, scenario_of
+from pepper_drake.scenario import Scenario, build_reaching
 
 DIAGRAMS = ("reaching", "station", "teaching")
 

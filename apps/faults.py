@@ -25,6 +25,7 @@ from dataclasses import asdict
 from tqdm import tqdm
 
 from pepper_drake import cli
+from pepper_drake.cli_scenario import add_scenario_options, keep_scenario, scenario_of
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.fault_table import (
     STARTS,
@@ -38,13 +39,7 @@ from pepper_drake.evaluation.fault_table import (
 from pepper_drake.files import write_atomically
 from pepper_drake.models.scene import load_scene
 from pepper_drake.optimization.parallel import processes
-from pepper_drake.scenario import (
-    NUMBERS,
-    Scenario,
-    add_scenario_options,
-    keep_scenario,
-    scenario_of,
-)
+from pepper_drake.scenario import NUMBERS, Scenario
 from pepper_drake.systems.faults.fault import SIGNALS, parse_fault
 
 

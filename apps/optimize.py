@@ -35,6 +35,7 @@ from typing import Any
 from tqdm import tqdm
 
 from pepper_drake import cli
+from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.scene import load_scene
@@ -68,13 +69,7 @@ from pepper_drake.optimization.search import search
 from pepper_drake.reporting.optimization_figures import draw_comparison, save_reproductions
 from pepper_drake.reporting.optimization_report import save_search
 from pepper_drake.results.folder import INTERRUPTED, whole_results
-from pepper_drake.scenario import (
-    NUMBERS,
-    Scenario,
-    add_scenario_options,
-    save_scenario,
-    scenario_of,
-)
+from pepper_drake.scenario import NUMBERS, Scenario, save_scenario
 
 HISTORY = "history.npz"
 RESULTS = ("report.json", "primitive.yaml", HISTORY, "cost.png", "paths.png", "scenario.yaml")
@@ -389,7 +384,10 @@ def run_comparison(options: Namespace, problem: Problem) -> int:
             seeds=options.seeds,
             progress=bar.update,
         )
-    title = f"{len(problem.guess)} parameters, {options.samples} samples in each update"
+    title = (
+        "Which method lowers the cost in the fewest rollouts? "
+        f"{len(problem.guess)} parameters, {options.samples} samples in each update"
+    )
     figure = draw_comparison(comparison.costs, comparison.rollouts, title)
     summary = comparison.summary()
     table = {

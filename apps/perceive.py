@@ -30,6 +30,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pepper_drake import cli
+from pepper_drake.cli_scenario import add_scenario_options, check_robot_takes, scenario_of
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.marker_false_positives import count_false_positives
@@ -52,13 +53,7 @@ from pepper_drake.reporting.perception_figures import (
     save_images_figure,
 )
 from pepper_drake.results.folder import whole_results
-from pepper_drake.scenario import (
-    Scenario,
-    add_scenario_options,
-    check_robot_takes,
-    save_scenario,
-    scenario_of,
-)
+from pepper_drake.scenario import Scenario, save_scenario
 from pepper_drake.web.drake_page import open_meshcat
 
 RESULTS = (

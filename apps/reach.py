@@ -33,6 +33,7 @@ from pathlib import Path
 
 from pepper_drake import cli
 from pepper_drake.cli_robot import add_robot_options
+from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.diagrams.factory import (
     prepare_scene,
@@ -65,13 +66,11 @@ from pepper_drake.results.reach_report import ReachReport
 from pepper_drake.scenario import (
     METHODS,
     Scenario,
-    add_scenario_options,
     build_reaching,
     coupling_of,
     load_tasks,
     movement_and_config,
     save_scenario,
-    scenario_of,
     use_method,
 )
 from pepper_drake.user_code import names_code, register_code
@@ -175,8 +174,9 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--accept-unknown",
         action="store_true",
-        help="go even where the arm would pass space that the depth camera has not seen; without "
-        "it such space is looked at first, and the reach refused if it stays unseen",
+        help="go even where the arm, or the robot on its drive, would pass space that the depth "
+        "camera has not seen; without it such space is looked at first, and refused if it stays "
+        "unseen",
     )
     parser.add_argument(
         "--push",

@@ -33,6 +33,7 @@ from pepper_drake.cli import (
     run,
     stop_on_interrupt,
 )
+from pepper_drake.cli_scenario import add_scenario_options, check_robot_takes, scenario_of
 from pepper_drake.diagrams.compliance import ComplianceConfig
 from pepper_drake.diagrams.factory import LearningParams, make_primitive
 from pepper_drake.diagrams.reproduction import ReproductionParams
@@ -56,13 +57,7 @@ from pepper_drake.learning.dmp.joint_primitive import JointPrimitive, is_joint_p
 from pepper_drake.models.pepper import POSTURES
 from pepper_drake.optimization.ratings import BEST_SCORE, load_scores
 from pepper_drake.results.folder import INTERRUPTED, whole_results
-from pepper_drake.scenario import (
-    Scenario,
-    add_scenario_options,
-    check_robot_takes,
-    save_scenario,
-    scenario_of,
-)
+from pepper_drake.scenario import Scenario, save_scenario
 from pepper_drake.systems.guiding.external_force import ForcePulse
 from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.drake_page import open_meshcat

@@ -20,6 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pepper_drake import cli
+from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
@@ -33,7 +34,7 @@ from pepper_drake.robot_server.shown_movement import show_when_limp
 from pepper_drake.robot_server.wire.connection import Credentials
 from pepper_drake.robot_server.wire.server import LOOPBACK, PORT, QiServer
 from pepper_drake.robot_server.wire.tls import server_context
-from pepper_drake.scenario import Scenario, add_scenario_options, save_scenario, scenario_of
+from pepper_drake.scenario import Scenario, save_scenario
 
 
 def make_parser() -> ArgumentParser:

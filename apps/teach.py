@@ -42,6 +42,7 @@ from pepper_drake.cli_robot import (
     add_robot_options,
     chosen_faults,
 )
+from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.diagrams.robot_signals import STATION_SIGNALS
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.files import write_atomically
@@ -62,7 +63,7 @@ from pepper_drake.live.session_file import (
 from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
-from pepper_drake.scenario import NUMBERS, add_scenario_options, save_scenario, scenario_of
+from pepper_drake.scenario import NUMBERS, save_scenario
 from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.viser_page import ViserPage
 

@@ -4,6 +4,10 @@
     python benchmarks/loop_speed.py planner --scenes 8
     python benchmarks/loop_speed.py diagram --until 8
     python benchmarks/loop_speed.py profile --until 8
+    python benchmarks/loop_speed.py tick planner diagram --save
+
+With --save the figures replace those in benchmarks/speed.json, from which
+`scripts/publish_speed.py` writes the tables of docs/performance.md.
 
 All are times of a processor, which other programs on the machine change little. The diagram's is
 given as a share of the speed of the physics alone: the same plant with its contacts, its motors'
@@ -14,9 +18,13 @@ shows in the column for it.
 
 import argparse
 import cProfile
+import json
+import os
 import pstats
 import sys
 import time
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
@@ -27,6 +35,8 @@ from pepper_drake.benchmarking.physics_alone import make_physics
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.scenario import build_reaching
+
+SPEED = Path(__file__).with_name("speed.json")
 
 FIRST_SEED = 2000
 """First of the moving scenes whose planning times set `PlanningLatency`."""
@@ -40,8 +50,8 @@ def make_reaching(case: Case, *, cameras: bool) -> Reaching:
     return build_reaching(scenario)
 
 
-def time_ticks(count: int = 2000) -> None:
-    """Prints the times of control ticks among 2,000 points."""
+def time_ticks(count: int = 2000) -> dict[str, Any]:
+    """Prints and returns the times of control ticks among 2,000 points."""
     simulator = make_controller()
     simulator.AdvanceTo(0.2)
     spent = []
@@ -49,11 +59,11 @@ def time_ticks(count: int = 2000) -> None:
         began = time.process_time()
         simulator.AdvanceTo(simulator.get_context().get_time() + TIME_STEP)
         spent.append(time.process_time() - began)
-    print_times("control tick", spent)
+    return {"control tick": print_times("control tick", spent)}
 
 
-def time_planner(scenes: int) -> None:
-    """Prints the times of the planner's answers in moving scenes, cameras on."""
+def time_planner(scenes: int) -> dict[str, Any]:
+    """Prints and returns the times of the planner's answers in moving scenes, cameras on."""
     spent: dict[str, list[float]] = {}
     for seed in range(FIRST_SEED, FIRST_SEED + scenes):
         reaching = make_reaching(Case(seed, moving=True), cameras=True)
@@ -61,17 +71,24 @@ def time_planner(scenes: int) -> None:
         print(f"moving_{seed}: {report.outcome}", flush=True)
         for answer in reaching.timed_planner.log:
             spent.setdefault(answer.name, []).append(answer.seconds)
-    for name, times in spent.items():
-        print_times(name, times)
+    answers = {name: print_times(name, times) for name, times in spent.items()}
+    return {"scenes": scenes, "answers": answers}
 
 
-def print_times(name: str, seconds: list[float]) -> None:
-    """Prints median, percentiles and the longest of some times."""
+def print_times(name: str, seconds: list[float]) -> dict[str, float]:
+    """Prints and returns median, percentiles and the longest of some times [ms]."""
     median, most, nearly_all, longest = 1e3 * np.percentile(seconds, [50, 90, 99, 100])
     print(
         f"{name:22s} {len(seconds):5d} x  median {median:8.2f} ms  90 % {most:8.2f}  "
         f"99 % {nearly_all:8.2f}  longest {longest:8.2f}"
     )
+    return {
+        "count": len(seconds),
+        "median_ms": round(median, 3),
+        "p90_ms": round(most, 3),
+        "p99_ms": round(nearly_all, 3),
+        "longest_ms": round(longest, 3),
+    }
 
 
 def simulators(case: Case) -> dict[str, Simulator]:
@@ -90,8 +107,8 @@ def simulators(case: Case) -> dict[str, Simulator]:
     return runs
 
 
-def time_diagram(case: Case, until: float) -> None:
-    """Prints how fast the diagrams run, by turns of half a simulated second."""
+def time_diagram(case: Case, until: float) -> dict[str, Any]:
+    """Prints and returns how fast the diagrams run, by turns of half a simulated second."""
     runs = simulators(case)
     spent = {name: np.zeros(2) for name in runs}
     for end in np.arange(0.5, until + 0.25, 0.5):
@@ -99,12 +116,20 @@ def time_diagram(case: Case, until: float) -> None:
             began = np.array([time.process_time(), time.perf_counter()])
             simulator.AdvanceTo(end)
             spent[name] += [time.process_time(), time.perf_counter()] - began
+    found = {}
     for name, (processor, wall) in spent.items():
         ratio = spent["physics alone"] / spent[name]
         print(
             f"{name:16s} {until / processor:6.2f} x real time of a processor ({ratio[0]:.3f} of "
             f"physics alone), {until / wall:6.2f} x by the clock ({ratio[1]:.3f})"
         )
+        found[name] = {
+            "by_processor": round(until / processor, 3),
+            "share_by_processor": round(ratio[0], 4),
+            "by_clock": round(until / wall, 3),
+            "share_by_clock": round(ratio[1], 4),
+        }
+    return {"scene": case.name, "until_s": until, "runs": found}
 
 
 def profile_diagram(case: Case, until: float, cameras: bool) -> None:
@@ -122,21 +147,33 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=("tick", "planner", "diagram", "profile"))
+    parser.add_argument(
+        "what",
+        nargs="+",
+        choices=("tick", "planner", "diagram", "profile"),
+        metavar="WHAT",
+        help="tick, planner, diagram or profile; more than one may be given",
+    )
     parser.add_argument("--scenes", type=int, default=8, help="moving scenes for the planner")
     parser.add_argument("--until", type=float, default=8.0, help="simulated time of a diagram [s]")
     parser.add_argument("--seed", type=int, default=0, help="of the diagram's random scene")
     parser.add_argument("--no-cameras", action="store_true", help="profile without cameras")
+    parser.add_argument("--save", action="store_true", help="to benchmarks/speed.json")
     options = parser.parse_args()
     case = Case(options.seed)
-    if options.what == "tick":
-        time_ticks()
-    elif options.what == "planner":
-        time_planner(options.scenes)
-    elif options.what == "diagram":
-        time_diagram(case, options.until)
-    else:
-        profile_diagram(case, options.until, not options.no_cameras)
+    measure = {
+        "tick": time_ticks,
+        "planner": lambda: time_planner(options.scenes),
+        "diagram": lambda: time_diagram(case, options.until),
+        "profile": lambda: profile_diagram(case, options.until, not options.no_cameras),
+    }
+    saved = json.loads(SPEED.read_text()) if SPEED.exists() else {}
+    for what in options.what:
+        load = os.getloadavg()[0]
+        figures = measure[what]()
+        if options.save and figures is not None:
+            saved[what] = {"processors": os.cpu_count(), "load_before": round(load, 2), **figures}
+            SPEED.write_text(json.dumps(saved, indent=1) + "\n")
     return 0
 
 

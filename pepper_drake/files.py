@@ -24,6 +24,8 @@ LARGEST_NUMBER = 1e9
 MOST_DIGITS = 15
 """Digits of a whole number: more would not survive as a floating-point number."""
 
+_LFS_POINTER = b"version https://git-lfs"
+
 _DEEPEST = 100
 """Levels of lists and objects that a JSON file may have."""
 
@@ -36,8 +38,8 @@ def read_bytes(path: Path, limit: int = TEXT_LIMIT) -> bytes:
         limit: Largest size [bytes].
 
     Raises:
-        InputError: There is no such file, it is no regular file, it cannot be read, or it is
-            larger than the limit.
+        InputError: There is no such file, it is no regular file, it cannot be read, it is larger
+            than the limit, or it is a pointer of Git LFS.
     """
     try:
         # Without O_NONBLOCK, a pipe would be waited for until somebody writes to it.
@@ -56,12 +58,27 @@ def read_bytes(path: Path, limit: int = TEXT_LIMIT) -> bytes:
             with os.fdopen(handle, "rb", closefd=False) as file:
                 content = file.read(limit + 1)
             if len(content) <= limit:
+                refuse_pointer(path, content)
                 return content
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     finally:
         os.close(handle)
     raise InputError(f"{path}: larger than {limit / 2**20:.3g} MiB; give a smaller file")
+
+
+def refuse_pointer(path: Path, start: bytes) -> None:
+    """Refuses what a clone without Git LFS has in the place of a large file.
+
+    Args:
+        path: The file.
+        start: Its first 64 bytes or more.
+
+    Raises:
+        InputError: It is such a pointer.
+    """
+    if start.startswith(_LFS_POINTER):
+        raise InputError(f"{path}: a pointer of Git LFS, not the file; git lfs pull fetches it")
 
 
 def read_text(path: Path, limit: int = TEXT_LIMIT) -> str:

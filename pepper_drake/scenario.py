@@ -8,10 +8,9 @@ as `scenario.yaml`, whole, and the run can be repeated from it.
 
 import dataclasses
 import typing
-from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -62,16 +61,62 @@ NUMBERS = (
 """Fields of a scenario that say how the loop works, in whatever scene and for whatever task."""
 _POSITIVE = (
     "compliance.stiffness",
+    "contact.angle",
+    "controller.angular_velocity_limit",
     "controller.catch_up_steps",
+    "controller.linear_velocity_limit",
+    "controller.speed_fraction",
     "controller.target_time_constant",
+    "controller.time_step",
+    "controller.tracking_rate",
     "perception.marker.edges.blurred_growth",
     *(
         f"perception.{camera}.{views}.most_views"
         for camera in ("obstacles", "stereo_obstacles")
         for views in ("memory", "approach")
     ),
+    *(
+        f"planner.{name}"
+        for name in (
+            "adaptation.acceleration_share",
+            "adaptation.candidates",
+            "adaptation.cost.arriving",
+            "adaptation.cost.deviation",
+            "adaptation.cost.leaving",
+            "adaptation.goals_kept",
+            "adaptation.planner.resolution",
+            "adaptation.planner.step",
+            "adaptation.posture",
+            "adaptation.search.generations",
+            "adaptation.search.perturbation_basis",
+            "adaptation.speed_share",
+            "adaptation.starts",
+            "adaptation.turn",
+            "support_surface.spacing",
+            "support_surface.stripe",
+            "unseen.cell",
+            "unseen.stride",
+        )
+    ),
+    "supervisor.separation.deceleration",
+    "supervisor.separation.slowing",
+    "supervisor.time_step",
 )
 """Numbers by which something is divided, or that count what is kept."""
+_LEAST = {
+    "contact.steps": 1,
+    "planner.adaptation.samples": 10,
+    "planner.adaptation.search.population": 4,
+    "controller.orientation_weight": 0,
+    "controller.position_weight": 0,
+    "planner.retreat.lost": 0,
+    "planner.settle": 0,
+    "planner.solid_depth": 0,
+    "supervisor.latency.base_placement": 0,
+    "supervisor.latency.check": 0,
+    "supervisor.latency.plan": 0,
+}
+"""Least values of some numbers."""
 _MOVED_IN_APPROACH = {
     "visit": "transient_timeout",
     "onward": "extrapolated",
@@ -324,6 +369,16 @@ def _check_ranges(scenario: Scenario) -> None:
         value = attrgetter(name)(scenario)
         if not value > 0:
             raise InputError(f"{name} is {value:g}; it must be positive")
+    for name, least in _LEAST.items():
+        value = attrgetter(name)(scenario)
+        if value < least:
+            raise InputError(f"{name} is {value:g}; it must be {least} or more")
+    ik = scenario.controller
+    if not ik.limit_margin < ik.limit_influence:
+        raise InputError(
+            f"controller.limit_influence is {ik.limit_influence:g} rad; it must be greater than "
+            f"controller.limit_margin, {ik.limit_margin:g} rad"
+        )
     stiffness, rest = scenario.compliance.stiffness, scenario.planner.rest_share
     if stiffness > 1.0:
         raise InputError(f"compliance.stiffness is {stiffness:g}; it must be above 0 and at most 1")
@@ -442,96 +497,3 @@ def load_scenario(
 def save_scenario(scenario: Scenario, path: Path) -> None:
     """Writes a whole scenario, from which `load_scenario` makes the same."""
     save_yaml(scenario, path)
-
-
-def check_robot_takes(scenario: Scenario, *simulated: str) -> None:
-    """Checks that nothing is set that only a simulated robot has.
-
-    Args:
-        scenario: The scenario of a run with a robot.
-        simulated: Its fields that have no effect there.
-
-    Raises:
-        InputError: One of them is not what it is by default.
-    """
-    for name in simulated:
-        if attrgetter(name)(scenario) != attrgetter(name)(Scenario()):
-            raise InputError(f"{name} is of the simulated robot; leave it out with --station naoqi")
-
-
-def keep_scenario(scenario: Scenario, folder: Path, *, has_runs: bool) -> None:
-    """Writes the scenario of a folder whose runs are not repeated.
-
-    Args:
-        scenario: Of the runs to come.
-        folder: The folder.
-        has_runs: True if it holds runs already; where nothing says of which numbers, they are of
-            the usual ones.
-
-    Raises:
-        InputError: The folder holds runs of another scenario, or cannot be written to.
-    """
-    path = folder / "scenario.yaml"
-    before = load_scenario(path) if path.exists() else Scenario()
-    if (path.exists() or has_runs) and before != scenario:
-        raise InputError(
-            f"{path}: the runs in this folder are of other numbers; give another --output"
-        )
-    save_scenario(scenario, path)
-
-
-def add_scenario_options(parser: ArgumentParser, parts: Sequence[str] = ()) -> None:
-    """Adds `--scenario` and `--set`, for `scenario_of` to read.
-
-    Args:
-        parser: To add them to.
-        parts: Fields of a scenario that count in this app, such as `NUMBERS`; all if left out.
-    """
-    parser.set_defaults(scenario_parts=tuple(parts))
-    what = f"its {', '.join(parts)}" if parts else "scene, robot and every tuned number"
-    example = "planner.clearance.want=0.02"
-    if parts and "planner" not in parts:
-        example = "station.noise=false" if "station" in parts else f"{parts[0]}=VALUE"
-    parser.add_argument(
-        "--scenario",
-        type=Path,
-        metavar="FILE",
-        help=f"{what}, as a YAML file such as a run's scenario.yaml; "
-        "what it leaves out keeps its default, and other options come on top",
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="FIELD=VALUE",
-        help=f"set one field of the scenario, as in {example}; may be given more than once",
-    )
-
-
-def scenario_of(options: Namespace, defaults: Scenario | None = None) -> Scenario:
-    """Loads the scenario that the options of `add_scenario_options` name.
-
-    Of a file, only the parts count that the app takes: it may have options of its own for scene,
-    seed, movement and task.
-
-    Args:
-        options: Of an app.
-        defaults: The defaults, if they are other than usual.
-
-    Raises:
-        InputError: As `load_scenario`; or a setting is none of the app's parts.
-    """
-    parts = options.scenario_parts
-    for setting in options.set if parts else ():
-        name = setting.partition("=")[0]
-        if name.partition(".")[0] not in parts:
-            raise InputError(
-                f"--set {name}: this app takes {', '.join(parts)} from a scenario; for all else "
-                "see its own options"
-            )
-    scenario = load_scenario(options.scenario, options.set, defaults)
-    if not parts:
-        return scenario
-    return replace(
-        deepcopy(defaults) or Scenario(), **{name: getattr(scenario, name) for name in parts}
-    )

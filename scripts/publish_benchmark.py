@@ -13,6 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from marked_section import with_section
+
 from pepper_drake.benchmarking.methods import get_method
 from pepper_drake.benchmarking.summary import Rate
 
@@ -94,15 +96,6 @@ def _number(value: float | None, factor: float, digits: int) -> str:
     return "-" if value is None else f"{factor * value:.{digits}f}"
 
 
-def with_section(readme: str, text: str) -> str:
-    """The README with the section between its marks replaced."""
-    before, begin, rest = readme.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise SystemExit(f"README.md lacks {BEGIN.strip()} or {END.strip()}; put both back")
-    return f"{before}{begin}{text}{end}{after}"
-
-
 def main(arguments: list[str]) -> None:
     """Publishes the folders that the arguments name."""
     folders = dict(argument.split("=", 1) for argument in arguments if "=" in argument)
@@ -116,7 +109,7 @@ def main(arguments: list[str]) -> None:
         del content["not_reached"]
     RESULTS.write_text(json.dumps(results, indent=1) + "\n")
     shutil.copy(Path(folders["still"]) / "benchmark.png", PICTURE)
-    README.write_text(with_section(README.read_text(), section(results)))
+    README.write_text(with_section(README.read_text(), BEGIN, END, section(results)))
 
 
 if __name__ == "__main__":

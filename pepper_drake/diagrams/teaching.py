@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
@@ -71,7 +70,7 @@ class Teaching(Diagram):
         self.station, commands, arm_position = add_lone_pepper(
             builder, arm, positions, 0.0 if by_hand else dragged_stiffness
         )
-        self.plant: MultibodyPlant = self.station.plant
+        self.plant = self.station.plant
         if by_hand:
             guide = add_hand_guide(builder, self.station, self.plant, arm, params)
             builder.ExportInput(guide.guide_pose_input, "guide_pose")

@@ -26,19 +26,17 @@ _NO_PICTURE = "What the camera in Pepper's head sees. Rendering it takes time, s
 _SIGNALS = (
     ("phase", "Phase: 1 at the start, towards 0 at the end", (0.0, 1.2)),
     ("clearance", "Clearance of the arm [cm], cut at 50", (0.0, 60.0)),
-    ("coupling", "Coupling: push of the obstacles [m/s²]", None),
+    ("coupling", "Coupling: push of the obstacles [m/s²]", (0.0, 1.0)),
 )
-"""Names and titles of what is plotted, and its range."""
-_ICONS = {
-    "Record": viser.Icon.PLAYER_RECORD,
-    "Stop": viser.Icon.PLAYER_STOP,
-    "Learn": viser.Icon.SCHOOL,
-    "Reach": viser.Icon.TARGET,
-    "Undo": viser.Icon.ARROW_BACK_UP,
-    "Save": viser.Icon.DEVICE_FLOPPY,
-}
+"""Names and titles of what is plotted, and the range that is shown at least."""
+_NEXT = {name: f"Next: {name} ({key.removeprefix('Key')})" for name, key in BUTTONS.items()}
+"""Text of the button of the next step: the step and its key."""
+_GROUPS = {"Movement": ("Record", "Stop", "Learn", "Reach"), "Session": ("Undo", "Save")}
+"""The buttons as they stand on the page, in rows."""
+_SIGNALS_WIDTH = 310
+"""Width of the panel with the plots [pixels]."""
 _QUIET: tuple[int, int, int] = (118, 132, 150)
-"""Colour of the buttons that are not the next step."""
+"""Colour of the buttons in the tabs."""
 
 
 @dataclass(frozen=True)
@@ -93,13 +91,12 @@ class LivePage:
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
         gui.set_panel_label("Teach Pepper")
         self._words = gui.add_markdown("Pepper is starting")
-        self._buttons = {}
-        self._next = ""
-        for name, key in BUTTONS.items():
-            label = f"{name} ({key.removeprefix('Key')})"
-            button = gui.add_button(label, icon=_ICONS[name], color=_QUIET)
-            self._on_click(button, Action("press", name))
-            self._buttons[name] = button
+        self._next = next(iter(BUTTONS))
+        self._next_button = gui.add_button(_NEXT[self._next], color="blue")
+        self._next_button.on_click(lambda event: self._press(self._next))
+        for label, names in _GROUPS.items():
+            buttons = gui.add_button_group(label, names)
+            buttons.on_click(lambda event: self._press(str(event.target.value)))
         tabs = gui.add_tab_group()
         if lesson is not None:
             with tabs.add_tab("Lesson"):
@@ -118,8 +115,6 @@ class LivePage:
                     self._on_click(button, Action("add", name))
                 remove = gui.add_button("Remove what was added", color=_QUIET)
                 self._on_click(remove, Action("remove"))
-        with tabs.add_tab("Signals"):
-            self._add_plots()
         self.shows_camera = False
         if cameras:
             with tabs.add_tab("Camera"):
@@ -127,20 +122,29 @@ class LivePage:
                 shown.on_update(lambda event: self._show_camera(bool(event.target.value)))
                 self._picture = gui.add_image(np.full((240, 320, 3), 235, np.uint8), visible=False)
                 self._seen = gui.add_markdown(_NO_PICTURE)
+        # Beside the controls: signals are watched while other tabs are used.
+        signals = gui.add_panel()
+        with signals.add_tab("Signals"):
+            self._add_plots()
+        signals.float(x=15, y=-15, width=_SIGNALS_WIDTH)
         self._add_hand()
 
     def _on_click(self, button: viser.GuiButtonHandle, action: Action) -> None:
         button.on_click(lambda event: self._actions.put(action))
 
+    def _press(self, button: str) -> None:
+        if button in BUTTONS:
+            self._actions.put(Action("press", button))
+
     def _add_plots(self) -> None:
         gui = self.server.gui
-        gui.add_markdown("Drawn while the arm moves by itself; time in seconds.")
         nothing_yet = (np.array([0.0, 1.0]), np.full(2, np.nan))
         self._plots = {}
         for name, title, span in _SIGNALS:
-            scales = {"x": viser.uplot.Scale(time=False, auto=True)}
-            if span is not None:
-                scales["y"] = viser.uplot.Scale(range=span)
+            scales = {
+                "x": viser.uplot.Scale(time=False, auto=True),
+                "y": viser.uplot.Scale(range=span),
+            }
             self._plots[name] = gui.add_uplot(
                 nothing_yet,
                 (
@@ -150,8 +154,9 @@ class LivePage:
                 title=title,
                 scales=scales,
                 legend=viser.uplot.Legend(show=False),
-                height=125,
+                height=115,
             )
+        self._coupling_shown = 1.0
 
     def _add_demonstrations(self) -> None:
         gui = self.server.gui
@@ -256,17 +261,19 @@ class LivePage:
 
     def show_status(self, mode: str, words: str, hint: str = "") -> None:
         """Shows what Pepper is doing, and what one can do next."""
-        status = f"### {mode.capitalize()}\n{_escaped(words)}\n\n<small>{_escaped(hint)}</small>"
+        title = mode.capitalize()
+        words = words.removeprefix(f"{title}: ").removeprefix(f"{title}, ")
+        words = words[:1].upper() + words[1:]
+        status = f"### {title}\n{_escaped(words)}\n\n<small>{_escaped(hint)}</small>"
         if status != self._status:
             self._status = self._words.content = status
 
     def show_next(self, button: str) -> None:
-        """Gives the button of the next step its colour: red if it is Stop, blue else."""
+        """Offers the next step as the large button: red if it is Stop, blue otherwise."""
         if button != self._next:
-            if self._next:
-                self._buttons[self._next].color = _QUIET
-            self._buttons[button].color = "red" if button == "Stop" else "blue"
             self._next = button
+            self._next_button.label = _NEXT[button]
+            self._next_button.color = "red" if button == "Stop" else "blue"
 
     def show_demonstrations(self, text: str) -> None:
         """Shows what is known of the demonstrations, as Markdown."""
@@ -280,6 +287,11 @@ class LivePage:
         """Draws signals (N,) over times (N,) [s]."""
         for name, values in signals.items():
             self._plots[name].data = (times, values)
+        # In steps, so that the axis does not move with every sample.
+        top = float(2.0 ** np.ceil(np.log2(max(1.0, signals["coupling"].max()))))
+        if top != self._coupling_shown:
+            plot, self._coupling_shown = self._plots["coupling"], top
+            plot.scales = {**(plot.scales or {}), "y": viser.uplot.Scale(range=(0.0, top))}
 
     def show_picture(self, picture: npt.NDArray[np.uint8], words: str) -> None:
         """Shows the camera's picture (H, W, 3), and what was found in it."""

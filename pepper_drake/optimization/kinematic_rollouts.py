@@ -34,7 +34,7 @@ GRID_ERROR = 0.005
 
 
 class KinematicRollouts:
-    """Costs of parameters, by performing the primitive with an arm that does what it is told.
+    """Costs of parameters, by performing the primitive with an arm that follows exactly.
 
     The arm is spheres in a grid of distances to the obstacles; its gaps are taken to be smaller by
     what the grid may be wrong, so that a clearance that is asked for is kept.
@@ -45,7 +45,7 @@ class KinematicRollouts:
         cost: Of an outcome.
         time_step: Between samples [s].
         led_by: "hand": it follows the primitive, and the spare joints its posture
-            (`arm_tracking`). "joints": the arm follows the posture, and the hand with it.
+            (`batch_inverse_kinematics`). "joints": the arm follows the posture, the hand with it.
 
     Raises:
         InputError: The primitive has no joints, or does not start where they put the hand.

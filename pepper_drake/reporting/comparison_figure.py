@@ -49,11 +49,11 @@ def draw_comparison(
 
     count = rows[0].demonstrations if rows else 0
     values = (
-        ("position_distance_median", "position distance, equation 4.1 [m]", 1.0),
-        ("velocity_distance_median", "velocity distance [m/s]", 1.0),
-        ("fit_seconds", "time to fit [ms]", 1000.0),
+        ("how close?", "position_distance_median", "position distance, equation 4.1 [m]", 1.0),
+        ("as fast as shown?", "velocity_distance_median", "velocity distance [m/s]", 1.0),
+        ("how quickly learned?", "fit_seconds", "time to fit [ms]", 1000.0),
     )
-    for index, (key, label, unit) in enumerate(values):
+    for index, (question, key, label, unit) in enumerate(values):
         axes = figure.add_subplot(grid[1, 2 * index : 2 * index + 2])
         for name in paths:
             mine = [row for row in rows if row.approximator == name]
@@ -65,6 +65,7 @@ def draw_comparison(
                 ms=4,
             )
         axes.set(xlabel="basis functions", ylabel=label)
-        axes.set_title(f"median over {count} demonstrations", fontsize=10)
+        over = "" if count == 1 else f", median of {count} demonstrations"
+        axes.set_title(question + over, fontsize=10)
         axes.grid(alpha=0.3, which="both")
     return figure

@@ -20,6 +20,7 @@ def draw_demonstration(demonstration: Demonstration, report: DemonstrationReport
     """
     figure = Figure(figsize=(11, 8), layout="constrained")
     title = (
+        "Can this recording be learned from? "
         f"{report.name}: {report.samples} samples at {report.rate:.3g} Hz, {report.duration:.2f} s"
     )
     figure.suptitle("\n".join([title, *report.warnings[:4]]), fontsize=10)
@@ -28,16 +29,19 @@ def draw_demonstration(demonstration: Demonstration, report: DemonstrationReport
     axes = figure.add_subplot(grid[0, 0])
     for k, name in enumerate(_AXES):
         axes.plot(t, p[:, k], color=_COLORS[k], label=name, marker="." if len(t) < 50 else "")
-    axes.set(xlabel="time [s]", ylabel="position in the torso frame [m]", title="hand path")
+    axes.set(
+        xlabel="time [s]", ylabel="position in the torso frame [m]", title="where is the hand?"
+    )
     axes.legend()
+    axes.grid(alpha=0.3)
     axes = figure.add_subplot(grid[0, 1])
     axes.plot(t, np.linalg.norm(demonstration.velocities, axis=1), color="tab:purple")
-    axes.set(xlabel="time [s]", ylabel="speed [m/s]", title="speed of the hand")
+    axes.set(xlabel="time [s]", ylabel="speed [m/s]", title="how fast is it?")
     axes = figure.add_subplot(grid[1, 0])
     for arm in ARMS:
         away = np.linalg.norm(p - arm_chain(arm).shoulder, axis=1)
         axes.plot(t, away, label=f"from the {arm} shoulder")
-    axes.axhline(report.arm_reach, color="black", linestyle="--", label="the arm reaches")
+    axes.axhline(report.arm_reach, color="black", linestyle="--", label="farthest reach of an arm")
     axes.set(xlabel="time [s]", ylabel="distance [m]", title="is it within reach?")
     axes.legend()
     axes = figure.add_subplot(grid[1, 1])

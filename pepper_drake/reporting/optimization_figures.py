@@ -15,6 +15,8 @@ from pepper_drake.learning.dmp.primitive import MovementPrimitive
 Array = npt.NDArray[np.float64]
 
 _AXES = ("x", "y", "z")
+_DECADE = 10.0
+"""Costs that differ by more than this factor are drawn on a logarithmic axis."""
 
 
 def draw_costs(
@@ -38,7 +40,13 @@ def draw_costs(
     else:
         means = [costs.mean() for costs in totals]
         axes.plot(range(1, len(means) + 1), means, "o-", color="tab:blue", label="mean of samples")
-    axes.set(xlabel="update", ylabel=f"cost{unit}", title=title, ylim=(0, None))
+    axes.set(xlabel="update", ylabel=f"cost{unit}", title=title)
+    known = np.concatenate([np.ravel(mean_costs), *totals])
+    known = known[np.isfinite(known)]
+    if known.size and known.min() > 0.0 and known.max() > _DECADE * known.min():
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(0, None)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(alpha=0.3)
     axes.legend()
@@ -67,13 +75,20 @@ def draw_ways(
     old, new = before.rollout(), after.rollout()
     if obstacles is not None:
         near = obstacles[np.linalg.norm(obstacles - goal, axis=1) < 0.6]
-        space.plot(*near[:: max(1, len(near) // 1500)].T, ".", color="tab:orange", ms=1.5)
+        space.plot(
+            *near[:: max(1, len(near) // 1500)].T,
+            ".",
+            color="tab:orange",
+            ms=1.5,
+            label="obstacles",
+        )
     space.plot(*old.positions.T, color="0.6", lw=3, label="before")
     space.plot(*new.positions.T, color="tab:blue", lw=1.8, label="after")
+    space.plot(*old.positions[:1].T, "o", color="k", mfc="w", ms=7, label="start")
     space.plot(*goal[:, None], "*", color="tab:purple", ms=13, label="goal")
-    title = "the hand's path"
+    title = "How did the hand's path change?"
     if obstacles is not None:
-        title += f", {1000 * clearance:g} mm of clearance wanted"
+        title += f" {1000 * clearance:g} mm of clearance wanted"
     space.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=title)
     space.set_aspect("equal")
     for axis in (space.xaxis, space.yaxis, space.zaxis):
@@ -99,6 +114,7 @@ def draw_reproductions(before: MovementPrimitive, shown: Mapping[int, MovementPr
     for number, primitive in shown.items():
         axes.plot(*primitive.rollout().positions.T, label=f"{number}")
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.set_title("Which reproduction of the hand's path is best?")
     axes.set_aspect("equal")
     axes.legend(loc="center left", bbox_to_anchor=(1.08, 0.5))
     return figure

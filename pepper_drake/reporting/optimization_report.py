@@ -45,7 +45,8 @@ def save_search(
     }
     write_atomically(folder / "report.json", json.dumps(report, indent=2) + "\n")
     if history.updates:
-        title = f"{history.settings.get('method', 'search')}: {evaluate.parameters.size} parameters"
+        method = history.settings.get("method", "search")
+        title = f"How far did the cost fall? {method} over {evaluate.parameters.size} parameters"
         figure = draw_costs(history.totals, history.mean_costs, title)
         figure.savefig(folder / "cost.png", dpi=110)
     points = None if task.obstacles is None else task.obstacles.points

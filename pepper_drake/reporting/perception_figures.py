@@ -17,6 +17,12 @@ from pepper_drake.perception.cloud_evaluation import COVERED_WITHIN
 
 Points = npt.NDArray[np.floating]
 
+_IMAGE_TITLES = {
+    "body": "Pepper's own body, in white",
+    "disparity": "disparity of the stereo pair",
+    "segmentation": "segments of the stereo cloud",
+}
+"""Titles of images whose name does not say what they are."""
 _SIDE_BY_SIDE = 1.6
 """Distance between the clouds that are shown beside each other [m]."""
 
@@ -32,29 +38,37 @@ def save_images_figure(studies: Mapping[str, CloudStudy], folder: Path) -> Path:
     for study in studies.values():
         images |= study.images
     figure = Figure(figsize=(5 * len(images) / 2 + 0.5, 6), layout="constrained")
+    figure.suptitle("What do the cameras see, and what is made of it?")
     axes = figure.subplots(2, (len(images) + 1) // 2, squeeze=False).ravel()
     for each in axes:
         each.set_axis_off()
     for each, (name, image) in zip(axes, images.items(), strict=False):
-        each.set_title(name.replace("_", " "))
+        each.set_title(_IMAGE_TITLES.get(name, name.replace("_", " ")))
         if image.ndim == 3:
             each.imshow(image)
         elif name == "segmentation":
             each.imshow(np.ma.masked_equal(image, 0), cmap="tab20", interpolation="nearest")
         elif name == "depth":
             shown = each.imshow(np.ma.masked_equal(image, 0) / 1000, cmap="viridis_r", vmax=3)
-            figure.colorbar(shown, ax=each, label="m", shrink=0.7)
+            figure.colorbar(shown, ax=each, label="depth [m], cut at 3", shrink=0.7)
         elif name == "disparity":
             shown = each.imshow(np.ma.masked_equal(image, 0), cmap="turbo")
-            figure.colorbar(shown, ax=each, label="pixels", shrink=0.7)
+            figure.colorbar(shown, ax=each, label="disparity [pixels]", shrink=0.7)
         else:
             each.imshow(image, cmap="gray")
+            if name == "body" and not image.any():
+                each.text(
+                    0.5, 0.5, "none of it in view", color="w", ha="center", transform=each.transAxes
+                )
     return _save(figure, folder / "images.png")
 
 
 def save_clouds_figure(studies: Mapping[str, CloudStudy], folder: Path) -> Path:
     """Draws `clouds.png`: each cloud from above and from the side, over the true surfaces."""
     figure = Figure(figsize=(5.5 * len(studies), 8), layout="constrained")
+    figure.suptitle(
+        "How close do the clouds lie to the true surfaces? From above, and from the side"
+    )
     axes = figure.subplots(2, len(studies), squeeze=False)
     for column, (name, study) in enumerate(studies.items()):
         points, report = study.surface.positions, study.report
@@ -87,6 +101,7 @@ def _plot_points(pair: npt.NDArray[np.object_], points: Points, **style: Any) ->
 def save_goal_figure(samples: Sequence[GoalSample], folder: Path) -> Path:
     """Draws `goal.png`: errors of the goal by distance and camera."""
     figure = Figure(figsize=(10, 4), layout="constrained")
+    figure.suptitle("How well is the goal found, and from how far?")
     position, orientation = figure.subplots(1, 2)
     for camera in dict.fromkeys(sample.camera for sample in samples):
         found = [s for s in samples if s.camera == camera and s.found]
@@ -96,7 +111,9 @@ def save_goal_figure(samples: Sequence[GoalSample], folder: Path) -> Path:
             distances, np.degrees([s.orientation_error for s in found]), ".", label=camera
         )
     position.set(xlabel="distance [m]", ylabel="error of the hand's goal [mm]", yscale="log")
-    orientation.set(xlabel="distance [m]", ylabel="error of orientation [deg]", yscale="log")
+    orientation.set(
+        xlabel="distance [m]", ylabel="error of its orientation [degrees]", yscale="log"
+    )
     position.legend()
     return _save(figure, folder / "goal.png")
 

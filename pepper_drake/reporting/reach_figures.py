@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_mode import ReachMode
@@ -129,6 +130,8 @@ def draw_surroundings(space: Any, logs: Sequence[ReachLog]) -> None:
     space.plot(*goal.T, "*", color=GOAL, mec="k", mew=0.5, ms=15, label="goal")
     space.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), zlim=(lower[2], upper[2]))
     space.set(xlabel="x, ahead [m]", ylabel="y, left [m]", zlabel="z, up [m]")
+    space.zaxis.set_rotate_label(False)  # From this side matplotlib would write it upside down.
+    space.zaxis.label.set_rotation(90)
     space.set_box_aspect(upper - lower, zoom=0.82)
     space.locator_params(nbins=4)
     space.tick_params(labelsize=8)
@@ -154,7 +157,7 @@ def draw_timeline(log: ReachLog) -> Figure:
         label="whole orientation",
     )
     rows[1].plot(log.time_s, np.degrees(log.axis_error_rad), color=GOAL, label="task axis")
-    rows[1].set(ylabel="hand to goal,\nturn [degrees]")
+    rows[1].set(ylabel="hand to goal,\nrotation [degrees]")
     rows[1].set_ylim(bottom=0)
     rows[1].legend(fontsize=8, loc="upper left")
     cut = 1000 * _CUT
@@ -202,10 +205,12 @@ def _runs(values: np.ndarray) -> list[tuple[int, int]]:
 
 def _shade_modes(axes: Axes, log: ReachLog, *, named: bool) -> None:
     whole = log.time_s[-1] - log.time_s[0]
+    unnamed = {}
     for begin, end in _runs(log.mode):
         mode = ReachMode(int(log.mode[begin]))
         left, right = log.time_s[begin], log.time_s[end]
-        axes.axvspan(left, right, color=_MODE_COLORS.get(mode, "white"), zorder=0)
+        color = _MODE_COLORS.get(mode, "white")
+        axes.axvspan(left, right, color=color, zorder=0)
         # A name has room where its mode takes as much of the axis as it is long.
         if named and right - left > 0.0105 * whole * len(mode.name):
             axes.text(
@@ -216,3 +221,7 @@ def _shade_modes(axes: Axes, log: ReachLog, *, named: bool) -> None:
                 ha="center",
                 fontsize=8,
             )
+        elif named and right > left:
+            unnamed[mode] = Patch(facecolor=color, edgecolor="0.6", label=mode.name.lower())
+    if unnamed:
+        axes.legend(handles=list(unnamed.values()), fontsize=8, loc="lower left")

@@ -153,9 +153,10 @@ def serve(order: dict[str, Any]) -> int:
     setting = json.dumps(order["keys"]).encode()
     script = b"<script>const PEPPER_KEYS=" + setting + b";\n" + _SCRIPT.read_bytes() + b"</script>"
     title = (
-        b"<title>Pepper</title><style>.class-banner{position:fixed;left:12px;bottom:12px;z-index:9;"
+        b"<title>Pepper</title><style>.class-banner{position:fixed;left:50%;bottom:12px;z-index:9;"
+        b"transform:translateX(-50%);padding:6px 12px;background:#1c3d5a;color:#fff;"
+        b"font:14px sans-serif}</style>"
     )
-    title += b"padding:6px 12px;background:#1c3d5a;color:#fff;font:14px sans-serif}</style>"
     banner = (
         b"<script>addEventListener('DOMContentLoaded',()=>{const b=document.createElement('div');"
         b"b.className='class-banner';b.textContent='You are watching; the teacher leads.';"

@@ -9,10 +9,10 @@ import msgpack
 import numpy as np
 import pytest
 import viser
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import expect, sync_playwright
 from websockets.sync.client import connect
 
-from pepper_drake.live.controls import KEYS
+from pepper_drake.live.controls import BUTTONS, KEYS
 from pepper_drake.live.page import LivePage
 from pepper_drake.live.session import Mode
 from pepper_drake.live.show import LiveApp
@@ -221,18 +221,18 @@ def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, 
     simulation, session = app.session.simulation, app.session
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        pg = browser.new_page(viewport={"width": 1000, "height": 640})
+        pg = browser.new_page(viewport={"width": 1366, "height": 768})
         pg.set_default_timeout(90_000)
         pg.goto(page.url)
         step_until(app, lambda: page.server.get_clients(), 90.0)
         pg.get_by_text("Lead the hand").wait_for()
 
         def press(name):
-            pg.get_by_role("button", name=name).click()
+            pg.get_by_role("button", name=name, exact=True).click()
             app.step()
             app.step()
 
-        press("Record")
+        press("Next: Record (R)")
         step_until(app, lambda: session.mode == Mode.RECORDED)
         (client,) = page.server.get_clients().values()
         X_WG = simulation.torso_pose() @ app.target
@@ -258,6 +258,11 @@ def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, 
         for _ in range(20):
             app.step()
         pg.screenshot(path=kept / "learned.png")
+        # All of this is seen without scrolling.
+        for seen in ("Learned a movement", "Phase: 1", "Clearance of the arm", "Coupling: push"):
+            expect(pg.get_by_text(seen)).to_be_in_viewport(ratio=1)
+        for button in ("Next: Reach (G)", *BUTTONS):
+            expect(pg.get_by_role("button", name=button, exact=True)).to_be_in_viewport(ratio=1)
         press("Reach")
         step_until(app, lambda: session.mode in (Mode.REACHING, Mode.STOPPED, Mode.HOLDING))
         pg.screenshot(path=kept / "reaching.png")

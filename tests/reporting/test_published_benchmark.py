@@ -2,7 +2,8 @@ import json
 import re
 
 import pytest
-from publish_benchmark import BEGIN, END, README, RESULTS, section, with_section
+from marked_section import with_section
+from publish_benchmark import BEGIN, END, README, RESULTS, section
 
 from pepper_drake.benchmarking.method_result import OUTCOMES
 
@@ -14,7 +15,7 @@ def results():
 
 def test_the_readmes_numbers_are_those_of_the_results(results):
     readme = README.read_text()
-    assert with_section(readme, section(results)) == readme
+    assert with_section(readme, BEGIN, END, section(results)) == readme
 
 
 def test_another_number_would_be_seen(results):
@@ -22,7 +23,7 @@ def test_another_number_would_be_seen(results):
     digits = re.search(r"\d", readme.partition(BEGIN)[2].partition("| --- |")[2]).start()
     place = readme.index("| --- |", readme.index(BEGIN)) + len("| --- |") + digits
     other = readme[:place] + str((int(readme[place]) + 1) % 10) + readme[place + 1 :]
-    assert with_section(other, section(results)) != other
+    assert with_section(other, BEGIN, END, section(results)) != other
 
 
 def test_no_number_of_a_benchmark_stands_outside_the_marks():
@@ -44,4 +45,4 @@ def test_the_counts_of_the_results_add_up(results):
 
 def test_marks_that_are_gone_are_said():
     with pytest.raises(SystemExit, match="lacks"):
-        with_section("no marks", "text")
+        with_section("no marks", BEGIN, END, "text")

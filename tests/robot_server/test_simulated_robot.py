@@ -1,5 +1,6 @@
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,6 +84,18 @@ def test_somebody_moves_the_goal_smoothly(robot):
     np.testing.assert_allclose(goals[-1], goals[0] + [0.0, 0.05, 0.02], atol=2e-3)
     moved = np.linalg.norm(np.diff(goals, axis=0), axis=1)
     assert np.all(moved <= 0.2 * np.diff(times) * 1.05 + 1e-6)
+
+
+def test_a_goal_that_moves_by_itself_is_moved_by_nobody(monkeypatch):
+    monkeypatch.setattr(SimulatedRobot, "start", lambda *_: None)  # No simulator is needed.
+    monkeypatch.setattr(SimulatedRobot, "end", lambda *_: None)
+    scene = load_scene("free")
+    moving = replace(scene, goal=replace(scene.goal, path=[[0.0, 0.0, 0.0, 0.0], [1.0, 0.1, 0, 0]]))
+    with SimulatedRobot(SimulatorConfig(moving, StationConfig())) as still:
+        (move_goal,) = make_extras(still).overloads("moveGoal")
+        with pytest.raises(ServiceError, match="moveGoal: the goal of this scene moves by itself"):
+            move_goal.handler(0.0, 0.05, 0.02)
+        assert still._command.writes == 0
 
 
 def test_a_person_leads_the_limp_arm_to_a_place_and_lets_go(robot):

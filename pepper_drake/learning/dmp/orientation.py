@@ -154,7 +154,7 @@ class OrientationAttractor:
         tau: float,
         time_step: float,
     ) -> OrientationState:
-        """Returns the state one step later; see `Attractor.advance`.
+        """Returns the state one step later; see `TransformationModel.advance`.
 
         The goal that the spring sees turns towards `goal` (4,) at the attractor's `goal_rate`,
         until it is within `TURN_THRESHOLD` of it.

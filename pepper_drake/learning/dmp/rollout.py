@@ -1,6 +1,6 @@
 """Performing a learned motion that nothing disturbs: all of it at once.
 
-See `stepping` for motions among obstacles and to goals that move.
+See `stepwise_rollout` for motions among obstacles and to goals that move.
 """
 
 from __future__ import annotations

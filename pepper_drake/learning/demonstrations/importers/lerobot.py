@@ -4,6 +4,7 @@
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,12 @@ import numpy as np
 from pepper_drake.errors import InputError
 from pepper_drake.files import path_inside, read_text
 from pepper_drake.learning.demonstrations.importers.bags import EXTRA
-from pepper_drake.learning.demonstrations.importers.headers import meaning
-from pepper_drake.learning.demonstrations.importers.table import LARGEST_NUMBER, check_file
+from pepper_drake.learning.demonstrations.importers.named_columns import tracks_of_columns
+from pepper_drake.learning.demonstrations.importers.table import (
+    LARGEST_NUMBER,
+    check_file,
+    shorten,
+)
 from pepper_drake.learning.demonstrations.importers.track import Track
 
 STATE = "observation.state"
@@ -45,15 +50,15 @@ def read_dataset(path: Path) -> list[Track]:
         check_file(path_inside(root, file.resolve()) if path.is_dir() else file)
         for episode, time, state in _rows(file, rate):
             episodes.setdefault(episode, []).append((time, state))
-    return [
-        _track(path, f"{root.name or path.stem}_{number}", rows, names)
+    tracks = [
+        track
         for number, rows in sorted(episodes.items())
         if len(rows) >= 4
-    ] or _nothing(path)
-
-
-def _nothing(path: Path) -> list[Track]:
-    raise InputError(f"{path}: no episode of four samples or more in it")
+        for track in _tracks(path, f"{root.name or path.stem}_{number}", rows, names)
+    ]
+    if not tracks:
+        raise InputError(f"{path}: no episode of four samples or more in it")
+    return tracks
 
 
 def _root_of(file: Path) -> Path:
@@ -72,13 +77,11 @@ def _features(root: Path, path: Path) -> tuple[list[str], float]:
         check_file(info)
         data = json.loads(read_text(info))
         feature = data["features"][STATE]
-        names = feature["names"]
-        while isinstance(names, dict):  # {"motors": [...]} in some.
-            names = next(iter(names.values()))
+        names = _flat(feature["names"])
         rate = float(data["fps"])
         if not 0.0 < rate < 1e6:
             raise ValueError(f"fps is {rate}")
-        return [str(name) for name in names], rate
+        return names, rate
     except InputError:
         raise
     except (ValueError, KeyError, TypeError, StopIteration, RecursionError, OverflowError) as error:
@@ -86,6 +89,14 @@ def _features(root: Path, path: Path) -> tuple[list[str], float]:
             f"{info}: it must give fps and features.{STATE}.names ({type(error).__name__}:"
             f" {str(error)[:80]})"
         ) from None
+
+
+def _flat(names: Any) -> list[str]:
+    """Names of columns in their order; some group them, as {"motors": [...]} or [[...]]."""
+    if isinstance(names, str):
+        return [names]
+    groups = names.values() if isinstance(names, dict) else names
+    return [name for group in groups for name in _flat(group)]
 
 
 def _rows(file: Path, rate: float) -> list[tuple[int, float, Any]]:
@@ -129,45 +140,35 @@ def _values(metadata: Any, columns: list[str]) -> int:
     )
 
 
-def _track(path: Path, name: str, rows: list[tuple[float, Any]], names: list[str]) -> Track:
+def _tracks(path: Path, name: str, rows: list[tuple[float, Any]], names: list[str]) -> list[Track]:
     try:
         states = np.array([state for _, state in rows], dtype=float)
     except (TypeError, ValueError):
         raise InputError(f"{path}: {STATE} of {name} is not a table of numbers") from None
-    times = np.array([time for time, _ in rows])
     if states.ndim != 2 or states.shape[1] != len(names):
         raise InputError(
             f"{path}: {STATE} of {name} has shape {states.shape}, but meta/info.json names"
             f" {len(names)} columns"
         )
-    for values in (states, times):
-        if not (np.isfinite(values).all() and np.abs(values).max(initial=0.0) < LARGEST_NUMBER):
-            raise InputError(f"{path}: {name} holds a value that is not finite")
-    found = [meaning(column) for column in names]
-    axes = {
-        (m.kind, m.axis): i
-        for i, m in enumerate(found)
-        if m is not None and m.kind in ("position", "quaternion")
-    }
-    joints = {m.joint: i for i, m in enumerate(found) if m is not None and m.kind == "joint"}
-    place = [axes[("position", k)] for k in range(3) if ("position", k) in axes]
-    turn = [axes[("quaternion", k)] for k in (3, 0, 1, 2) if ("quaternion", k) in axes]
-    placed, turned = len(place) == 3, len(place) == 3 and len(turn) == 4
-    if not placed and not joints:
-        shown = ", ".join(names[:6])
+    values = np.column_stack(([time for time, _ in rows], states))
+    if not (np.isfinite(values).all() and np.abs(values).max() < LARGEST_NUMBER):
+        raise InputError(f"{path}: {name} holds a value that is not finite")
+    tracks = tracks_of_columns(
+        path,
+        f"{path}, {STATE}",
+        ["time [s]", *names],
+        lambda columns: (values[:, columns], None, []),
+    )
+    if not tracks:
+        shown = ", ".join(shorten(name) for name in names[:6])
         raise InputError(
             f"{path}: the state's columns ({shown}) are neither x, y, z nor joints of Pepper"
         )
-    return Track(
-        path,
-        name,
-        "LeRobot dataset",
-        times,
-        states[:, place] if placed else None,
-        rotations=states[:, turn] if turned else None,
-        quaternion="wxyz" if turned else None,
-        joints=states[:, list(joints.values())] if joints else None,
-        joint_names=tuple(joints),
-        time_unit="s",
-        notes=(f"{len(names)} columns of the state, {len(joints)} of them joints of Pepper",),
-    )
+    return [
+        replace(
+            track,
+            name=name if len(tracks) == 1 else f"{name}{track.name.removeprefix(path.stem)}",
+            kind="LeRobot dataset",
+        )
+        for track in tracks
+    ]

@@ -1,7 +1,7 @@
 """Tables whose columns have names: CSV, TUM and evo, EuRoC, `rostopic echo -p`, joint logs."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +26,10 @@ from pepper_drake.learning.demonstrations.importers.table import (
 from pepper_drake.learning.demonstrations.importers.track import Track
 
 Array = npt.NDArray[np.float64]
+Lines = npt.NDArray[np.int64]
+ReadColumns = Callable[[Sequence[int]], tuple[Array, Lines | None, list[int]]]
+"""Returns the values (N, K) of K columns, the lines (N,) of their rows where there are lines, and
+those of rows that hold no values."""
 
 _SIZES = {
     "position": 3,
@@ -160,31 +164,59 @@ def _parts(
 def _read_one(table: Table, names: list[str]) -> list[Track]:
     path, top = table.path, f"{table.path}, line {table.lines[0]}"
     table, names = _with_seconds(table, _names_in_rows(names, table.rows[0]))
+    decimal_comma = table.separator != "," and any("," in word for word in table.rows[0])
+    tracks = tracks_of_columns(
+        path, top, names, lambda columns: numbers(table, 0, columns, decimal_comma)
+    )
+    if not tracks:
+        shown = ", ".join(shorten(name) for name in names[:8])
+        raise InputError(
+            f"{top}: no motion among the columns {shown}; a position is named x, y, z, a joint as"
+            " NAOqi names it, and a line that is neither names nor numbers begins with #"
+        )
+    time, absolute = _time_column([meaning(name) for name in names])
+    frame = _frame(names, table.rows[0])
+    tracks = [replace(track, absolute=absolute, frame=frame) for track in tracks]
+    if time in table.clocks:
+        tracks = [replace(track, time_unit="s") for track in tracks]
+    return tracks
+
+
+def tracks_of_columns(
+    path: Path, where: str, names: Sequence[str], read: ReadColumns
+) -> list[Track]:
+    """Returns the motions in named columns, one for each body, joints with the only one; or none.
+
+    Args:
+        path: The file.
+        where: The place of the names, for messages.
+        names: Of the columns.
+        read: Reads some of them.
+
+    Raises:
+        InputError: Columns contradict each other, or what is in them is broken.
+    """
     found = [meaning(name) for name in names]
     for name, m in zip(names, found, strict=True):
         if m is not None and m.unit is not None and m.unit.startswith(UNKNOWN):
             raise InputError(
-                f"{top}: the unit of {shorten(name)} is not read; give lengths in"
+                f"{where}: the unit of {shorten(name)} is not read; give lengths in"
                 f" {', '.join(LENGTHS)}, angles in rad or deg, times in {', '.join(TIMES)}"
             )
-    decimal_comma = table.separator != "," and any("," in word for word in table.rows[0])
-    time, absolute = _time_column(found)
+    time, _ = _time_column(found)
     unit = None if time is None else _time_unit(names, found, time)
-    if time in table.clocks:
-        unit = "s"
-    frame = _frame(names, table.rows[0])
     try:
         groups = _groups(names, found)
         joints = _joint_columns(names, found)
     except InputError as error:
-        raise InputError(f"{top}: {error}") from None
+        raise InputError(f"{where}: {error}") from None
     tracks = []
     for group, columns in groups.items():
-        track = _body(table, decimal_comma, time, columns, path, found)
+        track = _body(read, time, columns, path, found)
         name = path.stem if not group or len(groups) == 1 else f"{path.stem}_{group}"
-        tracks.append(replace(track, name=name, frame=frame))
+        tracks.append(replace(track, name=name))
     if joints:
-        joined = _joints(table, decimal_comma, time, joints)
+        joined = _joints(read, time, joints, path)
         if len(tracks) == 1 and tracks[0].num_samples == joined.num_samples:
             tracks = [
                 replace(
@@ -196,22 +228,13 @@ def _read_one(table: Table, names: list[str]) -> list[Track]:
             ]
         elif not tracks:
             tracks = [joined]
-    if not tracks:
-        shown = ", ".join(shorten(name) for name in names[:8])
-        raise InputError(
-            f"{top}: no motion among the columns {shown}; a position is named x, y, z, a joint as"
-            " NAOqi names it, and a line that is neither names nor numbers begins with #"
-        )
     used = {
         time,
         *joints,
         *(i for columns in groups.values() for at in columns.values() for i in at),
     }
     notes = _notes(names, found, used)
-    return [
-        replace(track, time_unit=unit, absolute=absolute, notes=(*notes, *track.notes))
-        for track in tracks
-    ]
+    return [replace(track, time_unit=unit, notes=(*notes, *track.notes)) for track in tracks]
 
 
 def _with_seconds(table: Table, names: list[str]) -> tuple[Table, list[str]]:
@@ -259,7 +282,7 @@ def _time_column(found: list[Meaning | None]) -> tuple[int | None, bool]:
     return (stamped or times)[0], True
 
 
-def _time_unit(names: list[str], found: list[Meaning | None], time: int) -> str | None:
+def _time_unit(names: Sequence[str], found: list[Meaning | None], time: int) -> str | None:
     known = found[time]
     if known is not None and known.unit is not None:
         return known.unit
@@ -336,8 +359,7 @@ def _joint_columns(names: Sequence[str], found: list[Meaning | None]) -> dict[in
 
 
 def _body(
-    table: Table,
-    decimal_comma: bool,
+    read: ReadColumns,
     time: int | None,
     columns: Mapping[str, list[int]],
     path: Path,
@@ -348,7 +370,7 @@ def _body(
     for kind, places in columns.items():
         parts[kind] = slice(len(used), len(used) + len(places))
         used += places
-    values, lines, empty = numbers(table, 0, used, decimal_comma)
+    values, lines, empty = read(used)
     first_of = {kind: found[places[0]] for kind, places in columns.items()}
     notes = []
     if empty:
@@ -389,17 +411,14 @@ def _body(
 
 
 def _joints(
-    table: Table,
-    decimal_comma: bool,
-    time: int | None,
-    joints: Mapping[int, Meaning],
+    read: ReadColumns, time: int | None, joints: Mapping[int, Meaning], path: Path
 ) -> Track:
     used = [*([] if time is None else [time]), *joints]
-    values, lines, _ = numbers(table, 0, used, decimal_comma)
+    values, lines, _ = read(used)
     units = {m.unit for m in joints.values() if m.unit is not None}
     return Track(
-        table.path,
-        table.path.stem,
+        path,
+        path.stem,
         "table of joints",
         None if time is None else values[:, 0],
         joints=values[:, 1:] if time is not None else values,
@@ -409,7 +428,9 @@ def _joints(
     )
 
 
-def _notes(names: list[str], found: list[Meaning | None], used: set[int | None]) -> tuple[str, ...]:
+def _notes(
+    names: Sequence[str], found: list[Meaning | None], used: set[int | None]
+) -> tuple[str, ...]:
     notes = []
     other = [
         name for name, m in zip(names, found, strict=True) if m is None and "joint" in name.lower()

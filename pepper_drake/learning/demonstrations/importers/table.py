@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_bytes
+from pepper_drake.files import read_bytes, refuse_pointer
 
 Array = npt.NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class Table:
 
 
 def check_file(path: Path) -> None:
-    """Refuses what cannot be a file of a recording: nothing there, a pipe, gigabytes.
+    """Refuses what cannot be a file of a recording: nothing there, a pipe, gigabytes, a pointer.
 
     Raises:
         InputError: With the mend.
@@ -66,6 +66,12 @@ def check_file(path: Path) -> None:
             f"{path}: {status.st_size / 2**20:.0f} MiB; a recording of a movement has at most"
             f" {LARGEST // 2**20}; cut the movement out"
         )
+    if stat.S_ISREG(status.st_mode):
+        try:
+            with path.open("rb") as file:
+                refuse_pointer(path, file.read(64))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
 def read_table_text(path: Path) -> str:

@@ -38,7 +38,6 @@ _STARTS: tuple[tuple[bytes, str, str], ...] = (
     (b"comment,", "an export of OptiTrack before version 1.2", "export it again with Motive's CSV"),
     (b"PathFileType", "an OpenSim TRC file", _TABLE),
     (b"NO_OF_FRAMES", "a Qualisys TSV file", f"{_TABLE}; its units are mm (--unit mm)"),
-    (b"version https://git-lfs", "a pointer of Git LFS in place of the file", "git lfs pull"),
     (b"#ROSBAG V1", "a ROS bag of version 1.x", "convert it (rosbag fix), then give it"),
     (b"<!DOCTYPE", "a web page in place of the file", "download the file itself"),
     (b"<html", "a web page in place of the file", "download the file itself"),

@@ -1,5 +1,7 @@
 """Variants of the formats beside the plain case."""
 
+import json
+
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -9,7 +11,7 @@ from pepper_drake.learning import Demonstration
 from pepper_drake.learning.demonstrations.demonstration_files import read_demonstrations
 from pepper_drake.learning.demonstrations.importers import read_tracks
 
-from .recordings import NAMES, format_table, make_motion, table, write
+from .recordings import NAMES, format_table, make_motion, table, write, write_lerobot
 
 MOTION = make_motion()
 T, P = MOTION.times, MOTION.positions
@@ -270,3 +272,42 @@ def test_a_topic_or_a_frame_of_a_bag_is_asked_for(tmp_path):
     demo = Demonstration.load(path, track="tf_r_gripper")
     np.testing.assert_allclose(demo.positions, P, atol=1e-9)
     assert any("from above the floor" in note for note in demo.notes)
+
+
+def test_a_dataset_may_group_the_names_of_its_columns(tmp_path):
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed: .[formats] has it")
+    root = write_lerobot(tmp_path, MOTION)
+    info = root / "meta" / "info.json"
+    data = json.loads(info.read_text())
+    for groups in ([list(NAMES)], {"arm": list(NAMES[:3]), "wrist": list(NAMES[3:])}):
+        data["features"]["observation.state"]["names"] = groups
+        info.write_text(json.dumps(data))
+        [track] = read_tracks(root)
+        assert track.joint_names == tuple(NAMES)
+        np.testing.assert_allclose(track.joints, MOTION.joints)
+
+
+def test_a_state_of_poses_has_its_angles_and_names_what_is_not_read(tmp_path):
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed: .[formats] has it")
+    root = write_lerobot(tmp_path, MOTION)
+    info = root / "meta" / "info.json"
+    data = json.loads(info.read_text())
+    data["features"]["observation.state"]["names"] = ["x", "y", "z", "roll", "grasp"]
+    info.write_text(json.dumps(data))
+    [track] = read_tracks(root)
+    assert track.angles is None
+    assert any("2 columns were not read" in note for note in track.notes)
+    data["features"]["observation.state"]["names"] = ["x", "y", "roll", "pitch", "yaw"]
+    info.write_text(json.dumps(data))
+    [track] = read_tracks(root)
+    np.testing.assert_allclose(track.positions, MOTION.joints[:, :2])
+    np.testing.assert_allclose(track.angles, MOTION.joints[:, 2:])
+
+
+@pytest.mark.parametrize("name", ["motion.csv", "motion.mcap", "motion.db3", "motion.mat"])
+def test_a_pointer_of_git_lfs_is_told_as_one(tmp_path, name):
+    path = write(
+        tmp_path / name, "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
+    )
+    with pytest.raises(InputError, match=f"{name}: a pointer of Git LFS.*git lfs pull"):
+        read_tracks(path)
