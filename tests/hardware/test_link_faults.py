@@ -66,7 +66,8 @@ def test_an_arm_that_is_on_its_way_to_a_far_command_is_not_taken_over():
     async def scenario(it):
         # As after a pause: with a tenth of its speed the robot is late for two looks and more.
         await it.play(lambda t: START, 0.3)
-        await it.play(lambda t: START - 0.5, 1.2)
+        there = lambda: np.allclose(it.arm(), START - 0.5, atol=0.005)  # noqa: E731
+        await it.play(lambda t: START - 0.5, 10.0, still=there)
         assert not str(it.state()["fault"]), it.state()["detail"]
         np.testing.assert_allclose(it.arm(), START - 0.5, atol=0.01)
 
