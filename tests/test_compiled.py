@@ -31,6 +31,11 @@ def test_it_is_kept_where_a_folder_can_be_written_to():
     assert advance_all.stats.cache_path
 
 
+def test_nothing_else_compiles():
+    users = [path.name for path in PACKAGE.rglob("*.py") if "from numba" in path.read_text()]
+    assert users == ["compiled.py"]
+
+
 def test_compiled_code_takes_nothing_from_other_files_of_the_package():
     count, taken = 0, []
     for path in sorted(PACKAGE.rglob("*.py")):

@@ -117,7 +117,7 @@ ALLOWED = {
     "planning/reach/base_placement.py": {"numeric": "_BATCH"},
     "planning/reach/movement_from_path.py": {"numeric": "_SAMPLES"},
     "planning/reach/observation.py": {"format": "_FUTURE"},
-    "planning/reach/reach_state_machine.py": {"numeric": "_ROUNDING"},
+    "planning/reach/drive_supervision.py": {"numeric": "ROUNDING"},
     "planning/reach/remaining_reach.py": {"numeric": "_STRIDE"},
     "planning/reach/steadiness.py": {"numeric": "_SAMPLE"},
     "planning/trajectories/joint_trajectories.py": {"numeric": "_DEGREE"},
