@@ -244,7 +244,7 @@ class BasePlacementPlanner:
     def _standing_field(self, observation: Observation) -> PointCloudDistance:
         """The obstacles for the body: what was seen, taken to stand on the floor if it may."""
         params, seen = self._evaluator.params, observation.obstacles
-        if observation.space is not None:
+        if observation.space is not None and params.unseen.drive:
             hidden = observation.space.hidden_below(seen, params.unseen.cell)
             seen = np.concatenate((seen, hidden))
         return PointCloudDistance(seen, extension=params.solid_depth)

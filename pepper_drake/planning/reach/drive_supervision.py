@@ -57,11 +57,12 @@ class DriveSupervision:
             return replace(state.to(ReachMode.SETTLING, self._time), arrived=self._time)
         plan = self._planner.plan_base_placement(self._still())
         due = self._time + self._timing.latency.base_placement
-        # While it plans it looks along the way to the goal, on which it will drive.
-        x, y, _ = self._observation.base_pose
-        x, y, z = 0.5 * (np.array([x, y, 0.0]) + self._observation.p_WO)
-        looking = replace(state, look_at=(x, y, z))
-        return looking.later(Pending(due, Effect.PLACEMENT, plan))
+        if self._planner.params.unseen.drive:
+            # While it plans it looks along the way to the goal, on which it will drive.
+            x, y, _ = self._observation.base_pose
+            x, y, z = 0.5 * (np.array([x, y, 0.0]) + self._observation.p_WO)
+            state = replace(state, look_at=(x, y, z))
+        return state.later(Pending(due, Effect.PLACEMENT, plan))
 
     def _check_drive(self, state: ReachState, placement: ReachPlan) -> ReachState:
         """Asks of each new cloud if all that the robot would pass on its drive was seen."""

@@ -188,7 +188,7 @@ class ReachPlanner:
     def _with_unseen_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a clear base placement, or one whose drive passes space that was not seen."""
         params, space = self.params.unseen, observation.space
-        if space is None:
+        if space is None or not params.drive:
             return plan
         X_WT = self._evaluator.scenes.torso_pose(observation)
         unseen = unseen_drive_space(

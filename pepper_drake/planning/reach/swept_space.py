@@ -64,6 +64,9 @@ class UnseenSpaceParams:
     """Share of half the image, along its border, in which a depth camera often measures nothing."""
     hidden_margin: float = 0.03
     """Distance around what hides something at which a depth camera measures nothing either [m]."""
+    drive: bool = False
+    """True if what the robot passes on its drive has to be known free, too, and what is hidden
+    below a thing that it saw counts as standing on the floor."""
     accept: bool = False
     """True to move through unseen space all the same."""
 

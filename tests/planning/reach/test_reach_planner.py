@@ -424,28 +424,35 @@ def room():
     return space
 
 
-def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(planner):
+@pytest.fixture(scope="module")
+def watchful(right_primitive):
+    """A planner that lets the base drive only where it was seen to be free."""
+    params = UnseenSpaceParams(drive=True)
+    return make_planner(right_primitive, make_coupling("barrier"), unseen=params)
+
+
+def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful):
     observation = observed(ORIGIN, object_at())
     unseen = replace(observation, space=SeenSpace(VoxelMap.empty()))
-    plan = planner.plan_base_placement(unseen)
+    plan = watchful.plan_base_placement(unseen)
     assert plan.status == PlanStatus.NOT_SEEN
     assert plan.message.startswith("on its drive the robot would pass")
     assert "ahead" in plan.message
     ahead = plan.unseen[:, :2].mean(axis=0)
     assert 0.0 < ahead[0] < plan.base_pose[0] + 0.3
-    assert planner.check_drive(plan, unseen).status == PlanStatus.NOT_SEEN
-    seen = planner.check_drive(plan, replace(observation, space=room()))
+    assert watchful.check_drive(plan, unseen).status == PlanStatus.NOT_SEEN
+    seen = watchful.check_drive(plan, replace(observation, space=room()))
     assert (seen.status, seen.message, len(seen.unseen)) == (PlanStatus.CLEAR, "", 0)
     # Low and near there is much that no head angle shows, which is told.
     assert 0.05 < seen.out_of_view < 0.3
     way = 0.5 * plan.base_pose
     box = sheet((way[0] - 0.1, way[0] + 0.1), (way[1] - 0.1, way[1] + 0.1), 0.2)
-    blocked = planner.check_drive(plan, replace(observation, space=room(), cloud=box))
+    blocked = watchful.check_drive(plan, replace(observation, space=room(), cloud=box))
     assert blocked.status == PlanStatus.NO_STANDING_ROOM
 
 
 def test_a_drive_through_unseen_space_may_be_accepted(right_primitive):
-    params = UnseenSpaceParams(accept=True)
+    params = UnseenSpaceParams(drive=True, accept=True)
     planner = make_planner(right_primitive, make_coupling("barrier"), unseen=params)
     unseen = replace(observed(ORIGIN, object_at()), space=SeenSpace(VoxelMap.empty()))
     plan = planner.plan_base_placement(unseen)
@@ -453,12 +460,12 @@ def test_a_drive_through_unseen_space_may_be_accepted(right_primitive):
     assert len(plan.unseen) > 100
 
 
-def test_what_is_hidden_below_a_thing_is_no_room_for_the_base(planner):
+def test_what_is_hidden_below_a_thing_is_no_room_for_the_base(watchful):
     # Of a box on the floor, aside, its top shows alone, above the base.
-    plan = stand(planner, object_at())
+    plan = stand(watchful, object_at())
     there = plan.base_pose + [0.0, 0.33, 0.0]
     top = sheet((there[0] - 0.1, there[0] + 0.1), (there[1] - 0.1, there[1] + 0.1), 0.5)
     seen = replace(observed(ORIGIN, object_at()), cloud=top)
     free, unknown = (replace(seen, space=s) for s in (room(), SeenSpace(VoxelMap.empty())))
-    assert planner.check_drive(plan, free).status == PlanStatus.CLEAR
-    assert planner.check_drive(plan, unknown).status == PlanStatus.NO_STANDING_ROOM
+    assert watchful.check_drive(plan, free).status == PlanStatus.CLEAR
+    assert watchful.check_drive(plan, unknown).status == PlanStatus.NO_STANDING_ROOM

@@ -8,8 +8,10 @@ from pepper_drake.models.control_model import body_indices
 from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.separation import StaleSpace
+from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from pepper_drake.planning.safety.command_check import StopReason
 from tests.planning.reach.scripted_planner import (
     ADAPTED,
@@ -490,7 +492,8 @@ def test_what_the_robot_would_pass_on_its_drive_is_looked_at_first():
 
 
 def test_while_it_plans_where_to_stand_it_looks_halfway_to_the_goal():
-    one = Supervised().advance(TIMING.looking + 0.1)
+    planner = ScriptedPlanner(params=ReachPlannerParams(unseen=UnseenSpaceParams(drive=True)))
+    one = Supervised(planner).advance(TIMING.looking + 0.1)
     assert one.state.is_planning
     halfway = 0.5 * (X_WO.translation() + [0.1, 0.2, 0.0])
     np.testing.assert_allclose(one.state.look_at, halfway)
