@@ -35,10 +35,10 @@ from pepper_drake.learning.demonstrations.demonstration_files import (
 )
 from pepper_drake.learning.demonstrations.refusals import refuse_unlike
 from pepper_drake.learning.dmp.joint_primitive import JointPrimitive
+from pepper_drake.learning.dmp.num_basis import DEFAULT_NUM_BASIS
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS
 from pepper_drake.learning.dmp.primitive import (
     DEFAULT_APPROXIMATOR,
-    DEFAULT_NUM_BASIS,
     DEFAULT_SCALING,
     FIT_TOLERANCE,
 )

@@ -174,8 +174,9 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--accept-unknown",
         action="store_true",
-        help="go even where the arm would pass space that the depth camera has not seen; without "
-        "it such space is looked at first, and the reach refused if it stays unseen",
+        help="go even where the arm, or the robot on its drive, would pass space that the depth "
+        "camera has not seen; without it such space is looked at first, and refused if it stays "
+        "unseen",
     )
     parser.add_argument(
         "--push",

@@ -1,9 +1,11 @@
 """Serve a simulated Pepper to any NAOqi client, at an address that programs take for a robot's.
 
 The robot has dynamics, contacts, cameras with noise and time stamps, and arms that go limp. Its
-clock slows where the machine is too slow. `--extras-port` serves what no robot knows: the truth.
+clock slows where the machine is too slow. `--extras-port` serves what no robot knows: the truth,
+and what a person does beside it, who leads a hand, touches a sensor, or moves the goal.
 
     python apps/serve_naoqi.py --scene table
+    python apps/serve_naoqi.py --show reach    an arm that goes limp is led, and the chest pressed
     python apps/serve_naoqi.py --set station.noise=false     other numbers of the robot
     python -c 'import qi; s = qi.Session(); s.connect("tcp://127.0.0.1:9559"); ...'
 """
@@ -22,11 +24,13 @@ from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
+from pepper_drake.models.guide import GUIDES, GuideScript, load_guide
 from pepper_drake.robot_server.ground_truth_service import make_extras
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
 from pepper_drake.robot_server.robot.simulator import LATENCY, SimulatorConfig
 from pepper_drake.robot_server.served_pepper import ServedPepper
 from pepper_drake.robot_server.serving import keep_serving
+from pepper_drake.robot_server.shown_movement import show_when_limp
 from pepper_drake.robot_server.wire.connection import Credentials
 from pepper_drake.robot_server.wire.server import LOOPBACK, PORT, QiServer
 from pepper_drake.robot_server.wire.tls import server_context
@@ -59,6 +63,12 @@ def make_parser() -> ArgumentParser:
         help="file with USER:PASSWORD in its first line, which clients have to give",
     )
     parser.add_argument("--tls", action="store_true", help="serve tcps, encrypted, instead of tcp")
+    parser.add_argument(
+        "--show",
+        metavar="NAME|FILE",
+        help="a person shows the limp arm a movement, then presses the chest button: a script that "
+        f"ships ({', '.join(GUIDES)}) or a YAML file, as record.py --guide takes",
+    )
     parser.add_argument(
         "--rate",
         type=rate,
@@ -123,6 +133,7 @@ async def serve(
     ports: tuple[int, int | None],
     say: Callable[[str], None],
     files: Path,
+    shown: GuideScript | None = None,
 ) -> None:
     """Serves the robot until the program is interrupted."""
     pepper = ServedPepper(robot, log=say, files=files)
@@ -137,9 +148,17 @@ async def serve(
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
+    person = None
+    if shown is not None:
+        person = asyncio.create_task(show_when_limp(shown, robot, pepper.motion, say))
+        person.add_done_callback(lambda _: stop.set())  # It ends only by what went wrong.
     try:
         await keep_serving(pepper, robot, stop, say)
+        if person is not None and person.done():
+            person.result()
     finally:
+        if person is not None:
+            person.cancel()
         await server.close()
         await extras.close()
 
@@ -154,6 +173,7 @@ def main() -> int:
         if not options.quiet:
             print(line, flush=True)
 
+    shown = load_guide(options.show) if options.show is not None else None
     tls = server_context(options.host) if options.tls else None
 
     def make_server(services: list, *, port: int) -> QiServer:
@@ -174,7 +194,7 @@ def main() -> int:
         robot.wait_until_ready()
         with contextlib.suppress(KeyboardInterrupt):
             ports = options.port, options.extras_port
-            asyncio.run(serve(robot, make_server, ports, say, options.output / "robot"))
+            asyncio.run(serve(robot, make_server, ports, say, options.output / "robot", shown))
     return cli.EXIT_DONE
 
 

@@ -129,6 +129,7 @@ def run(main: Callable[[], int]) -> None:
         signal.signal(signal.SIGTERM, _interrupt)
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             signal.signal(signal.SIGINT, _interrupt)
+        quiet_resource_tracker()
         limit_linear_algebra()
         code = main()
     except InputError as error:
@@ -170,6 +171,18 @@ def limit_linear_algebra() -> None:
     for library in ("OPENBLAS", "MKL", "BLIS"):  # Of libraries and processes that come later.
         os.environ[f"{library}_NUM_THREADS"] = "1"
     threadpool_limits(limits=1, user_api="blas")
+
+
+def quiet_resource_tracker() -> None:
+    """Lets Python clear up silently after a program that is killed.
+
+    A process of `multiprocessing` outlives it and removes the shared memory and the semaphores that
+    it could not remove. A warning of that would come to the terminal when the program is long gone.
+    The process takes the options of this list when it is started, with the first of them.
+    """
+    option = "ignore:resource_tracker:UserWarning"
+    if option not in sys.warnoptions:
+        sys.warnoptions.append(option)
 
 
 def quiet_libraries() -> None:

@@ -4,20 +4,28 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import IO
 
 ROOT = Path(__file__).parents[1]
 
 
 def start_app(
-    app: str, folder: Path | str, *options: str, stdout: int = subprocess.DEVNULL
+    app: str,
+    folder: Path | str,
+    *options: str,
+    stdout: int | IO[str] = subprocess.DEVNULL,
+    stderr: int | IO[str] = subprocess.PIPE,
 ) -> subprocess.Popen[str]:
-    """Starts an app that writes into a folder; its errors can be read.
+    """Starts an app that writes into a folder.
+
+    A pipe holds 64 KiB and must be read by somebody while the app runs, or the app stands still.
 
     Args:
         app: Its name.
         folder: For its results.
         options: Other options, and arguments.
         stdout: As `subprocess.Popen` takes it.
+        stderr: As `subprocess.Popen` takes it.
     """
     return subprocess.Popen(
         [sys.executable, "-u", f"apps/{app}.py", *options, "--output", str(folder)],
@@ -25,7 +33,7 @@ def start_app(
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         stdin=subprocess.DEVNULL,
         stdout=stdout,
-        stderr=subprocess.PIPE,
+        stderr=stderr,
         text=True,
     )
 

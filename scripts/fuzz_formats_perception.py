@@ -18,6 +18,7 @@ def perception_formats() -> dict[str, Format]:
     )
     from pepper_drake.perception.cameras.image_files import read_image
     from pepper_drake.perception.mapping.cloud_files import load_cloud
+    from pepper_drake.robot_server.robot.floor_map import FloorMap, read_floor_map, write_floor_map
     from pepper_drake.scenario import Scenario, load_scenario, save_scenario
 
     matrix = [525.0, 0.0, 319.5, 0.0, 525.0, 239.5, 0.0, 0.0, 1.0]
@@ -93,6 +94,11 @@ def perception_formats() -> dict[str, Format]:
 
         return make
 
+    def floor_map(folder: Path) -> Path:
+        log_odds = np.random.default_rng(0).uniform(-5.0, 5.0, (30, 30))
+        write_floor_map(FloorMap(log_odds, np.array([-1.0, -2.0])), folder / "room.explo")
+        return folder / "room.explo"
+
     points = np.random.default_rng(0).random((20, 3))
     lens = np.array([[30.0, 0.0, 15.5], [0.0, 30.0, 11.5], [0.0, 0.0, 1.0]])
     intrinsics = make_intrinsics(lens, np.zeros(5), (32, 24))
@@ -123,6 +129,7 @@ def perception_formats() -> dict[str, Format]:
         "ply_binary": Format(
             binary("cloud.ply", ply.replace("ascii", "binary_little_endian")), load_cloud
         ),
+        "floor_map": Format(floor_map, read_floor_map),
         "stereo": Format(stereo, load_stereo),
         "scenario": Format(scenario, load_scenario),
         "camera_info": Format(camera_info, load_intrinsics),

@@ -22,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,9 @@ RUNS = {
     "perceive": ("--live",),
     "reproduce": ("--live",),
 }
+_DONE = {"reach": "Press Ctrl-C"}
+"""Words that an app prints when its work is done. Until then it records, and its memory grows by
+that; it is attacked all the same, but the messages and the memory are counted from then on."""
 _CONNECTIONS = 24
 _STARTING = 180.0
 """Longest time that an app may take to show its page [s]."""
@@ -92,11 +95,14 @@ def make_message(dice: random.Random, names: list[str]) -> bytes:
 class Attack:
     """Messages sent, and their reception."""
 
-    def __init__(self, url: str, count: int, seed: int, process: int) -> None:
+    def __init__(
+        self, url: str, count: int, seed: int, process: int, is_done: Callable[[], bool]
+    ) -> None:
         self._url, self._count, self._process = url, count, process
+        self._is_done, self._counts = is_done, False
         self.memory: list[float] = []
         self._dice, self._names = random.Random(seed), ["Stop (Space)"]
-        self.sent = self.closed = 0
+        self.before = self.sent = self.closed = 0
 
     async def connect(self, **headers: str) -> Any:
         """Opens the page's websocket, as a browser does."""
@@ -108,10 +114,16 @@ class Attack:
         return await websocket_connect(request, subprotocols=[f"viser-v{viser.__version__}"])
 
     def _goes_on(self) -> bool:
-        return self.sent < self._count and running(self._process)
+        return self._wants_more() and running(self._process)
+
+    def _wants_more(self) -> bool:
+        return not self._counts or self.sent < self._count
 
     async def watch(self) -> None:
-        """Notes the memory at each tenth of the messages."""
+        """Notes the memory at each tenth of the messages that count."""
+        while not self._counts and running(self._process):
+            await asyncio.sleep(0.2)
+            self._counts = self._is_done()
         while self._goes_on():
             if self.sent >= (len(self.memory) + 1) * self._count // 10:
                 self.memory.append(memory(self._process))
@@ -128,12 +140,13 @@ class Attack:
                 await asyncio.sleep(0.1)
                 continue
             gone = asyncio.ensure_future(self._listen(socket))
-            while self.sent < self._count and not gone.done():
+            while self._wants_more() and not gone.done():
                 try:
                     await socket.write_message(make_message(self._dice, self._names), binary=True)
                 except WebSocketClosedError:
                     break
-                self.sent += 1
+                self.sent += self._counts
+                self.before += not self._counts
                 await asyncio.sleep(0.001)
             self.closed += gone.done()
             socket.close()
@@ -217,14 +230,29 @@ def joints_beyond(folder: Path) -> Iterator[str]:
                 yield f"{file}: {name} goes from {column.min():.3f} to {column.max():.3f} rad"
 
 
-def start(app: str, folder: str, options: tuple[str, ...]) -> tuple[subprocess.Popen[str], str]:
-    """Starts an app; returns it and its page's address."""
-    process = start_app(app, f"{folder}/results", *options, stdout=subprocess.PIPE)
-    assert process.stdout is not None
-    for line in process.stdout:
-        if found := re.search(r"http://\S+", line):
-            return process, found.group(0)
-    process.wait(_STARTING)
+def start(
+    app: str, folder: Path, options: tuple[str, ...]
+) -> tuple[subprocess.Popen[str], str, Path, Path]:
+    """Starts an app.
+
+    Returns:
+        The app, its page's address, and the files of its output and its errors.
+    """
+    output, errors = folder / "output", folder / "errors"
+    # Into files: nobody reads while it is attacked, and a full pipe would stop the app.
+    with output.open("w") as output_file, errors.open("w") as error_file:
+        process = start_app(
+            app, folder / "results", *options, stdout=output_file, stderr=error_file
+        )
+    end = time.monotonic() + _STARTING
+    while time.monotonic() < end and process.poll() is None:
+        if found := re.search(r"http://\S+(?=\s)", output.read_text()):
+            return process, found.group(0), output, errors
+        time.sleep(0.1)
+    if process.poll() is None:
+        process.kill()
+        process.wait()
+        raise SystemExit(f"{app} showed no page within {_STARTING:g} s")
     raise SystemExit(f"{app} ended with {process.returncode} before it showed a page")
 
 
@@ -242,25 +270,30 @@ def main() -> int:
         if options.app == "play":
             with socket.create_server(("127.0.0.1", 0)) as free:
                 arguments += (f"tcp://127.0.0.1:{free.getsockname()[1]}",)
-        process, url = start(options.app, folder, arguments)
+        process, url, output, error_file = start(options.app, Path(folder), arguments)
         attacked = process.pid
         if options.app == "play":  # Its window stays when it has ended.
             process.wait(_STARTING)
             attacked = server_of(arguments[-1])
         began = time.monotonic()
-        attack = Attack(url, options.count, options.seed, attacked)
+        done = _DONE.get(options.app, "")
+        attack = Attack(
+            url, options.count, options.seed, attacked, lambda: done in output.read_text()
+        )
         try:
             wrong = asyncio.run(attack.run())
         finally:
             if options.app == "play":
                 start_app("play", folder, "--stop", *arguments[1:]).wait(60.0)
             process.send_signal(signal.SIGTERM)
-            _, errors = process.communicate(timeout=120.0)
+            process.wait(120.0)
+            errors = error_file.read_text()
         wrong += joints_beyond(Path(folder))
     if process.returncode not in (0, 1, 130) or "Traceback" in errors:
         wrong.append(f"the app ended with {process.returncode}: {errors[-500:]}")
     print(
-        f"{options.app}: {attack.sent} messages in {time.monotonic() - began:.0f} s, "
+        f"{options.app}: {attack.before} and {attack.sent} messages in "
+        f"{time.monotonic() - began:.0f} s, "
         f"{attack.closed} connections closed, exit code {process.returncode}, "
         f"{' '.join(f'{size:.0f}' for size in attack.memory)} MiB; "
         f"{'; '.join(wrong) or 'the page was served throughout'}"

@@ -6,8 +6,9 @@
 Every other end is by SIGKILL, the others by SIGTERM. All runs of an app write into one folder,
 one after the other, each a fork of a process that has imported the app: until then there is nothing
 to lose. After each, every file there must be readable, and no process of the run may be left; after
-SIGTERM the app must have ended within 30 s, with two lines at most and exit code 0 or 130. At last
-a run is left alone: it must leave what the first one left. Exit code 1 at a finding.
+SIGTERM the app must have ended within 30 s, with two lines at most and exit code 0 or 130. The
+first and the last run are left alone: both must do their work, and leave the same. Exit code 1 at a
+finding.
 """
 
 import argparse
@@ -51,7 +52,7 @@ APPS: dict[str, tuple[str, ...]] = {
     "benchmark": ("--methods", "a", "--scenes", "1"),
     "calibrate": ("--postures", "8"),
     "teach": ("--no-cameras",),
-    "serve_naoqi": ("--port", "9871"),
+    "serve_naoqi": ("--port", "0"),
 }
 """Options with which an app is quick; those of pages end only by the signal."""
 
@@ -131,15 +132,22 @@ def wait(process: int, seconds: float) -> int | None:
     return None
 
 
-def whole_run(app: str, folder: Path, options: tuple[str, ...]) -> tuple[int | None, set[str]]:
-    """Lets an app do its work; returns its exit code and the names of what it left."""
-    process, _ = start(app, folder, options)
+def whole_run(
+    app: str, folder: Path, options: tuple[str, ...]
+) -> tuple[int | None, set[str], list[str]]:
+    """Lets an app do its work; returns its exit code, the names of what it left, and its errors."""
+    process, errors = start(app, folder, options)
     code = wait(process, _ENDLESS.get(app, _LONGEST))
     if code is None:
         os.kill(process, signal.SIGTERM)
         code = wait(process, _PATIENCE)
     names = {entry.name for entry in folder.iterdir()} if folder.exists() else set()
-    return code, names
+    return code, names, lines_of(errors)
+
+
+def lines_of(errors: Path) -> list[str]:
+    """Returns the lines that an app wrote as errors."""
+    return errors.read_text().strip().splitlines() if errors.exists() else []
 
 
 def end_once(process: int, errors: Path, after: float, number: int) -> str:
@@ -157,12 +165,19 @@ def end_once(process: int, errors: Path, after: float, number: int) -> str:
     while (left := [one for one in others if running(one)]) and time.monotonic() < end:
         time.sleep(0.05)
     if left:
-        words = Path(f"/proc/{left[0]}/cmdline").read_bytes().replace(b"\0", b" ").decode()
-        return f"{len(left)} processes outlive it: {words[:80]}"
-    lines = errors.read_text().strip().splitlines() if errors.exists() else []
+        return f"{len(left)} processes outlive it: {command_line(left[0])[:80]}"
+    lines = lines_of(errors)
     if number == signal.SIGTERM and code not in (*_INTERRUPTED, -signal.SIGTERM):
         return f"exit code {code}: {lines[-1:]}"
     return f"{len(lines)} lines: {lines[-1]}" if len(lines) > 2 else ""
+
+
+def command_line(process: int) -> str:
+    """Returns the words with which a process was started, or that it has gone meanwhile."""
+    try:
+        return Path(f"/proc/{process}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+    except OSError:
+        return f"process {process}, which has ended meanwhile"
 
 
 def try_app(app: str, moments: int, dice: random.Random, folder: Path) -> int:
@@ -170,7 +185,10 @@ def try_app(app: str, moments: int, dice: random.Random, folder: Path) -> int:
     options = APPS[app]
     load_app(app)
     began = time.monotonic()
-    code, left = whole_run(app, folder, options)
+    code, left, lines = whole_run(app, folder, options)
+    if code not in (_INTERRUPTED if app in _ENDLESS else (0,)):
+        print(f"{app}: the first run ended with {code}: {lines[-1:]}", flush=True)
+        return 1
     duration, findings = time.monotonic() - began, 0
     for moment in range(moments):
         number = signal.SIGKILL if moment % 2 else signal.SIGTERM
@@ -179,11 +197,14 @@ def try_app(app: str, moments: int, dice: random.Random, folder: Path) -> int:
         for words in (*broken(folder), *([wrong] if wrong else [])):
             findings += 1
             print(f"{app}, {signal.Signals(number).name} after {after:.1f} s: {words}", flush=True)
-    last_code, last = whole_run(app, folder, options)
+    last_code, last, lines = whole_run(app, folder, options)
     last.discard("interrupted")
     if (last_code, last) != (code, left):
         findings += 1
-        print(f"{app}: the last run ended with {last_code} and {last}, not {code} and {left}")
+        print(
+            f"{app}: the last run ended with {last_code} and {last}, not {code} and {left}: "
+            f"{lines[-1:]}"
+        )
     print(f"{app:12} {moments} ends within {duration:.1f} s: {findings} findings", flush=True)
     return findings
 
@@ -205,6 +226,7 @@ def main() -> int:
     parser.add_argument("--moments", type=int, default=50, help="of each app")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
+    cli.quiet_resource_tracker()  # All forks of this program share its one.
     codes = []
     for app in options.apps or APPS:
         if app not in APPS:

@@ -9,6 +9,7 @@ Exit code 1 if one does otherwise, or has not come so far in its time.
 
 import argparse
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -27,7 +28,7 @@ RUNS: tuple[tuple[bool, tuple[str, ...]], ...] = (
     (False, ("compare",)),
     (False, ("describe",)),
     (False, ("diagram",)),
-    (False, ("faults", "--scenes", "1")),
+    (False, ("faults", "--scenes", "free", "--signals", "depth", "--starts", "0")),
     (False, ("import", f"{_DEMONSTRATION}/translation.txt")),
     (False, ("learn", _DEMONSTRATION)),
     (False, ("optimize", _DEMONSTRATION, "--goal-offset", "0", "0.05", "0.05", "--jobs", "2")),
@@ -47,6 +48,9 @@ RUNS: tuple[tuple[bool, tuple[str, ...]], ...] = (
 
 _AFTER_PAGE = 5.0
 """Time for which an app is watched after its page has come [s]."""
+
+_STARTING = 180.0
+"""Longest time that an app may take to begin, or to show its page [s]."""
 
 _LISTENING = "0A"
 """State of a listening socket in /proc/net/tcp."""
@@ -77,21 +81,31 @@ def _address(text: str) -> IPv4Address | IPv6Address:
     return ip_address(b"".join(groups))
 
 
+def has_begun(process: int) -> bool:
+    """Returns whether an app has imported what it needs: it takes SIGTERM from then on."""
+    try:
+        status = Path(f"/proc/{process}/status").read_text()
+    except OSError:
+        return False
+    caught = next(line for line in status.splitlines() if line.startswith("SigCgt:"))
+    return bool(int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
+
+
 def watch(
     arguments: tuple[str, ...], seconds: float, folder: Path, *, has_page: bool
 ) -> tuple[set[str], str]:
-    """Runs an app for some time, or until some seconds after its page is there.
+    """Runs an app for some time after it has begun, or for some seconds after its page has come.
 
     Returns:
         Where it listened meanwhile, and how it ended.
     """
     process = start_app(arguments[0], folder, *arguments[1:])
     found: set[str] = set()
-    end = time.monotonic() + seconds
+    waits, end = True, time.monotonic() + _STARTING
     while time.monotonic() < end and process.poll() is None:
         found |= listening(family(process.pid))
-        if has_page and found:
-            has_page, end = False, min(end, time.monotonic() + _AFTER_PAGE)
+        if waits and (found if has_page else has_begun(process.pid)):
+            waits, end = False, time.monotonic() + (_AFTER_PAGE if has_page else seconds)
         time.sleep(0.05)
     if process.poll() is None:
         process.send_signal(signal.SIGTERM)
@@ -106,7 +120,9 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("apps", nargs="*", help="default: all")
-    parser.add_argument("--seconds", type=float, default=60.0, help="each is watched so long")
+    parser.add_argument(
+        "--seconds", type=float, default=60.0, help="each is watched so long once it has begun"
+    )
     options = parser.parse_args()
     findings = 0
     for has_page, arguments in RUNS:
@@ -117,8 +133,8 @@ def main() -> int:
                 arguments, options.seconds, Path(folder) / "results", has_page=has_page
             )
         outside = {one for one in found if not ip_address(one).is_loopback}
-        # What has not begun when its time is up, or shows no page, has told nothing.
-        began = f"exit code {-signal.SIGTERM}" not in end
+        # One that has not begun when its time is up, or refuses its options, has told nothing.
+        began = not re.search(rf"exit code ({-signal.SIGTERM}|2)\b", end)
         is_wrong = bool(outside) or bool(found) != has_page or not began
         findings += is_wrong
         print(

@@ -1,4 +1,7 @@
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -74,3 +77,22 @@ def test_a_fault_of_our_own_is_not_hidden():
 
     with pytest.raises(RuntimeError, match="a bug"):
         cli.run(main)
+
+
+def test_after_a_kill_the_shared_memory_goes_without_a_word():
+    code = """
+import os, signal
+from multiprocessing import shared_memory
+from pepper_drake import cli
+
+def main():
+    print(shared_memory.SharedMemory(create=True, size=1).name, flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+cli.run(main)
+"""
+    # Its pipes end when the last process of it has ended.
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert ran.returncode == -9
+    assert ran.stderr == ""
+    assert not (Path("/dev/shm") / ran.stdout.strip().lstrip("/")).exists()

@@ -7,7 +7,7 @@ PACKAGE = Path(__file__).parents[1] / "pepper_drake"
 
 FLOORS = (
     ("errors", "_former_names"),
-    ("files", "signals", "web", "short_repr", "registry"),
+    ("compiled", "files", "signals", "web", "short_repr", "registry"),
     ("yaml_files", "array_files", "naoqi"),
     ("learning",),
     ("models",),

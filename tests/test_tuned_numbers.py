@@ -105,18 +105,19 @@ ALLOWED = {
     "planning/collision/exact_distance.py": {"numeric": "NEAR"},
     "planning/collision/sphere_model.py": {"numeric": "_CELL _ROUNDING"},
     "planning/ik/batch_ik.py": {
-        "layout": "_ELBOW_YAW _ELBOW_ROLL",
         "numeric": "_DAMPING",
         "offline": "_POSTURE_GAIN",
     },
     "planning/ik/compiled_tick.py": {"numeric": "SHARES ROUNDING"},
-    "planning/ik/goal_configurations.py": {"numeric": "_LIBRARY_SIZE _SEED _DAMPING _LARGEST_STEP"},
+    "planning/ik/goal_configurations.py": {
+        "numeric": "_LIBRARY_SIZE _SEED _STEPS _DAMPING _TOLERANCE _LARGEST_STEP"
+    },
     "planning/safety/safe_command.py": {"numeric": "_SAME"},
     "planning/reach/barrier_for_path.py": {"numeric": "_TRIED"},
     "planning/reach/base_placement.py": {"numeric": "_BATCH"},
     "planning/reach/movement_from_path.py": {"numeric": "_SAMPLES"},
     "planning/reach/observation.py": {"format": "_FUTURE"},
-    "planning/reach/reach_state_machine.py": {"numeric": "_ROUNDING"},
+    "planning/reach/drive_supervision.py": {"numeric": "ROUNDING"},
     "planning/reach/remaining_reach.py": {"numeric": "_STRIDE"},
     "planning/reach/steadiness.py": {"numeric": "_SAMPLE"},
     "planning/trajectories/joint_trajectories.py": {"numeric": "_DEGREE"},

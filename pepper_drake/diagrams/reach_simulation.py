@@ -335,6 +335,8 @@ class ReachSimulation:
             cell = reaching.config.planner.unseen.cell
             report.unseen_volume = len(progress.plan.unseen) * cell**3
             report.out_of_view_volume = progress.plan.out_of_view
+        if progress.placement is not None:
+            report.drive_out_of_view_volume = progress.placement.out_of_view
         report.closest_pair = self._closest_pair(log)
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
         report.final_axis_error = float(log.axis_error_rad[-1])

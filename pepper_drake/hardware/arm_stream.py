@@ -1,6 +1,7 @@
 """The joint commands that a robot is sent: the station's, ahead of time, or to stay where it is."""
 
 import asyncio
+from collections import deque
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -24,6 +25,8 @@ _BEHIND = 0.05
 STALLED = 0.2
 """Distance of a joint from its command that it does not close [rad]."""
 STALLED_SECONDS = 1.0
+ON_ITS_WAY = 1.5
+"""Time for which a robot may be on its way to a target [s]: one that takes longer is stalled."""
 FROZEN_STATE_SECONDS = 0.2
 _REACTION = 0.1
 """Time from a command until a robot at rest is measured to move [s]."""
@@ -35,7 +38,6 @@ class ArmStream:
     """Streams commands to the joints of a link, one after the other has been taken.
 
     Attributes:
-        sent: Joints (n,) of the last command [rad]; None before the first.
         is_holding: True if that is where the joints were measured.
         limits: Of the joints.
 
@@ -61,12 +63,22 @@ class ArmStream:
         self._followed = clock.now()
         self._sending: asyncio.Task[None] | None = None
         self.limits: CommandLimits = shared_control_model().command_limits(joints)
-        self.sent: Vector | None = None
         self.is_holding = False
+        self._targets: deque[tuple[float, Vector]] = deque()
 
     @property
     def _is_sending(self) -> bool:
         return self._sending is not None and not self._sending.done()
+
+    def range_of_targets(self) -> tuple[Vector, Vector] | None:
+        """Returns the least and the largest target (n,) of each joint lately [rad].
+
+        The robot's own command is on its way between them. None before the first.
+        """
+        if not self._targets:
+            return None
+        targets = np.array([target for _, target in self._targets])
+        return targets.min(axis=0), targets.max(axis=0)
 
     def rest(self) -> None:
         """Takes the joints for resting: what is measured need not change for a moment."""
@@ -131,7 +143,10 @@ class ArmStream:
             raise LinkFault("arm_stalled", ", ".join(names))
 
     def _send(self, targets: Vector, fraction: float) -> None:
-        self.sent = targets
+        now = self._clock.now()
+        self._targets.append((now, targets))
+        while len(self._targets) > 1 and self._targets[1][0] < now - ON_ITS_WAY:
+            self._targets.popleft()
         self._sending = self._start(
             self._transport.call(
                 "ALMotion", "setAngles", list(self._joints), targets.tolist(), float(fraction)

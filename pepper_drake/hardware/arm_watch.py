@@ -13,8 +13,8 @@ from pepper_drake.models.control_model import arm_joints
 
 _PERIOD = 0.25
 TAKEN_OVER = 0.15
-"""Distance of the robot's own command from ours, in two looks, that another program must have
-made [rad]."""
+"""Distance of the robot's own command from the way between ours, in two looks, that another program
+must have made [rad]."""
 
 
 async def watch_arm(
@@ -49,10 +49,12 @@ async def watch_arm(
         if limp and streams():
             raise LinkFault("stiffness_lost", ", ".join(limp))
         commanded = np.array(await transport.call("ALMotion", "getAngles", names, False))
-        if stream.sent is None or stream.is_holding or not streams():
+        ours = stream.range_of_targets()
+        if ours is None or stream.is_holding or not streams():
             foreign = 0
             continue
-        far = np.abs(commanded - stream.sent[rows]) > TAKEN_OVER
+        least, largest = (target[rows] for target in ours)
+        far = (commanded < least - TAKEN_OVER) | (commanded > largest + TAKEN_OVER)
         foreign = foreign + 1 if far.any() else 0
         if foreign > 1:
             who = [n for n, is_far in zip(names, far, strict=True) if is_far]

@@ -21,7 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from pepper_drake.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 Scalar = Any  # A float, or an AutoDiffXd where gradients are asked for.
@@ -84,7 +85,7 @@ def advance(state: Array, goal: Array, inputs: Array, step: Step, time_step: flo
     return moved
 
 
-@njit(cache=True)
+@compiled
 def advance_all(
     state: Array,
     goal: Array,

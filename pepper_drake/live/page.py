@@ -30,7 +30,7 @@ _SIGNALS = (
 )
 """Names and titles of what is plotted, and the range that is shown at least."""
 _NEXT = {name: f"Next: {name} ({key.removeprefix('Key')})" for name, key in BUTTONS.items()}
-"""What the button of the next step says: the step and its key."""
+"""Text of the button of the next step: the step and its key."""
 _GROUPS = {"Movement": ("Record", "Stop", "Learn", "Reach"), "Session": ("Undo", "Save")}
 """The buttons as they stand on the page, in rows."""
 _SIGNALS_WIDTH = 310

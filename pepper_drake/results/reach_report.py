@@ -99,6 +99,8 @@ class ReachReport:
     """Volume of unseen space that the arm's last plan passed [m³]; 0 unless that was accepted."""
     out_of_view_volume: float = 0.0
     """The same of space close to the chest that no head angle shows [m³]."""
+    drive_out_of_view_volume: float = 0.0
+    """The same of what the whole robot passed on its last drive [m³]: low and near, mostly."""
     tracking_error_rms: float | None = None
     """Root mean square distance between the hand and the primitive's position during the reach."""
     planning_seconds: float | None = None
@@ -160,12 +162,13 @@ class ReachReport:
             )
         if self.touch_speed is not None:
             lines.append(f"  speed at touch    {1000 * self.touch_speed:6.0f} mm/s")
-        for volume, name in (
-            (self.unseen_volume, "unseen space     "),
-            (self.out_of_view_volume, "out of view      "),
+        for volume, line in (
+            (self.unseen_volume, "unseen space      {:6.1f} litres passed by the arm"),
+            (self.out_of_view_volume, "out of view       {:6.1f} litres passed by the arm"),
+            (self.drive_out_of_view_volume, "                  {:6.1f} litres passed by the base"),
         ):
             if volume > 0.0:
-                lines.append(f"  {name} {1000 * volume:6.1f} litres passed by the arm")
+                lines.append("  " + line.format(1000 * volume))
         for task in self.tasks[1:]:
             lines.append(
                 f"  {task.name:17} {1000 * task.final_position_error:6.1f} mm to its goal, "

@@ -1,5 +1,7 @@
 """A service on a port of its own for what no robot has: the truth, and a person's hand."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
@@ -40,10 +42,16 @@ def make_extras(robot: SimulatedRobot) -> Service:
     def move_goal(*offset: float) -> None:
         if not all(abs(value) <= _FARTHEST for value in offset):  # Which NaN is not.
             raise ServiceError(f"PepperDrake::moveGoal: within {_FARTHEST:g} m along each axis")
-        try:
+        with _refusing("moveGoal"):
             robot.move_goal(offset)
-        except ValueError as error:
-            raise ServiceError(f"PepperDrake::moveGoal: {error}") from None
+
+    def lead_hand(arm: str, pose: list[float]) -> None:
+        with _refusing("leadHand"):
+            robot.lead_hand(arm, pose)
+
+    def touch(sensors: list[str]) -> None:
+        with _refusing("touch"):
+            robot.touch(*sensors)
 
     service.add_method(
         "moveGoal",
@@ -52,4 +60,29 @@ def make_extras(robot: SimulatedRobot) -> Service:
         move_goal,
         description="Moves the goal to this offset from its place in the scene, in the world [m].",
     )
+    service.add_method(
+        "leadHand",
+        "(s[f])",
+        "v",
+        lead_hand,
+        description="Pulls the left or right hand to x, y, z [m] in the torso's frame, or to x, y, "
+        "z, roll, pitch, yaw [m, rad], as a person does, until letGo; a limp arm follows.",
+    )
+    service.add_method("letGo", "()", "v", robot.let_go, description="Lets go of the led hand.")
+    service.add_method(
+        "touch",
+        "([s])",
+        "v",
+        touch,
+        description="Touches these sensors, such as ChestBoard/Button, and no others.",
+    )
     return service
+
+
+@contextmanager
+def _refusing(method: str) -> Iterator[None]:
+    """Makes a wrong value an error reply."""
+    try:
+        yield
+    except ValueError as error:
+        raise ServiceError(f"PepperDrake::{method}: {error}") from None

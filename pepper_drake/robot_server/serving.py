@@ -41,5 +41,8 @@ async def keep_serving(
                 rate = float(robot.record()["rate"])
                 if not told and cycles > _SETTLED and rate < SLOWEST_SHOWN:
                     told = True
-                    say(f"this machine is too slow: the robot's clock runs at {rate:.2f}")
+                    say(
+                        f"this machine is too slow: the robot's clock runs at {rate:.2f} of the "
+                        "rate that was asked for; --rate sets a slower one"
+                    )
         await asyncio.sleep(_LOOK)

@@ -32,8 +32,8 @@ from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachCommand
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
-from pepper_drake.planning.reach.reach_state import ReachState
-from pepper_drake.planning.reach.reach_state_machine import obey, step
+from pepper_drake.planning.reach.reach_state import ReachState, obey
+from pepper_drake.planning.reach.reach_state_machine import step
 from pepper_drake.planning.safety.command_check import StopReason
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 

@@ -9,7 +9,10 @@ import textwrap
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from pepper_drake.learning import Demonstration
 
 APP = Path(__file__).parents[2] / "apps" / "serve_naoqi.py"
 
@@ -31,7 +34,7 @@ CLIENT = textwrap.dedent(
     time.sleep(1.0)
     image, ranges = video.getImageRemote(handle), video.getImageRemote(depth)
     after = extras.groundTruth()
-    motion.setStiffnesses("RArm", 0.0)
+    motion.setStiffnesses("LArm", 0.0)
     result = {
         "angles": motion.getAngles(["HeadYaw", "RShoulderPitch"], True),
         "image": [image[0], image[1], len(image[6])],
@@ -43,21 +46,52 @@ CLIENT = textwrap.dedent(
 )
 
 
+SHOWN = textwrap.dedent(
+    """
+    name: short
+    arm: right
+    posture: stand
+    rest: 0.3
+    via_points:
+    - {time: 0.5, position: [0.081, -0.170, -0.263], rpy: [1.08, 0.88, 0.09]}
+    - {time: 1.0, position: [0.115, -0.237, -0.236], rpy: [0.53, 0.81, -0.01]}
+    """
+)
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    """The app at work, and the addresses that it tells."""
+    folder = tmp_path_factory.mktemp("served")
+    (folder / "short.yaml").write_text(SHOWN)
+    options = ["--port", "0", "--show", str(folder / "short.yaml"), "--output", str(folder)]
+    app = subprocess.Popen([sys.executable, str(APP), *options], stdout=subprocess.PIPE, text=True)
+    yield re.findall(r"tcp://[\d.:]+", app.stdout.readline())
+    app.send_signal(signal.SIGINT)
+    assert app.wait(30) == 0
+
+
 @pytest.mark.render
-def test_a_program_for_a_robot_finds_one():
+def test_a_limp_arm_is_shown_a_movement_which_is_recorded(served, run_app, tmp_path):
+    to = ("--station", "naoqi", "--robot", served[0], "--disable-life")
+    ran = run_app("record", *to, "--output", tmp_path / "shown")
+    assert ran.returncode == 0, ran.stderr
+    assert "the right arm is limp: lead it; the chest button ends it" in ran.stdout
+    report = json.loads((tmp_path / "shown" / "report.json").read_text())
+    assert report["ended_by"] == "ChestButtonPressed"
+    demonstration = Demonstration.load(tmp_path / "shown")
+    # A person's hold is soft, and the joints have friction.
+    np.testing.assert_allclose(demonstration.positions[-1], [0.115, -0.237, -0.236], atol=0.02)
+    assert 0.5 < demonstration.duration < 2.0
+
+
+@pytest.mark.render
+def test_a_program_for_a_robot_finds_one(served):
     pytest.importorskip("qi", reason="libqi is in the naoqi extra")
-    app = subprocess.Popen(
-        [sys.executable, str(APP), "--port", "0"], stdout=subprocess.PIPE, text=True
+    ran = subprocess.run(
+        [sys.executable, "-c", CLIENT, *served], capture_output=True, text=True, timeout=120
     )
-    try:
-        addresses = re.findall(r"tcp://[\d.:]+", app.stdout.readline())
-        ran = subprocess.run(
-            [sys.executable, "-c", CLIENT, *addresses], capture_output=True, text=True, timeout=120
-        )
-        assert ran.returncode == 0, ran.stderr[-2000:]
-    finally:
-        app.send_signal(signal.SIGINT)
-        assert app.wait(30) == 0
+    assert ran.returncode == 0, ran.stderr[-2000:]
     result = json.loads(ran.stdout.splitlines()[-1])
     assert result["angles"] == pytest.approx([0.3, 1.0], abs=0.03)
     assert result["image"] == [640, 480, 640 * 480 * 3]

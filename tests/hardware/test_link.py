@@ -2,7 +2,6 @@
 
 import asyncio
 import time
-from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
@@ -206,86 +205,6 @@ def test_a_command_beyond_the_limits_is_sent_within_them():
     led(scenario)
 
 
-@contextmanager
-def no_change(it):
-    before = it.arm()
-    yield
-    np.testing.assert_allclose(it.arm(), before, atol=0.03)
-
-
-def test_a_command_that_is_no_number_ends_the_run():
-    async def scenario(it):
-        with no_change(it):
-            for _ in range(20):
-                it.command(START * np.nan)
-                await asyncio.sleep(0.02)
-            assert str(it.state()["fault"]) == "planner_silent"
-
-    led(scenario)
-
-
-def test_a_link_that_is_lost_is_told_and_the_arm_stops():
-    async def scenario(it):
-        playing = asyncio.ensure_future(it.play(lambda t: START + 0.2 * t, 3.0))
-        await asyncio.sleep(0.4)
-        it.robot.do(lambda: [c.abort() for c, _, _ in it.robot.server._connections.values()])
-        begin = time.monotonic()
-        assert await it.fault() == "link_lost"
-        assert time.monotonic() - begin < 0.1
-        await asyncio.sleep(0.2)
-        with no_change(it):
-            await asyncio.sleep(0.3)
-        playing.cancel()
-
-    led(scenario)
-
-
-def test_measurements_that_do_not_change_while_it_moves_are_told():
-    async def scenario(it):
-        it.robot.do(lambda: setattr(it.robot.robot, "follow", 0.0))
-        await it.play(lambda t: START + 0.2 * t, 2.0, still=lambda: bool(it.state()["fault"]))
-        assert await it.fault() == "state_frozen"
-
-    led(scenario)
-
-
-def test_a_robot_whose_clock_stands_still_is_told():
-    async def scenario(it):
-        it.robot.do(lambda: setattr(it.robot, "frozen", True))
-        await it.play(lambda t: START + 0.2 * t, 3.0, still=lambda: bool(it.state()["fault"]))
-        assert await it.fault() == "state_stale"
-
-    led(scenario)
-
-
-def test_a_clock_that_jumps_is_told():
-    async def scenario(it):
-        it.robot.do(lambda: setattr(it.robot.robot, "now", it.robot.robot.now + 3600.0))
-        assert await it.fault() == "clock_jump"
-
-    led(scenario)
-
-
-def test_an_arm_that_goes_limp_is_told():
-    async def scenario(it):
-        playing = asyncio.ensure_future(it.play(lambda t: START, 5.0))
-        it.robot.do(lambda: it.robot.pepper.motion.set_stiffnesses("RArm", 0.0))
-        assert await it.fault() == "stiffness_lost"
-        playing.cancel()
-
-    led(scenario)
-
-
-def test_an_arm_that_does_not_follow_is_told():
-    async def scenario(it):
-        it.robot.do(lambda: setattr(it.robot.robot, "follow", 1e-4))
-        playing = asyncio.ensure_future(it.play(lambda t: START + min(0.4 * t, 0.3), 5.0))
-        assert await it.fault() == "arm_stalled"
-        playing.cancel()
-
-    led(scenario)
-
-
 def test_images_come_with_the_joints_of_their_capture():
     async def scenario(it):
         color = np.arange(480 * 640 * 3, dtype=np.uint32).reshape(480, 640, 3).astype(np.uint8)
@@ -317,17 +236,6 @@ def test_images_come_with_the_joints_of_their_capture():
         it.command(START, enabled=[False] * len(CAMERA_NAMES))
         await asyncio.sleep(0.5)
         assert it.robot.do(it.robot.pepper.video.get_subscribers) == []
-
-    led(scenario)
-
-
-def test_a_frozen_camera_is_told():
-    async def scenario(it):
-        image = CameraImage(it.robot.robot.now, np.zeros((480, 640, 3), np.uint8))
-        it.robot.robot.images = {0: image}
-        playing = asyncio.ensure_future(it.keep_looking())
-        assert await it.fault(12.0) == "camera_frozen"
-        playing.cancel()
 
     led(scenario)
 

@@ -62,6 +62,17 @@ def test_another_program_that_commands_the_arm_is_told():
     led(scenario)
 
 
+def test_an_arm_that_is_on_its_way_to_a_far_command_is_not_taken_over():
+    async def scenario(it):
+        # As after a pause: with a tenth of its speed the robot is late for two looks and more.
+        await it.play(lambda t: START, 0.3)
+        await it.play(lambda t: START - 0.5, 1.2)
+        assert not str(it.state()["fault"]), it.state()["detail"]
+        np.testing.assert_allclose(it.arm(), START - 0.5, atol=0.01)
+
+    led(scenario)
+
+
 def test_an_arm_that_the_robot_slows_is_shown_and_goes_on():
     async def scenario(it):
         it.command(START)
@@ -265,3 +276,111 @@ def test_the_arms_protection_is_off_for_the_run_only():
         assert await it.transport.call("ALMotion", get, "Arms") is True
 
     led(scenario, protects_arms=False)
+
+
+def test_a_command_that_is_no_number_ends_the_run():
+    async def scenario(it):
+        since = cycles(it)
+        for _ in range(20):
+            it.command(START * np.nan)
+            await asyncio.sleep(0.02)
+        assert str(it.state()["fault"]) == "planner_silent"
+        await holds_soon(it, since)
+
+    led(scenario)
+
+
+def test_measurements_that_do_not_change_while_it_moves_are_told():
+    async def scenario(it):
+        since = cycles(it)
+        it.robot.do(lambda: setattr(it.robot.robot, "follow", 0.0))
+        await it.play(lambda t: START + 0.2 * t, 2.0, still=lambda: bool(it.state()["fault"]))
+        assert await it.fault() == "state_frozen"
+        await holds_soon(it, since)
+
+    led(scenario)
+
+
+def test_a_robot_whose_clock_stands_still_is_told():
+    async def scenario(it):
+        it.robot.do(lambda: setattr(it.robot, "frozen", True))
+        since = cycles(it)
+        await it.play(lambda t: START + 0.2 * t, 3.0, still=lambda: bool(it.state()["fault"]))
+        assert await it.fault() == "state_stale"
+        it.robot.do(lambda: setattr(it.robot, "frozen", False))
+        await holds_soon(it, since)  # Nothing was left for it to do when it wakes.
+
+    led(scenario)
+
+
+def test_a_clock_that_jumps_is_told():
+    async def scenario(it):
+        since = cycles(it)
+        playing = asyncio.ensure_future(it.play(lambda t: START + 0.2 * t, 5.0))
+        await asyncio.sleep(0.3)
+        it.robot.do(lambda: setattr(it.robot.robot, "now", it.robot.robot.now + 3600.0))
+        assert await it.fault() == "clock_jump"
+        await holds_soon(it, since)
+        playing.cancel()
+
+    led(scenario)
+
+
+def test_an_arm_that_goes_limp_is_told():
+    async def scenario(it):
+        playing = asyncio.ensure_future(it.play(lambda t: START, 5.0))
+        it.robot.do(lambda: it.robot.pepper.motion.set_stiffnesses("RArm", 0.0))
+        assert await it.fault() == "stiffness_lost"
+        playing.cancel()
+        # Its motors stay limp: a person may hold it.
+        await asyncio.sleep(0.3)
+        assert it.robot.do(lambda: it.robot.pepper.motion.get_stiffnesses("RArm")) == [0.0] * 6
+
+    led(scenario)
+
+
+def test_an_arm_that_does_not_follow_is_told():
+    async def scenario(it):
+        since = cycles(it)
+        it.robot.do(lambda: setattr(it.robot.robot, "follow", 1e-4))
+        playing = asyncio.ensure_future(it.play(lambda t: START + min(0.4 * t, 0.3), 5.0))
+        assert await it.fault() == "arm_stalled"
+        # Its command comes back to where the arm is; the arm stays.
+        before = it.arm()
+        await asyncio.sleep(0.6)
+        np.testing.assert_allclose(it.arm(), before, atol=1e-3)
+        commands = it.robot.do(lambda: [c.positions[NAOQI] for c in it.robot.robot.commands])
+        path = np.array(commands[since:])
+        assert np.all(np.abs(np.diff(path, axis=0)) <= MAX_VELOCITY[NAOQI] * 0.02 + 1e-9)
+        np.testing.assert_allclose(path[-1], before, atol=0.01)
+        playing.cancel()
+
+    led(scenario)
+
+
+def test_a_frozen_camera_is_told():
+    async def scenario(it):
+        since = cycles(it)
+        image = CameraImage(it.robot.robot.now, np.zeros((480, 640, 3), np.uint8))
+        it.robot.robot.images = {0: image}
+        playing = asyncio.ensure_future(it.keep_looking())
+        assert await it.fault(12.0) == "camera_frozen"
+        await holds_soon(it, since)
+        playing.cancel()
+
+    led(scenario)
+
+
+def test_a_link_that_is_lost_is_told_and_the_arm_stops():
+    async def scenario(it):
+        playing = asyncio.ensure_future(it.play(lambda t: START + 0.2 * t, 3.0))
+        await asyncio.sleep(0.4)
+        since = cycles(it)
+        it.robot.do(lambda: [c.abort() for c, _, _ in it.robot.server._connections.values()])
+        begin = time.monotonic()
+        assert await it.fault() == "link_lost"
+        assert time.monotonic() - begin < 0.1
+        await holds_soon(it, since)
+        playing.cancel()
+
+    led(scenario)

@@ -1,6 +1,7 @@
 """A room is explored, kept, found again, and driven through around what stands there."""
 
 import asyncio
+import itertools
 import math
 from dataclasses import replace
 from functools import lru_cache
@@ -23,6 +24,8 @@ _WALLS = [
     (Box(0.1, 4.2, 1.0), RigidTransform([x, 0.0, 0.5])) for x in (-WALL - 0.05, WALL + 0.05)
 ] + [(Box(4.2, 0.1, 1.0), RigidTransform([0.0, y, 0.5])) for y in (-WALL - 0.05, WALL + 0.05)]
 PILLAR = (Box(0.3, 0.3, 1.0), RigidTransform([1.0, 0.0, 0.5]))
+RADIUS = 0.28
+"""Radius of the base [m]."""
 
 
 def sensors(*more):
@@ -44,9 +47,10 @@ def sensors(*more):
     return lambda pose: measure(tuple(pose))
 
 
-async def put_into(pepper: VirtualPepper, measure) -> None:
-    """Lets a robot's lasers see a room."""
+async def put_into(pepper: VirtualPepper, measure) -> list[tuple[float, float, float]]:
+    """Lets a robot's lasers see a room; returns the poses in which the base is from then on."""
     state, due = pepper.robot.state, pepper.robot.now
+    poses = []
 
     def seeing():
         nonlocal due
@@ -54,10 +58,23 @@ async def put_into(pepper: VirtualPepper, measure) -> None:
         if now.time >= due:
             due = now.time + PERIOD
             pepper.robot._ranges = measure(now.base_pose)
+        poses.append(now.base_pose)
         return replace(now, ranges=pepper.robot._ranges)
 
     pepper.robot.state = seeing
     await pepper.cycle()
+    return poses
+
+
+def from_pillar(place):
+    """Returns how far a place is from the pillar's surface [m]."""
+    return math.hypot(max(abs(place[0] - 1.0) - 0.15, 0.0), max(abs(place[1]) - 0.15, 0.0))
+
+
+def apart(first, second):
+    """Returns the largest difference between two poses [m, rad]."""
+    turn = math.remainder(first[2] - second[2], 2 * math.pi)
+    return max(abs(first[0] - second[0]), abs(first[1] - second[1]), abs(turn))
 
 
 async def call(pepper, method, *arguments):
@@ -77,7 +94,7 @@ def pixel(found, x, y):
 
 def test_a_room_is_explored_kept_and_driven_through_around_what_stands_there(tmp_path):
     async def scenario(pepper):
-        await put_into(pepper, sensors(PILLAR))
+        driven = await put_into(pepper, sensors(PILLAR))
         assert await call(pepper, "explore", 3.0) == 0
         path = await call(pepper, "saveExploration")
         assert path.startswith("/home/nao/.local/share/Explorer/")
@@ -89,39 +106,108 @@ def test_a_room_is_explored_kept_and_driven_through_around_what_stands_there(tmp
         assert pixel(found, 1.0, 0.0) == 50  # Inside the pillar nothing is known.
         assert pixel(found, 0.0, WALL + 0.02) > 90
         await call(pepper, "startLocalization")
-        assert await call(pepper, "navigateToInMap", [1.55, 0.0, math.pi / 2]) == 0
-        place, error = await call(pepper, "getRobotPositionInMap")
-        np.testing.assert_allclose(place, [1.55, 0.0, math.pi / 2], atol=0.1)
-        assert error == [CELL] * 3
-        np.testing.assert_allclose(pepper.robot.state().base_pose, place, atol=0.05)
+        for goal in ([1.0, 1.0, 0.5], [1.0, -1.0, math.pi / 2]):  # The pillar is between them.
+            assert await call(pepper, "navigateToInMap", goal) == 0
+            place, error = await call(pepper, "getRobotPositionInMap")
+            assert apart(place, goal) < CELL
+            assert error == [CELL] * 3
+            assert apart(pepper.robot.state().base_pose, goal) < CELL
+        assert min(from_pillar(pose) for pose in driven) > RADIUS
         assert await call(pepper, "navigateToInMap", [1.0, 0.0, 0.0]) == 1
+        # The map is gone over on other threads: other clients' calls go on meanwhile.
+        work = asyncio.get_running_loop()._default_executor.done
+        assert work >= {"with_scan", "frontier", "path", "leads_straight", "matched"}
         await call(pepper, "stopLocalization")
         with pytest.raises(ServiceError, match="not localized"):
             await call(pepper, "getRobotPositionInMap")
         # Another day: the odometry restarts, and the robot stands a bit beside the place told.
         assert await call(pepper, "loadExploration", path.rpartition("/")[2]) == 0
-        told = [1.5, 0.12, math.pi / 2 + 0.1]
-        place, _ = await call(pepper, "relocalizeInMap", told)
-        np.testing.assert_allclose(place, pepper.robot.state().base_pose, atol=0.06)
+        told = np.array(pepper.robot.state().base_pose) + [-0.05, 0.12, 0.1]
+        place, _ = await call(pepper, "relocalizeInMap", told.tolist())
+        assert apart(place, pepper.robot.state().base_pose) < 0.06
+        # Where it is not, what it sees does not fit.
+        with pytest.raises(ServiceError, match="does not fit the map near"):
+            await call(pepper, "relocalizeInMap", [0.0, 0.8, 0.8])
+        with pytest.raises(ServiceError, match="not localized"):
+            await call(pepper, "getRobotPositionInMap")
+        with pytest.raises(ServiceError, match="the place 1e\\+09, 0 is not on the map"):
+            await call(pepper, "relocalizeInMap", [1e9, 0.0])
 
     virtual(scenario, files=tmp_path)
 
 
-def test_an_exploration_that_is_stopped_keeps_what_it_saw(tmp_path):
+@pytest.mark.parametrize(
+    ("after", "stop"),
+    [
+        (0.1, "ALNavigation.stopExploration"),  # It waits for a scan, and does not move.
+        (0.1, "ALMotion.stopMove"),
+        (0.1, "ALMotion.killAll"),
+        (3.0, "ALNavigation.stopExploration"),
+    ],
+)
+def test_an_exploration_that_is_stopped_keeps_what_it_saw(after, stop):
     async def scenario(pepper):
         await put_into(pepper, sensors())
         exploring = pepper.start("ALNavigation.explore", 3.0)
-        await pepper.run(3.0)
-        await call(pepper, "stopExploration")
-        await pepper.finish(exploring)
+        await pepper.run(after)
+        pepper.call(stop)
+        assert await pepper.finish(exploring) < 0.1
         assert exploring.result() == 1
-        assert pixel(await call(pepper, "getMetricalMap"), 1.0, 0.0) < 45
+        if after > 1.0:
+            assert pixel(await call(pepper, "getMetricalMap"), 1.0, 0.0) < 45
         await pepper.run(1.0)
         rest = pepper.robot.state().base_pose
         await pepper.run(0.5)
         assert pepper.robot.state().base_pose == rest
+        assert not pepper.motion.move_is_active()
 
-    virtual(scenario, files=tmp_path)
+    virtual(scenario)
+
+
+def test_driving_in_a_map_is_stopped_while_it_looks():
+    async def scenario(pepper):
+        poses = await put_into(pepper, sensors())
+        exploring = pepper.start("ALNavigation.explore", 3.0)
+        await pepper.run(3.0)
+        await call(pepper, "stopExploration")
+        await pepper.finish(exploring)
+        await call(pepper, "startLocalization")
+        await pepper.run(1.0)
+        for stop in ("ALNavigation.stopNavigateTo", "ALMotion.stopMove"):
+            driving = pepper.start("ALNavigation.navigateToInMap", [0.5, 0.0, 0.0])
+            await pepper.run(0.1)
+            pepper.call(stop)
+            await pepper.finish(driving, within=0.1)
+            assert driving.result() == 1
+        straight = pepper.start("ALNavigation.navigateTo", 0.5, 0.0)
+        await pepper.run(0.1)
+        await call(pepper, "stopNavigateTo")
+        await pepper.finish(straight)
+        assert straight.result() is False
+        assert abs(poses[-1][0]) < 0.05
+
+    virtual(scenario)
+
+
+def test_one_thing_is_done_at_a_time():
+    async def scenario(pepper):
+        await put_into(pepper, sensors())
+        exploring = pepper.start("ALNavigation.explore", 3.0)
+        await pepper.run(0.1)
+        for method, arguments in [
+            ("explore", (1.0,)),
+            ("navigateTo", (0.1, 0.0)),
+            ("startLocalization", ()),
+            ("relocalizeInMap", ([0.0, 0.0],)),
+        ]:
+            with pytest.raises(ServiceError, match=f"{method}: explore is already running"):
+                await call(pepper, method, *arguments)
+        exploring.cancel()  # Its client leaves.
+        await pepper.run(0.1)
+        assert exploring.cancelled()
+        assert await call(pepper, "navigateTo", 0.1, 0.0) is True
+
+    virtual(scenario)
 
 
 def test_what_cannot_be_is_said(tmp_path):
@@ -129,6 +215,7 @@ def test_what_cannot_be_is_said(tmp_path):
         for method, arguments, words in [
             ("explore", (2.0,), "lasers measure nothing"),
             ("explore", (0.0,), "above 0"),
+            ("explore", (51.0,), "at most 50"),
             ("getMetricalMap", (), "there is no map"),
             ("startLocalization", (), "there is no map"),
             ("navigateToInMap", ([0.0, 0.0, 0.0],), "not localized"),
@@ -139,9 +226,25 @@ def test_what_cannot_be_is_said(tmp_path):
             with pytest.raises(ServiceError, match=words):
                 await call(pepper, method, *arguments)
         broken = tmp_path / "home/nao/.local/share/Explorer/broken.explo"
-        broken.write_bytes(b"no map")
-        with pytest.raises(ServiceError, match=r"broken\.explo is not an exploration"):
-            await call(pepper, "loadExploration", "broken.explo")
+        grid, origin, nowhere = np.zeros((5, 5)), np.zeros(2), np.full(2, np.nan)
+        for content, words in [
+            (b"no map", "not an npz file"),
+            ({"log_odds": grid}, "has no origin"),
+            ({"log_odds": np.zeros(5), "origin": origin}, "must be a grid"),
+            ({"log_odds": np.zeros((5, 1008)), "origin": origin}, "must be a grid of 1 to 1007"),
+            ({"log_odds": grid * np.nan, "origin": origin}, "log_odds has a value"),
+            ({"log_odds": grid, "origin": nowhere}, "origin must be two numbers"),
+            ({"log_odds": grid, "origin": origin + 1.0}, "does not contain the place"),
+        ]:
+            if isinstance(content, dict):
+                with broken.open("wb") as file:
+                    np.savez(file, **content)
+            else:
+                broken.write_bytes(content)
+            told = r"an exploration: /home/nao/\.local/share/Explorer/broken\.explo: .*"
+            with pytest.raises(ServiceError, match=told + words) as refusal:
+                await call(pepper, "loadExploration", "broken.explo")
+            assert str(tmp_path) not in str(refusal.value)
 
     virtual(scenario, files=tmp_path)
     assert CALLER.client == 1
@@ -155,20 +258,79 @@ def test_poses_compose_and_invert(first, second):
     assert math.cos(back[2] - second[2]) == pytest.approx(1.0)
 
 
-def test_a_pose_is_found_by_what_the_lasers_see():
-    measure, known = sensors(PILLAR), FloorMap()
+def seen_from_the_middle(*more):
+    """Returns the map of the room as it is seen from the map's origin, turning once around."""
+    measure, known = sensors(*more), FloorMap()
     for theta in np.arange(0.0, 2 * math.pi, 0.5):
-        known.add(laser_scan(measure((0.0, 0.0, theta))), (0.0, 0.0, theta))
-    true = np.array([0.2, -0.3, 0.4])
-    scan = laser_scan(measure(true))
-    found = known.matched(scan, true + [0.1, -0.12, 0.1])
-    np.testing.assert_allclose(found, true, atol=0.05)
+        known = known.with_scan(laser_scan(measure((0.0, 0.0, theta))), (0.0, 0.0, theta))
+    return known
+
+
+@pytest.mark.parametrize("true", [(0.2, -0.3, 0.4), (0.1, -0.12, 0.1), (-0.3, 0.25, -2.5)])
+def test_a_pose_is_found_by_what_the_lasers_see(true):
+    known = seen_from_the_middle(PILLAR)
+    scan = laser_scan(sensors(PILLAR)(true))
+    for error in ([0.1, -0.12, 0.1], [-0.1, 0.12, -0.1], [0.0, 0.0, 0.0]):
+        found, mismatch = known.matched(scan, np.array(true) + error)
+        np.testing.assert_allclose(found, true, atol=0.05)
+        assert mismatch < CELL
+
+
+def test_a_pose_is_not_found_without_a_map_or_without_hits():
+    scan = laser_scan(sensors()((0.0, 0.0, 0.0)))
+    assert FloorMap().matched(scan, (0.1, 0.2, 0.3))[1] == math.inf
+    nothing = replace(scan, hits=np.zeros_like(scan.hits))
+    assert seen_from_the_middle().matched(nothing, (0.1, 0.2, 0.3))[1] == math.inf
+
+
+@given(st.floats(0.0, 1.5), st.floats(-1.5, -0.6))
+def test_a_way_keeps_its_distance_from_what_was_seen(x, y):
+    known, goal = _ROOM, (1.0, 0.9)
+    way = known.path((x, y), goal)
+    np.testing.assert_allclose(way[-1], goal)
+    corners = np.array([(x, y), *way])
+    shares = np.linspace(0.0, 1.0, 100)[:, None]
+    for start, end in itertools.pairwise(corners):
+        assert min(map(from_pillar, start + shares * (end - start))) > RADIUS
+        assert known.leads_straight(start, end)
+    assert known.leads_straight((x, y), goal) == (len(way) == 1)
+
+
+def _seen_all_around():
+    """Returns the map of the room from places around the pillar."""
+    measure, known = sensors(PILLAR), FloorMap()
+    for x, y in ((0.0, 0.0), (1.0, 1.0), (1.6, 0.0), (1.0, -1.0)):
+        for theta in np.arange(0.0, 2 * math.pi, 0.25):
+            known = known.with_scan(laser_scan(measure((x, y, theta))), (x, y, theta))
+    return known
+
+
+_ROOM = _seen_all_around()
+
+
+def test_places_where_it_was_are_left_out_until_none_is_left():
+    known, looked_from = seen_from_the_middle(PILLAR), []
+    while (way := known.frontier((0.0, 0.0), 3.0, looked_from)) is not None:
+        assert all(np.linalg.norm(way[-1] - place) > 3 * CELL for place in looked_from)
+        looked_from.append(way[-1])
+    assert 3 < len(looked_from) < 200
+
+
+def test_a_map_ends_somewhere():
+    scan, far = laser_scan(sensors()((0.0, 0.0, 0.0))), FloorMap()
+    for pose in ((0.0, 0.0, 0.0), (49.0, 49.0, 0.0), (-49.0, -49.0, 0.0), (1e9, 0.0, 0.0)):
+        far = far.with_scan(scan, pose)
+        assert far.log_odds.shape[0] == far.log_odds.shape[1] <= 1007
+    assert far.contains((48.0, 48.0))
+    assert not far.contains((60.0, 0.0))
+    assert far.path((60.0, 0.0), (0.1, 0.0)) is None
+    assert far.frontier((60.0, 0.0), 50.0, []) is None
 
 
 def test_no_way_leads_through_a_wall_or_the_unknown():
-    known = FloorMap()
-    known.add(laser_scan(sensors()((0.0, 0.0, 0.0))), (0.0, 0.0, 0.0))
+    known = FloorMap().with_scan(laser_scan(sensors()((0.0, 0.0, 0.0))), (0.0, 0.0, 0.0))
     assert known.path((0.0, 0.0), (1.0, 0.0)) is not None
     assert known.path((0.0, 0.0), (2.5, 0.0)) is None
     assert known.path((0.0, 0.0), (-1.0, 0.0)) is None  # Nobody looked there.
     assert known.path((0.0, 0.0), (100.0, 0.0)) is None
+    assert known.path((0.0, 0.0), (1e300, 0.0)) is None

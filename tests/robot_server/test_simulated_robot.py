@@ -1,14 +1,20 @@
+import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import load_scene
-from pepper_drake.naoqi.constants import CHAINS, JOINTS
+from pepper_drake.naoqi.constants import CHAINS, CYCLE, JOINTS
+from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.robot_server.ground_truth_service import make_extras
 from pepper_drake.robot_server.robot.robot_port import RobotCommand
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
 from pepper_drake.robot_server.robot.simulator import SimulatorConfig
+from pepper_drake.robot_server.wire.service import ServiceError
 
 _ARM = [JOINTS.index(name) for name in CHAINS["RArm"][:5]]
 _ELBOW, _WRIST = JOINTS.index("RElbowRoll"), JOINTS.index("RWristYaw")
@@ -78,3 +84,45 @@ def test_somebody_moves_the_goal_smoothly(robot):
     np.testing.assert_allclose(goals[-1], goals[0] + [0.0, 0.05, 0.02], atol=2e-3)
     moved = np.linalg.norm(np.diff(goals, axis=0), axis=1)
     assert np.all(moved <= 0.2 * np.diff(times) * 1.05 + 1e-6)
+
+
+def test_a_goal_that_moves_by_itself_is_moved_by_nobody(monkeypatch):
+    monkeypatch.setattr(SimulatedRobot, "start", lambda *_: None)  # No simulator is needed.
+    monkeypatch.setattr(SimulatedRobot, "end", lambda *_: None)
+    scene = load_scene("free")
+    moving = replace(scene, goal=replace(scene.goal, path=[[0.0, 0.0, 0.0, 0.0], [1.0, 0.1, 0, 0]]))
+    with SimulatedRobot(SimulatorConfig(moving, StationConfig())) as still:
+        (move_goal,) = make_extras(still).overloads("moveGoal")
+        with pytest.raises(ServiceError, match="moveGoal: the goal of this scene moves by itself"):
+            move_goal.handler(0.0, 0.05, 0.02)
+        assert still._command.writes == 0
+
+
+def test_a_person_leads_the_limp_arm_to_a_place_and_lets_go(robot):
+    extras = make_extras(robot)
+    call = {method.name: method.handler for method in extras.methods.values()}
+    stiff, start = np.ones(len(JOINTS)), robot.state().positions
+    limp = stiff.copy()
+    limp[_ARM] = 0.0
+    _command(robot, 0.1, start, limp)
+    kinematics = arm_kinematics(shared_control_model(), "right")
+    X_TH = kinematics.hand_pose(robot.state().positions[_ARM])
+    place = X_TH.translation() + [0.05, -0.05, 0.08]
+    call["leadHand"]("right", place.tolist())
+    path = np.array(_command(robot, 1.5, start, limp))
+    hands = np.array([kinematics.hand_pose(row[_ARM]).translation() for row in path])
+    assert np.linalg.norm(hands[-1] - place) < 0.01
+    # As a person: no faster than by hand, and nothing else is moved.
+    assert np.linalg.norm(np.diff(hands, axis=0), axis=1).max() < 3 * 0.35 * CYCLE
+    call["letGo"]()
+    call["touch"](["ChestBoard/Button"])
+    rest = np.array(_command(robot, 0.6, start, limp))
+    assert robot.state().touched == {"ChestBoard/Button"}
+    call["touch"]([])
+    assert np.abs(rest[-1][_ARM] - rest[len(rest) // 2][_ARM]).max() < 0.01
+    for wrong in (("both", [0.0, 0.0, 0.0]), ("left", [0.0, 0.0]), ("left", [math.nan] * 3)):
+        with pytest.raises(ServiceError, match="PepperDrake::leadHand"):
+            call["leadHand"](*wrong)
+    with pytest.raises(ServiceError, match='"nose" is no sensor; they are Head/Touch/Front'):
+        call["touch"](["nose"])
+    _command(robot, 0.1, robot.state().positions, stiff)

@@ -10,8 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
-from pepper_drake.planning.reach.reach_state import ReachState
-from pepper_drake.planning.reach.reach_state_machine import obey
+from pepper_drake.planning.reach.reach_state import ReachState, obey
 from pepper_drake.planning.reach.task_sequence import SequenceTask, hand_time
 from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.task_sequencer import TaskSequencer

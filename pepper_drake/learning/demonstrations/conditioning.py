@@ -181,6 +181,16 @@ def fill_times(times: Array, longest: float) -> Array:
     return np.append(np.concatenate(parts), times[-1])
 
 
+def evenly_chosen(count: int, most: int) -> npt.NDArray[np.int64]:
+    """Returns the indices of at most so many of `count` samples, the first and the last among them.
+
+    Args:
+        count: Number of samples.
+        most: Number of samples to choose at most.
+    """
+    return np.unique(np.round(np.linspace(0, count - 1, min(count, most))).astype(np.int64))
+
+
 def hermite(times: Array, values: Array, rates: Array) -> CubicHermiteSpline:
     """Returns the cubic through values (N, D) with given rates."""
     return CubicHermiteSpline(times, values, rates)

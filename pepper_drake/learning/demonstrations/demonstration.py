@@ -14,6 +14,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.conditioning import (
     careful,
+    evenly_chosen,
     fill_times,
     hermite,
     interpolant,
@@ -308,10 +309,9 @@ class Demonstration:
 
     def thinned(self, most: int) -> Self:
         """Returns the motion with at most so many samples, evenly chosen; ends are kept."""
-        count = len(self.times)
-        if count <= most:
+        if len(self.times) <= most:
             return self
-        return self.selected(np.unique(np.round(np.linspace(0, count - 1, most)).astype(int)))
+        return self.selected(evenly_chosen(len(self.times), most))
 
     def selected(self, samples: slice | npt.NDArray[np.int64]) -> Self:
         """Returns some of the samples."""

@@ -80,7 +80,7 @@ class BimanualPrimitive:
         right: Demonstration,
         *,
         approximator: str = DEFAULT_APPROXIMATOR,
-        num_basis: int = 40,
+        num_basis: int | None = None,
         hold_rate: float = 60.0,
     ) -> Self:
         """Learns from a motion of both hands, recorded at the same time.

@@ -14,15 +14,21 @@ from pepper_drake.learning.approximators.registry import get_approximator
 from pepper_drake.learning.demonstrations.arm_chain import ARMS, arm_chain
 from pepper_drake.learning.demonstrations.conditioning import (
     careful,
+    evenly_chosen,
     fill_times,
     hermite,
     interpolant,
     strays,
 )
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.dmp.num_basis import (
+    COMPARED,
+    MOST_SAMPLES,
+    choose_num_basis,
+    longest_step,
+)
 from pepper_drake.learning.dmp.primitive import (
     DEFAULT_APPROXIMATOR,
-    DEFAULT_NUM_BASIS,
     DEFAULT_SCALING,
     MovementPrimitive,
 )
@@ -39,6 +45,9 @@ from pepper_drake.short_repr import short_repr
 Array = npt.NDArray[np.float64]
 
 _FEWEST = 4
+FIT_TOLERANCE = 0.02
+"""Deviation [rad] of a fit above which, if the number of basis functions is left open, it is
+doubled."""
 
 
 def is_joint_primitive(path: str | Path) -> bool:
@@ -112,7 +121,9 @@ class JointPrimitive:
             joints: (N, J) [rad].
             names: J names.
             approximator: How the forcing term is learned; see `approximator_names`.
-            num_basis: Number of basis functions; at most as many as samples if left out.
+            num_basis: Number of basis functions. Left out, it follows the data: 40; no more than
+                there are samples; twice or more as many where the motion would leave what was shown
+                by more than `FIT_TOLERANCE`.
             scaling: How it adapts to start and goal; see `scaling`.
             alpha_z: Constant of the spring.
             seed: For approximators with random starts.
@@ -135,17 +146,35 @@ class JointPrimitive:
         if np.any(np.diff(t) <= 0.0):
             raise InputError(f"{name}: times must increase from sample to sample")
         get_approximator(approximator)
-        number = min(DEFAULT_NUM_BASIS, max(8, len(t) - 1)) if num_basis is None else num_basis
         duration = float(t[-1] - t[0])
         v, a, _ = interpolant(t, q)
+        kept = evenly_chosen(len(t), MOST_SAMPLES)
+        t, q, v, a = t[kept], q[kept], v[kept], a[kept]
         way = hermite(t, q, v)
         if strays(t, q, way):
             way = careful(t, q)
-        filled = fill_times(t, duration / (2 * max(number, 1)))
-        if len(filled) > len(t):
-            t, q, v, a = filled, way(filled), way.derivative(1)(filled), way.derivative(2)(filled)
-        sample = MotionSample((t - t[0]) / duration, q, v * duration, a * duration**2)
-        model = learn_attractor([sample], approximator, number, scaling, alpha_z, seed)
+
+        def learn(number: int) -> TransformationModel:
+            shown, joints, rates, curvatures = t, q, v, a
+            filled = fill_times(t, longest_step(t, number))
+            if len(filled) > len(t):
+                shown, joints = filled, way(filled)
+                rates, curvatures = way.derivative(1)(filled), way.derivative(2)(filled)
+            sample = MotionSample(
+                (shown - t[0]) / duration, joints, rates * duration, curvatures * duration**2
+            )
+            return learn_attractor([sample], approximator, number, scaling, alpha_z, seed)
+
+        def deviation(model: TransformationModel) -> float:
+            shown = fill_times(t, duration / COMPARED)
+            path = cls(tuple(names), model, duration).rollout(duration / COMPARED)
+            own = hermite(path.times, path.joints, path.velocities)(shown - t[0])
+            return float(np.abs(own - way(shown)).max())
+
+        if num_basis is None:
+            model = choose_num_basis(len(t), learn, deviation, FIT_TOLERANCE)
+        else:
+            model = learn(num_basis)
         return cls(tuple(names), model, duration, approximator, name)
 
     @classmethod

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from pepper_drake.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +42,7 @@ class PointCells(NamedTuple):
         return cls(*_sorted(np.array(points), lower, counts, size), lower, counts, size)
 
 
-@njit(cache=True)
+@compiled
 def _sorted(
     points: Array, lower: Array, counts: npt.NDArray[np.int64], size: float
 ) -> tuple[Array, npt.NDArray[np.int64]]:
@@ -64,7 +65,7 @@ def _sorted(
     return ordered, first
 
 
-@njit(cache=True)
+@compiled
 def _nearest(x: float, y: float, z: float, bound: float, cells: PointCells) -> float:
     """Distance of a place to the nearest point, `bound` if none is nearer [m]."""
     points, first, lower, counts, size = cells
@@ -92,7 +93,7 @@ def _nearest(x: float, y: float, z: float, bound: float, cells: PointCells) -> f
     return math.sqrt(best)
 
 
-@njit(cache=True)
+@compiled
 def least_gaps(centers: Array, radii: Array, cells: PointCells, within: float) -> Array:
     """Least distance (M,) of spheres to the points in each of M postures [m].
 
@@ -134,7 +135,7 @@ def least_gaps(centers: Array, radii: Array, cells: PointCells, within: float) -
     return least
 
 
-@njit(cache=True)
+@compiled
 def nearest_distances(places: Array, cells: PointCells, within: float) -> Array:
     """Distance (N,) of places (N, 3) to the nearest point, infinite beyond `within` [m]."""
     found = np.full(len(places), np.inf)
@@ -152,7 +153,7 @@ def nearest_distances(places: Array, cells: PointCells, within: float) -> Array:
     return found
 
 
-@njit(cache=True)
+@compiled
 def _nearest_points(
     x: float, y: float, z: float, bound: float, cells: PointCells, squares: Array
 ) -> npt.NDArray[np.int64]:
@@ -198,7 +199,7 @@ def _nearest_points(
         bound *= 2.0
 
 
-@njit(cache=True)
+@compiled
 def blended_directions(
     places: Array, cells: PointCells, count: int, blending: float
 ) -> tuple[Array, Array]:

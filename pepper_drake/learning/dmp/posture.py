@@ -49,14 +49,13 @@ class PostureProfile:
 
 
 def learn_posture(
-    demonstrations: list[Demonstration], times: list[Array], num_basis: int, alpha_z: float
+    demonstrations: list[Demonstration], times: list[Array], num_basis: int
 ) -> PostureProfile | None:
     """Learns the joints of demonstrations at relative times; None where one has none.
 
     Raises:
         InputError: Demonstrations have different joints.
     """
-    del alpha_z
     joints = [demo.joints for demo in demonstrations if demo.joints is not None]
     if len(joints) < len(demonstrations):
         return None

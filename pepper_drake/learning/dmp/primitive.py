@@ -15,6 +15,12 @@ from pepper_drake.learning.approximators.registry import LinearForcingModel
 from pepper_drake.learning.demonstrations.conditioning import hermite
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.demonstrations.refusals import refuse_impossible, refuse_unlike
+from pepper_drake.learning.dmp.num_basis import (
+    COMPARED,
+    MOST_SAMPLES,
+    choose_num_basis,
+    longest_step,
+)
 from pepper_drake.learning.dmp.obstacle_coupling import Coupling
 from pepper_drake.learning.dmp.orientation import OrientationAttractor, learn_orientation
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
@@ -47,29 +53,11 @@ Array = npt.NDArray[np.float64]
 
 DEFAULT_APPROXIMATOR = "trajectory_slopes"
 DEFAULT_SCALING = "gradual"
-DEFAULT_NUM_BASIS = 40
-"""Basis functions where the data do not ask for another number: some seconds of arm movement."""
-
-MOST_NUM_BASIS = 320
-
-_COMPARED = 400
-"""Places along a motion at which a fit is compared with what was shown."""
 FIT_TOLERANCE = 0.005
 """Deviation [m] of a fit from its demonstration above which, if the number of basis functions
 is left open, it is doubled."""
 
-_MOST_SAMPLES, _FEWEST_NUM_BASIS = 6000, 8
 _MOST_STEPS = 10_000_000
-_FEWEST_EACH, _FILLED_EACH = 2, 6
-"""Samples for each basis function below which the way between is filled in, and then so densely:
-with two that are made up, the last basis functions are weighted beyond measure."""
-
-
-def _dense(demonstration: Demonstration, num_basis: int) -> Demonstration:
-    """Returns a demonstration with enough samples for a number of basis functions."""
-    share = demonstration.duration / max(num_basis, 1)
-    filled = demonstration.filled(share / _FEWEST_EACH)
-    return filled if filled is demonstration else demonstration.filled(share / _FILLED_EACH)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,18 +164,20 @@ class MovementPrimitive:
             refuse_unlike(demos)
         if num_basis is not None:
             return cls._fit(demos, approximator, num_basis, scaling, orientation, alpha_z, seed)
-        fewest = min(len(demo.times) for demo in demos)
-        number = min(DEFAULT_NUM_BASIS, max(_FEWEST_NUM_BASIS, fewest - 1))
-        # Seconds at the usual rates are known to be reproduced by the usual number.
-        usual = 2 * DEFAULT_NUM_BASIS <= fewest < 8 * DEFAULT_NUM_BASIS
-        while True:
-            learned = cls._fit(demos, approximator, number, scaling, orientation, alpha_z, seed)
-            if usual or len(demos) > 1 or 2 * number > MOST_NUM_BASIS:
-                return learned
-            shown = demos[0].filled(demos[0].duration / _COMPARED)
-            if learned.distance(shown) <= FIT_TOLERANCE:
-                return learned
-            number *= 2
+
+        def deviation(learned: MovementPrimitive) -> float:
+            if len(demos) > 1:
+                return 0.0  # Their mean is learned, which is none of them.
+            return learned.distance(demos[0].filled(demos[0].duration / COMPARED))
+
+        return choose_num_basis(
+            min(len(demo.times) for demo in demos),
+            lambda number: cls._fit(
+                demos, approximator, number, scaling, orientation, alpha_z, seed
+            ),
+            deviation,
+            FIT_TOLERANCE,
+        )
 
     @classmethod
     def _fit(
@@ -200,7 +190,8 @@ class MovementPrimitive:
         alpha_z: float,
         seed: int,
     ) -> Self:
-        demos = [_dense(demo.thinned(_MOST_SAMPLES), num_basis) for demo in demonstrations]
+        demos = [demo.thinned(MOST_SAMPLES) for demo in demonstrations]
+        demos = [demo.filled(longest_step(demo.times, num_basis)) for demo in demos]
         samples = [motion_sample(demo) for demo in demos]
         times = [sample.times for sample in samples]
         turning = None
@@ -214,7 +205,7 @@ class MovementPrimitive:
             duration=float(np.mean([demo.duration for demo in demos])),
             path_length=float(np.mean([demo.path_length for demo in demos])),
             orientation=turning,
-            posture=learn_posture(demos, times, num_basis, alpha_z),
+            posture=learn_posture(demos, times, num_basis),
             approximator=approximator,
             name=demos[0].name,
         )
@@ -222,7 +213,7 @@ class MovementPrimitive:
     def distance(self, demonstration: Demonstration) -> float:
         """Returns how far the motion leaves a demonstration, at its samples [m]."""
         path = self.rollout(
-            time_step=demonstration.duration / _COMPARED,
+            time_step=demonstration.duration / COMPARED,
             start=demonstration.positions[0],
             goal=demonstration.positions[-1],
             duration=demonstration.duration,

@@ -241,6 +241,13 @@ class RhythmicPrimitive:
         numbers = np.concatenate((primitive.weights.ravel(), primitive.centre))
         if not 1 <= size <= GRID or not np.all(np.abs(numbers) <= 1e6):
             raise InputError(f"{path}: weights must be 1 to {GRID} rows of three finite numbers")
+        turned, middle = primitive.rotation_weights, primitive.rotation_centre
+        if turned is None and middle is None:
+            return primitive
+        if turned is None or turned.shape != (size, 3) or not np.all(np.abs(turned) <= 1e6):
+            raise InputError(f"{path}: rotation_weights must be {size} rows of finite numbers")
+        if middle is None or not abs(np.linalg.norm(middle) - 1.0) <= 1e-3:
+            raise InputError(f"{path}: rotation_centre must be a unit quaternion")
         return primitive
 
 

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from scipy.spatial import cKDTree
 
+from pepper_drake.compiled import compiled
 from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.perception.cameras.camera import HeadCamera
 from pepper_drake.perception.gaze.gaze_params import ViewParams
@@ -150,7 +150,7 @@ def _grid_poses(camera: HeadCamera) -> Vector:
     return np.array([camera_pose(camera, head).GetAsMatrix34() for head in head_grid()])
 
 
-@njit(cache=True)
+@compiled
 def _shown(
     in_image: npt.NDArray[np.bool_], eyes: Vector, places: Vector, centers: Vector, squares: Vector
 ) -> npt.NDArray[np.bool_]:

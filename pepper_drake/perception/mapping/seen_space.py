@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
-from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
+from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters, voxel_keys
 from pepper_drake.short_repr import short_repr
 
 Points = npt.NDArray[np.floating]
@@ -105,6 +105,27 @@ class SeenSpace:
         left = np.flatnonzero(unseen)
         unseen[left[np.isfinite(self._occupied(p_W[left])[0])]] = False
         return unseen
+
+    def hidden_below(self, p_W: Points, spacing: float) -> Points:
+        """Returns unknown places (K, 3) right below seen ones (N, 3), in W, down to the floor [m].
+
+        What stands on the floor shows its upper part alone to a camera that is above and near.
+        They go down to the first place that an image looked through, or where something was seen.
+
+        Args:
+            p_W: Where something was seen [m].
+            spacing: Between places, and between the seen ones that count [m].
+        """
+        p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
+        below = p_W[np.unique(voxel_keys(p_W, spacing), return_index=True)[1]]
+        # The first steps are within what counts as occupied around the place itself.
+        below = below - [0.0, 0.0, self.parameters.voxel_size + self.parameters.carve_margin]
+        hidden = []
+        while len(below := below[below[:, 2] > 0.0]):
+            below = below[self.unseen(below, 0.0, oldest=np.inf)]
+            hidden.append(below)
+            below = below - [0.0, 0.0, spacing]
+        return np.concatenate(hidden) if hidden else np.zeros((0, 3))
 
     def _free_age(self, p_W: Points, time: float, longest: float) -> npt.NDArray[np.float64]:
         """Time (N,) since images no older than `longest` [s] looked through places (N, 3) [s]."""

@@ -7,16 +7,18 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from pydrake.geometry import Box, Capsule, Cylinder, Role, SceneGraph, Shape, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 
+from pepper_drake.compiled import compiled
 from pepper_drake.errors import InputError
+from pepper_drake.learning.dmp.point_cells import PointCells
 from pepper_drake.short_repr import short_repr
 
 Points = npt.NDArray[np.floating]
@@ -77,8 +79,37 @@ class Solid:
         return np.asarray(_signed_distances(self.kind, self.dimensions, np.array(p_S, order="C")))
 
 
-@njit(cache=True)
-def signed_distance(
+class SolidArrays(NamedTuple):
+    """S solids as plain arrays, for compiled code; see `Solid`.
+
+    Attributes:
+        kinds: (S,).
+        dimensions: (S, 3) [m].
+        radii: (S,) of the balls around them [m].
+        rotations: (S, 3, 3) of each in its frame F.
+        positions: (S, 3) [m].
+    """
+
+    kinds: npt.NDArray[np.int64]
+    dimensions: npt.NDArray[np.float64]
+    radii: npt.NDArray[np.float64]
+    rotations: npt.NDArray[np.float64]
+    positions: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, solids: Sequence[Solid]) -> "SolidArrays":
+        """Returns the arrays of solids, of which there must be one at least."""
+        return cls(
+            np.array([solid.kind for solid in solids]),
+            np.array([solid.dimensions for solid in solids]),
+            np.array([solid.bounding_radius for solid in solids]),
+            np.array([solid.X_FS.rotation().matrix() for solid in solids]),
+            np.array([solid.X_FS.translation() for solid in solids]),
+        )
+
+
+@compiled
+def _signed_distance(
     kind: int, dimensions: npt.NDArray[np.float64], x: float, y: float, z: float
 ) -> float:
     """Signed distance of one point of a solid's own frame [m]; see `Solid`."""
@@ -94,11 +125,11 @@ def signed_distance(
     return math.sqrt(a * a + b * b + c * c) + inside
 
 
-@njit(cache=True)
+@compiled
 def _signed_distances(kind: int, dimensions: npt.NDArray[np.float64], points: Points) -> Points:
     distances = np.empty(len(points), points.dtype)
     for n in range(len(points)):
-        distances[n] = signed_distance(kind, dimensions, points[n, 0], points[n, 1], points[n, 2])
+        distances[n] = _signed_distance(kind, dimensions, points[n, 0], points[n, 1], points[n, 2])
     return distances
 
 
@@ -154,7 +185,7 @@ class SolidSet:
         points = np.ascontiguousarray(positions.reshape(-1, 3))
         least = np.full(len(points), float(cap))
         if len(points) and self._solids:
-            _lower_distances(least, points, *self._arrays)
+            _lower_distances(least, points, self._arrays)
         return least.reshape(positions.shape[:-1])
 
     def near(self, p_F: Points, margin: float) -> Mask:
@@ -169,29 +200,14 @@ class SolidSet:
         return np.asarray(distances <= margin)
 
     @functools.cached_property
-    def _arrays(self) -> tuple[npt.NDArray, ...]:
-        """Kinds, dimensions, bounding radii, rotations and positions in F, for compiled code."""
-        solids = self._solids
-        return (
-            np.array([solid.kind for solid in solids]),
-            np.array([solid.dimensions for solid in solids]),
-            np.array([solid.bounding_radius for solid in solids]),
-            np.array([solid.X_FS.rotation().matrix() for solid in solids]),
-            np.array([solid.X_FS.translation() for solid in solids]),
-        )
+    def _arrays(self) -> SolidArrays:
+        return SolidArrays.of(self._solids)
 
 
-@njit(cache=True)
-def _lower_distances(
-    least: npt.NDArray[np.float64],
-    points: Points,
-    kinds: npt.NDArray[np.int64],
-    dimensions: npt.NDArray[np.float64],
-    radii: npt.NDArray[np.float64],
-    rotations: npt.NDArray[np.float64],
-    positions: npt.NDArray[np.float64],
-) -> None:
+@compiled
+def _lower_distances(least: npt.NDArray[np.float64], points: Points, solids: SolidArrays) -> None:
     """Lowers distances (N,) of points (N, 3) to those of solids, where these are nearer."""
+    kinds, dimensions, radii, rotations, positions = solids
     for s in range(len(kinds)):
         R = rotations[s]
         for n in range(len(points)):
@@ -201,7 +217,7 @@ def _lower_distances(
             reach = radii[s] + least[n]
             if reach < 0.0 or a * a + b * b + c * c > reach * reach:
                 continue
-            distance = signed_distance(
+            distance = _signed_distance(
                 kinds[s],
                 dimensions[s],
                 a * R[0, 0] + b * R[1, 0] + c * R[2, 0],
@@ -209,6 +225,62 @@ def _lower_distances(
                 a * R[0, 2] + b * R[1, 2] + c * R[2, 2],
             )
             least[n] = min(least[n], distance)
+
+
+@compiled
+def least_link_distances(
+    rotations: npt.NDArray[np.float64],
+    positions: npt.NDArray[np.float64],
+    links: npt.NDArray[np.int64],
+    solids: SolidArrays,
+    cells: PointCells,
+    most: float,
+) -> npt.NDArray[np.float64]:
+    """Returns the least signed distances (M,) of solids on links to points, at most `most` [m].
+
+    Args:
+        rotations: (L, M, 3, 3) of each link in the frame of the points.
+        positions: (L, M, 3) [m].
+        links: (S,) number of the link that each solid is on.
+        solids: In the frames of their links.
+        cells: The points.
+        most: [m].
+    """
+    points, first, lower, counts, size = cells
+    least = np.full(rotations.shape[1], most)
+    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    R, p = np.empty((3, 3)), np.empty(3)
+    for m in range(len(least)):
+        for s in range(len(links)):
+            R_L, p_L = rotations[links[s], m], positions[links[s], m]
+            reach = solids.radii[s] + least[m]
+            for i in range(3):
+                p[i] = p_L[i]
+                for j in range(3):
+                    p[i] += R_L[i, j] * solids.positions[s, j]
+                    R[i, j] = 0.0
+                    for k in range(3):
+                        R[i, j] += R_L[i, k] * solids.rotations[s, k, j]
+                low[i] = max(math.floor((p[i] - reach - lower[i]) / size), 0)
+                high[i] = min(math.floor((p[i] + reach - lower[i]) / size), counts[i] - 1)
+            if low[2] > high[2]:
+                continue
+            for i in range(low[0], high[0] + 1):
+                for j in range(low[1], high[1] + 1):
+                    row = (i * counts[1] + j) * counts[2]
+                    for n in range(first[row + low[2]], first[row + high[2] + 1]):
+                        x, y, z = points[n, 0] - p[0], points[n, 1] - p[1], points[n, 2] - p[2]
+                        if x * x + y * y + z * z > reach * reach:
+                            continue
+                        distance = _signed_distance(
+                            solids.kinds[s],
+                            solids.dimensions[s],
+                            x * R[0, 0] + y * R[1, 0] + z * R[2, 0],
+                            x * R[0, 1] + y * R[1, 1] + z * R[2, 1],
+                            x * R[0, 2] + y * R[1, 2] + z * R[2, 2],
+                        )
+                        least[m] = min(least[m], distance)
+    return least
 
 
 def near_solids(
@@ -231,6 +303,15 @@ def near_solids(
     return SolidSet.posed(solids, poses).near(p_W, margin)
 
 
+def collision_solids(
+    plant: MultibodyPlant, scene_graph: SceneGraph, body: BodyIndex
+) -> list[Solid]:
+    """Returns the collision shapes of a body, in its frame."""
+    frame, inspector = plant.GetBodyFrameIdIfExists(body), scene_graph.model_inspector()
+    shapes = [] if frame is None else inspector.GetGeometries(frame, Role.kProximity)
+    return [Solid(inspector.GetShape(g), inspector.GetPoseInFrame(g)) for g in shapes]
+
+
 class RobotSolids:
     """A robot's collision shapes, where its joints put them.
 
@@ -247,7 +328,6 @@ class RobotSolids:
         model: ModelInstanceIndex | None = None,
     ) -> None:
         self._plant = plant
-        inspector = scene_graph.model_inspector()
         bodies = (
             [BodyIndex(k) for k in range(plant.num_bodies())]
             if model is None
@@ -256,13 +336,9 @@ class RobotSolids:
         self.solids: list[Solid] = []
         self._bodies: list[BodyIndex] = []
         for index in bodies:
-            frame = plant.GetBodyFrameIdIfExists(index)
-            if frame is None:
-                continue
-            for geometry in inspector.GetGeometries(frame, Role.kProximity):
-                shape = inspector.GetShape(geometry)
-                self.solids.append(Solid(shape, inspector.GetPoseInFrame(geometry)))
-                self._bodies.append(index)
+            own = collision_solids(plant, scene_graph, index)
+            self.solids += own
+            self._bodies += [index] * len(own)
         self.num_positions: int = plant.num_positions()
 
     def poses(self, q: npt.NDArray[np.float64]) -> list[RigidTransform]:

@@ -14,10 +14,10 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
+from pepper_drake.compiled import compiled
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.mapping.cloud import SurfacePoints
@@ -273,7 +273,7 @@ def is_free_space(
     )
 
 
-@njit(cache=True)
+@compiled
 def _looks_through(
     p_W: npt.NDArray[np.floating],
     clear: npt.NDArray[np.float32],

@@ -121,12 +121,13 @@ def _draw(model: MarkerModel, arm: str, rng: np.random.Generator) -> list[Calibr
     cameras = rng.choice(model.cameras, _BATCH)
     aside = rng.uniform(-_AROUND, _AROUND, (_BATCH, 2))
     drawn = []
-    for k in np.flatnonzero(model.marker_places(arms)[:, 0] > _AHEAD):
+    places = model.marker_places(arms)
+    for k in np.flatnonzero(places[:, 0] > _AHEAD):
         low, high = elbow_roll_limits(float(arms[k, 2]), arm)
         if not low + margin < arms[k, 3] < high - margin:
             continue
-        p_TM = model.marker_places(arms[k : k + 1])[0]
-        yaw, pitch = (aim_head(HEAD_CAMERA_MODELS[str(cameras[k])], p_TM) + aside[k]).tolist()
+        aimed = aim_head(HEAD_CAMERA_MODELS[str(cameras[k])], places[k])
+        yaw, pitch = (aimed + aside[k]).tolist()
         low, high = head_pitch_limits(yaw)
         if abs(yaw) < _LARGEST_YAW and low + margin < pitch < high - margin:
             joints = np.concatenate(([yaw, pitch], arms[k]))

@@ -5,12 +5,11 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Role
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
-from pepper_drake.perception.mapping.solids import Solid, SolidSet
+from pepper_drake.perception.mapping.solids import Solid, SolidSet, collision_solids
 from pepper_drake.planning.collision.arm_kinematics import ArmPoses
 from pepper_drake.planning.collision.clearance_table import FARTHEST
 from pepper_drake.planning.collision.distance_grid import DistanceGrid, Region, sample
@@ -54,20 +53,16 @@ class BodyShapes:
 
     def __init__(self, model: ControlModel, arm: str) -> None:
         self._model = model
-        inspector = model.diagram.scene_graph().model_inspector()
         left_out = {*arm_link_names(arm), f"{arm[0].upper()}Shoulder"}
         self._solids: list[Solid] = []
         self._frames = []
         for index in model.plant.GetBodyIndices(model.model_instance):
             body = model.plant.get_body(index)
-            frame = model.plant.GetBodyFrameIdIfExists(index)
-            if frame is None or body.name() in left_out:
+            if body.name() in left_out:
                 continue
-            for shape in inspector.GetGeometries(frame, Role.kProximity):
-                self._solids.append(
-                    Solid(inspector.GetShape(shape), inspector.GetPoseInFrame(shape))
-                )
-                self._frames.append(body.body_frame())
+            own = collision_solids(model.plant, model.diagram.scene_graph(), index)
+            self._solids += own
+            self._frames += [body.body_frame()] * len(own)
 
     def at(self, joint_position: Vector) -> SolidSet:
         """Returns the shapes in T at joints (15,) in the order of `BODY_JOINTS` [rad]."""

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
@@ -52,6 +53,21 @@ class BodyClearance:
             np.array([X.translation() for X in poses]),
         )
 
+    def solid_points(self, joint_position: Vector, spacing: float) -> Vector:
+        """Points (N, 3) of a grid in the base frame B that lie in the links [m].
+
+        Args:
+            joint_position: The joints (15,) [rad].
+            spacing: Of the grid [m].
+        """
+        centers, radii = self.centers(joint_position), self.radii
+        lower = (centers - radii[:, None]).min(axis=0)
+        upper = (centers + radii[:, None]).max(axis=0)
+        axes = [np.arange(*span, spacing) for span in zip(lower, upper, strict=True)]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        within = cKDTree(grid).query_ball_point(centers, radii)
+        return np.asarray(grid[np.unique(np.concatenate(within).astype(int))])
+
     def __call__(
         self, base_poses: Vector, joint_position: Vector, field: PointCloudDistance
     ) -> Vector:
@@ -62,17 +78,21 @@ class BodyClearance:
             joint_position: The joints (15,) [rad].
             field: The obstacles, in W.
         """
-        p_B = self.centers(joint_position)
-        cos, sin = np.cos(base_poses[:, 2, None]), np.sin(base_poses[:, 2, None])
-        p_W = np.stack(
-            (
-                base_poses[:, 0, None] + cos * p_B[:, 0] - sin * p_B[:, 1],
-                base_poses[:, 1, None] + sin * p_B[:, 0] + cos * p_B[:, 1],
-                np.broadcast_to(p_B[:, 2], (len(base_poses), len(p_B))),
-            ),
-            axis=-1,
-        )
+        p_W = at_base_poses(self.centers(joint_position), base_poses)
         return np.asarray((field.distance(p_W) - self._spheres.radii).min(axis=1))
+
+
+def at_base_poses(p_B: Vector, base_poses: Vector) -> Vector:
+    """Returns points (S, 3) of the base frame B in W (N, S, 3) [m], for base poses (N, 3)."""
+    cos, sin = np.cos(base_poses[:, 2, None]), np.sin(base_poses[:, 2, None])
+    return np.stack(
+        (
+            base_poses[:, 0, None] + cos * p_B[:, 0] - sin * p_B[:, 1],
+            base_poses[:, 1, None] + sin * p_B[:, 0] + cos * p_B[:, 1],
+            np.broadcast_to(p_B[:, 2], (len(base_poses), len(p_B))),
+        ),
+        axis=-1,
+    )
 
 
 def drive_poses(start: Vector, goal: Vector, spacing: float = 0.03) -> Vector:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from pepper_drake.compiled import compiled
 
 Vector = npt.NDArray[np.float64]
 
@@ -53,7 +54,7 @@ def sample(region: Region, points: Vector, cap: float) -> Vector:
     return np.sqrt(squares).ravel()
 
 
-@njit(cache=True)
+@compiled
 def _lower_squares(
     squares: Vector, lower: Vector, spacing: float, points: Vector, cap: float
 ) -> None:

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Box, Capsule, Cylinder, Role, Shape, Sphere
-from pydrake.math import RigidTransform
+from pydrake.geometry import Box, Capsule, Cylinder, Shape, Sphere
 
 from pepper_drake.models.control_model import ControlModel
+from pepper_drake.perception.mapping.solids import collision_solids
 
 Vector = npt.NDArray[np.float64]
 
@@ -99,13 +99,12 @@ def approximate_with_spheres(shape: Shape) -> tuple[Vector, Vector]:
 
 def make_link_spheres(model: ControlModel, link_names: tuple[str, ...]) -> SphereModel:
     """Covers the collision shapes of some of Pepper's links with spheres."""
-    inspector = model.diagram.scene_graph().model_inspector()
+    plant, scene_graph = model.plant, model.diagram.scene_graph()
     links, centers, radii = [], [], []
     for number, name in enumerate(link_names):
-        frame = model.plant.GetBodyFrameIdOrThrow(model.plant.GetBodyByName(name).index())
-        for geometry in inspector.GetGeometries(frame, Role.kProximity):
-            X_LG: RigidTransform = inspector.GetPoseInFrame(geometry)
-            p_G, r = approximate_with_spheres(inspector.GetShape(geometry))
+        for solid in collision_solids(plant, scene_graph, plant.GetBodyByName(name).index()):
+            X_LG = solid.X_FS
+            p_G, r = approximate_with_spheres(solid.shape)
             centers.append((X_LG.rotation().matrix() @ p_G.T).T + X_LG.translation())
             radii.append(r)
             links.append(np.full(len(r), number))

@@ -1,21 +1,30 @@
 """The joints of an arm whose hand follows given ways: many ways at once."""
 
-from functools import lru_cache
-
 import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.models.pepper import elbow_roll_limits
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
 
 Array = npt.NDArray[np.float64]
 
-_ELBOW_YAW, _ELBOW_ROLL = 2, 3
 _DAMPING = 0.02
 """Damping of the inverse [m]: it bounds the joints' speed near a stretched arm."""
 _POSTURE_GAIN = 3.0
 """Rate [1/s] at which the redundant joints return to the nominal posture."""
+
+
+def damped_least_squares(J: Array, error: Array, damping: float) -> Array:
+    """Returns joint motions (M, 5) [rad] that move hands by (M, 3) [m]: J' (J J' + damping² 1)^-1.
+
+    Args:
+        J: (M, 3, 5) the hands' linear velocity per joint velocity [m/rad].
+        error: (M, 3) [m].
+        damping: It bounds the motion near a stretched arm [m/rad].
+    """
+    J_T = J.transpose(0, 2, 1)
+    squares = J @ J_T + damping**2 * np.eye(J.shape[1])
+    return np.asarray((J_T @ np.linalg.solve(squares, error[..., None]))[..., 0])
 
 
 def batch_inverse_kinematics(
@@ -47,7 +56,6 @@ def batch_inverse_kinematics(
     joints = np.empty((count, steps, 5))
     q = np.clip(nominal[:, 0], limits.position_lower, limits.position_upper)
     joints[:, 0] = q
-    damping = _DAMPING**2 * np.eye(3)
     most = limits.velocity * time_step
     for n in range(1, steps):
         poses = kinematics.poses(q)
@@ -55,24 +63,13 @@ def batch_inverse_kinematics(
         z = nominal[:, n] - nominal[:, n - 1]
         z = z + _POSTURE_GAIN * time_step * (nominal[:, n] - q)
         error = ways[:, n] - poses.hand_position - (J @ z[..., None])[..., 0]
-        J_T = J.transpose(0, 2, 1)
-        change = z + (J_T @ np.linalg.solve(J @ J_T + damping, error[..., None]))[..., 0]
+        change = z + damped_least_squares(J, error, _DAMPING)
         change /= np.maximum(1.0, (np.abs(change) / most).max(axis=1))[:, None]
         q = np.clip(q + change, limits.position_lower, limits.position_upper)
-        lower, upper = _elbow_limits(kinematics.arm, q[:, _ELBOW_YAW])
-        q[:, _ELBOW_ROLL] = np.clip(q[:, _ELBOW_ROLL], lower, upper)
+        for one in limits.coupled:
+            lower, upper = (
+                np.interp(q[:, one.leader], one.positions, ends) for ends in (one.lower, one.upper)
+            )
+            q[:, one.follower] = np.clip(q[:, one.follower], lower, upper)
         joints[:, n] = q
     return joints
-
-
-def _elbow_limits(arm: str, yaws: Array) -> tuple[Array, Array]:
-    """Returns an elbow roll's lower and upper limits (S,) at elbow yaws (S,) [rad]."""
-    grid, lower, upper = _elbow_table(arm)
-    return np.interp(yaws, grid, lower), np.interp(yaws, grid, upper)
-
-
-@lru_cache(maxsize=2)
-def _elbow_table(arm: str) -> tuple[Array, Array, Array]:
-    grid = np.linspace(-2.2, 2.2, 441)
-    limits = np.array([elbow_roll_limits(float(yaw), arm) for yaw in grid])
-    return grid, limits[:, 0], limits[:, 1]

@@ -1,14 +1,15 @@
 """One tick of the arm's command, compiled: inverse kinematics, then the limits of the joints.
 
-The inverse kinematics is the program of `differential_ik.make_differential_ik`, Drake's system,
-term by term; the tests hold it against that system and against another solver. Drake solves it by
-OSQP, which without an active bound is content with a gradient of a thousandth of its terms, and
-makes program, contexts and solver anew every tick. Here its minimum is found to rounding, in
+The inverse kinematics is the program of Drake's DifferentialInverseKinematicsSystem, term by term:
+two least-squares costs, which weigh position over direction, and two joint-centering costs, each
+blind to one rotation axis only, which together pull every joint to the nominal posture with unit
+weight. The tests hold it against that system and against another solver. Drake solves it by OSQP,
+which without an active bound is content with a gradient of a thousandth of its terms, and makes
+program, contexts and solver anew every tick. Here its minimum is found to rounding, in
 microseconds.
 
-All that is compiled stands in one file, since numba keeps what it compiled (beside this file, or in
-$NUMBA_CACHE_DIR) until this file changes, whatever happens to what it calls elsewhere. Numbers one
-by one, not arrays: each array that is made takes longer than what is done with it.
+All that is compiled stands in this file (see `compiled`). Numbers one by one, not arrays: each
+array that is made takes longer than what is done with it.
 """
 
 import math
@@ -16,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from pepper_drake.compiled import compiled
 from pepper_drake.models.control_model import LimitArrays
 from pepper_drake.planning.collision.arm_kinematics import ArmChain
 
@@ -60,7 +61,7 @@ class IkNumbers(NamedTuple):
     fastest: Vector
 
 
-@njit(cache=True)
+@compiled
 def _times(R: Vector, C: Vector) -> Vector:
     """R C, (3, 3)."""
     out = np.empty((3, 3))
@@ -70,7 +71,7 @@ def _times(R: Vector, C: Vector) -> Vector:
     return out
 
 
-@njit(cache=True)
+@compiled
 def _hand(q: Vector, chain: ArmChain) -> tuple[Vector, Vector, Vector]:
     """Rotation and position of the hand in T, and its Jacobian (6, 5), angular first."""
     R, p = np.eye(3), np.zeros(3)
@@ -99,7 +100,7 @@ def _hand(q: Vector, chain: ArmChain) -> tuple[Vector, Vector, Vector]:
     return R, p, J
 
 
-@njit(cache=True)
+@compiled
 def _quaternion(R: Vector) -> Vector:
     """Unit quaternion w, x, y, z of a rotation matrix (Shepperd 1978, doi 10.2514/3.55767b)."""
     found = np.empty(4)
@@ -118,7 +119,7 @@ def _quaternion(R: Vector) -> Vector:
     return found / np.sqrt(np.sum(found * found))
 
 
-@njit(cache=True)
+@compiled
 def _rotation_vector(asked: Vector, R: Vector) -> Vector:
     """Rotation vector (3,) in T [rad] that takes R to the quaternion asked for."""
     w, x, y, z = _quaternion(R)
@@ -138,7 +139,7 @@ def _rotation_vector(asked: Vector, R: Vector) -> Vector:
     return vector * (angle / length if scalar >= 0.0 else -angle / length)
 
 
-@njit(cache=True)
+@compiled
 def _solve_free(H: Vector, g: Vector, side: npt.NDArray[np.int64], L: Vector, v: Vector) -> None:
     """Sets the free components of v to the minimum for the others' values, by Cholesky in L."""
     n = len(g)
@@ -173,7 +174,7 @@ def _solve_free(H: Vector, g: Vector, side: npt.NDArray[np.int64], L: Vector, v:
             v[i] /= L[i, i]
 
 
-@njit(cache=True)
+@compiled
 def solve_box_qp(H: Vector, g: Vector, low: Vector, high: Vector) -> Vector:
     """The minimum of v' H v / 2 - g' v over low <= v <= high, H positive definite.
 
@@ -213,7 +214,7 @@ def solve_box_qp(H: Vector, g: Vector, low: Vector, high: Vector) -> Vector:
     return np.minimum(np.maximum(v, low), high)
 
 
-@njit(cache=True)
+@compiled
 def _add_centering(H: Vector, g: Vector, pull: Vector, J: Vector) -> None:
     """Adds a centering cost that is blind to turns of the hand by a row J (5,) of its Jacobian.
 
@@ -238,7 +239,7 @@ def _add_centering(H: Vector, g: Vector, pull: Vector, J: Vector) -> None:
             g[m] -= share * centered
 
 
-@njit(cache=True)
+@compiled
 def ik_velocity(
     q: Vector,
     nominal: Vector,
@@ -274,7 +275,7 @@ def ik_velocity(
     return solve_box_qp(H, g, low, high)
 
 
-@njit(cache=True)
+@compiled
 def stopping_distance(speed: float, change: float, time_step: float) -> float:
     """Distance that a joint goes on while it brakes, in steps of `time_step` [rad].
 
@@ -287,7 +288,7 @@ def stopping_distance(speed: float, change: float, time_step: float) -> float:
     return time_step * steps * (speed - 0.5 * change * (steps + 1))
 
 
-@njit(cache=True)
+@compiled
 def stoppable_velocity(distance: float, change: float, time_step: float) -> float:
     """Largest next velocity that, braking after it, ends within a signed distance.
 
@@ -299,7 +300,7 @@ def stoppable_velocity(distance: float, change: float, time_step: float) -> floa
     return math.copysign(speed, distance)
 
 
-@njit(cache=True)
+@compiled
 def tracking_velocities(
     position: Vector, wish: Vector, previous_wish: Vector, limits: LimitArrays, time_step: float
 ) -> Vector:
@@ -317,7 +318,7 @@ def tracking_velocities(
     return desired
 
 
-@njit(cache=True)
+@compiled
 def limited_step(
     position: Vector, velocity: Vector, desired: Vector, limits: LimitArrays, time_step: float
 ) -> tuple[Vector, Vector]:
@@ -339,7 +340,7 @@ def limited_step(
     return position + time_step * following, following
 
 
-@njit(cache=True)
+@compiled
 def _interpolated(x: float, nodes: Vector, values: Vector) -> float:
     """Value at x of the line through nodes, constant beyond them, as numpy.interp's."""
     if x <= nodes[0]:
@@ -350,7 +351,7 @@ def _interpolated(x: float, nodes: Vector, values: Vector) -> float:
     return (values[j + 1] - values[j]) / (nodes[j + 1] - nodes[j]) * (x - nodes[j]) + values[j]
 
 
-@njit(cache=True)
+@compiled
 def _coupled_margins(
     table: Vector, start: Vector, velocities: Vector, change: Vector, time_step: float
 ) -> tuple[float, float]:
@@ -379,7 +380,7 @@ def _coupled_margins(
     return below, above
 
 
-@njit(cache=True)
+@compiled
 def _keep_coupled(
     number: int,
     position: Vector,
@@ -433,7 +434,7 @@ def _keep_coupled(
     velocity[follower] = min(max(back, lowest[follower]), highest[follower])
 
 
-@njit(cache=True)
+@compiled
 def track_path(
     joints: Vector,
     velocity: Vector,

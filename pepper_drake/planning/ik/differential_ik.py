@@ -1,4 +1,4 @@
-"""Differential inverse kinematics of one arm, of Drake's own parts."""
+"""Parameters of one arm's differential inverse kinematics, its limits and its reference."""
 
 import math
 from dataclasses import dataclass
@@ -7,13 +7,11 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
-from pydrake.multibody.inverse_kinematics import DifferentialInverseKinematicsSystem
-from pydrake.multibody.math import SpatialVelocity
-from pydrake.planning import DofMask, JointLimits
+from pydrake.planning import JointLimits
 
 from pepper_drake.learning import rotations
 from pepper_drake.models.control_model import CONTROL_PERIOD, ControlModel, arm_joints
-from pepper_drake.models.pepper import elbow_roll_limits, hand_frame
+from pepper_drake.models.pepper import coupled_limits, hand_frame
 
 Vector = npt.NDArray[np.float64]
 
@@ -101,22 +99,18 @@ def feedforward_poses(
     return next_position + lead * (next_position - position), rotations.normalize(asked)
 
 
-def conservative_elbow_roll_limits(arm: str) -> tuple[float, float]:
-    """The elbow roll's range (lower, upper), rad, that every elbow yaw allows.
-
-    The solver knows only constant limits. The 11 degrees that some yaws would allow besides are
-    at the folded end, where the hand is nearest to the shoulder.
-    """
-    ranges = [elbow_roll_limits(yaw, arm) for yaw in np.linspace(-2.1, 2.1, 85)]
-    return max(lower for lower, _ in ranges), min(upper for _, upper in ranges)
-
-
 def arm_joint_limits(model: ControlModel, arm: str, params: DifferentialIkParams) -> JointLimits:
-    """Limits of the plant's joints (18) that the arm's inverse kinematics keeps."""
+    """Limits of the plant's joints (18) that the arm's inverse kinematics keeps.
+
+    The solver knows only constant limits: an elbow's roll gets those that every elbow yaw allows.
+    The 11 degrees that some yaws would allow besides are at the folded end, where the hand is
+    nearest to the shoulder.
+    """
     rated = JointLimits(model.plant)
     lower, upper = rated.position_lower(), rated.position_upper()
-    elbow_roll = model.position_indices(arm_joints(arm))[3]
-    lower[elbow_roll], upper[elbow_roll] = conservative_elbow_roll_limits(arm)
+    rows = model.position_indices(arm_joints(arm))
+    for coupled in coupled_limits(arm_joints(arm)):
+        lower[rows[coupled.follower]], upper[rows[coupled.follower]] = coupled.strictest
     return JointLimits(
         position_lower=lower,
         position_upper=upper,
@@ -124,72 +118,4 @@ def arm_joint_limits(model: ControlModel, arm: str, params: DifferentialIkParams
         velocity_upper=params.speed_fraction * rated.velocity_upper(),
         acceleration_lower=rated.acceleration_lower(),
         acceleration_upper=rated.acceleration_upper(),
-    )
-
-
-def make_differential_ik(
-    model: ControlModel, arm: str, params: DifferentialIkParams
-) -> DifferentialInverseKinematicsSystem:
-    """Makes the system that turns the hand's next pose in the torso frame into joint velocities.
-
-    Ports (Drake's): `position` and `nominal_posture` are plant positions (18,),
-    `desired_cartesian_poses` a bus with X_TH under `hand_key(arm)`; `commanded_velocity` has the
-    arm's five joints, shoulder to wrist.
-
-    Position is weighed over direction by two least-squares costs. Two joint-centering costs,
-    each blind to one rotation axis only, together pull every joint to the nominal posture with
-    unit weight, which damps the singular poses (see `DifferentialIkParams`).
-    """
-    dik = DifferentialInverseKinematicsSystem
-    key = hand_key(arm)
-    translation = {key: np.array([0.0, 0, 0, 1, 1, 1])}
-    rotation = {key: np.array([1.0, 1, 1, 0, 0, 0])}
-
-    indices = model.position_indices(arm_joints(arm))
-    mask = DofMask([k in indices for k in range(model.plant.num_positions())])
-    limits = arm_joint_limits(model, arm, params)
-
-    recipe = dik.Recipe()
-    recipe.AddIngredient(
-        dik.LeastSquaresCost(
-            dik.LeastSquaresCost.Config(
-                cartesian_qp_weight=params.position_weight, cartesian_axis_masks=translation
-            )
-        )
-    )
-    recipe.AddIngredient(
-        dik.LeastSquaresCost(
-            dik.LeastSquaresCost.Config(
-                cartesian_qp_weight=params.orientation_weight, cartesian_axis_masks=rotation
-            )
-        )
-    )
-    for axis in range(2):
-        blind = np.zeros(6)
-        blind[axis] = 1
-        recipe.AddIngredient(
-            dik.JointCenteringCost(
-                dik.JointCenteringCost.Config(
-                    posture_gain=params.posture_gain, cartesian_axis_masks={key: blind}
-                )
-            )
-        )
-    recipe.AddIngredient(
-        dik.JointVelocityLimitConstraint(
-            dik.JointVelocityLimitConstraint.Config(
-                min_margin=params.limit_margin, influence_margin=params.limit_influence
-            ),
-            JointLimits(limits, mask),
-        )
-    )
-    return dik(
-        recipe=recipe,
-        task_frame="pepper::torso",
-        collision_checker=model.make_collision_checker(),
-        active_dof=mask,
-        time_step=params.time_step,
-        K_VX=params.tracking_gain,
-        Vd_TG_limit=SpatialVelocity(
-            w=[params.angular_velocity_limit] * 3, v=[params.linear_velocity_limit] * 3
-        ),
     )

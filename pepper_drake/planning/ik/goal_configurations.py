@@ -11,13 +11,16 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+from pepper_drake.planning.ik.batch_ik import damped_least_squares
 
 Vector = npt.NDArray[np.float64]
 
 _LIBRARY_SIZE = 20000
 _SEED = 1
-_DAMPING = 0.01
-"""Damping of the least-squares steps, m/rad."""
+_STEPS, _DAMPING = 8, 0.01
+"""Number of damped least-squares steps, and their damping [m/rad]."""
+_TOLERANCE = 2e-4
+"""Distance from the point at which a hand is there [m]."""
 _LARGEST_STEP = 0.3
 """Largest motion of a joint in one step [rad]."""
 
@@ -41,32 +44,26 @@ class GoalConfigurations:
         """The library's postures (count, 5), rad, whose hands are nearest to a point (3,) in T."""
         return self._joints[self._hands.query(p_TH, k=count)[1]]
 
-    def solve(
-        self, targets: Vector, starts: Vector, *, steps: int = 8, tolerance: float = 2e-4
-    ) -> tuple[Vector, npt.NDArray[np.bool_]]:
-        """Moves postures by the least they need to put their hands at points.
+    def solve(self, target: Vector, starts: Vector) -> tuple[Vector, npt.NDArray[np.bool_]]:
+        """Moves postures by the least they need to put their hands at a point.
 
         Args:
-            targets: (M, 3) in T, m, or one point (3,).
-            starts: (M, 5) rad.
-            steps: Number of steps of damped least squares.
-            tolerance: m.
+            target: (3,) in T [m].
+            starts: (M, 5) [rad].
 
         Returns:
             Postures (M, 5), and which of them are there.
         """
         q = np.clip(starts, self._lower, self._upper)
-        damping = _DAMPING**2 * np.eye(3)
-        for _ in range(steps):
+        for _ in range(_STEPS):
             poses = self._kinematics.poses(q)
-            error = targets - poses.hand_position
+            error = target - poses.hand_position
             J = poses.hand_jacobian()[:, 3:]
-            push = np.linalg.solve(J @ J.swapaxes(1, 2) + damping, error[..., None])
-            step = (J.swapaxes(1, 2) @ push)[..., 0]
+            step = damped_least_squares(J, error, _DAMPING)
             step /= np.maximum(np.abs(step).max(axis=1, keepdims=True) / _LARGEST_STEP, 1.0)
             q = np.clip(q + step, self._lower, self._upper)
-        error = np.linalg.norm(targets - self._kinematics.poses(q).hand_position, axis=1)
-        return q, error <= tolerance
+        error = np.linalg.norm(target - self._kinematics.poses(q).hand_position, axis=1)
+        return q, error <= _TOLERANCE
 
     def well_turned(self, q: Vector, R_TG: Vector, axis: npt.ArrayLike, tolerance: float) -> Vector:
         """Returns those postures (M, 5) whose hand has an axis (3,) near its goal's; all if none.

@@ -27,7 +27,8 @@ def fit_barrier_to_path(
 
     A planned path may pass an obstacle more closely than a hand whose orientation does not count
     would. There the barrier must not push, as it would push the hand off the plan; but it has to
-    act as soon as something is nearer than the plan knew. It is silent (see `coupling`) where
+    act as soon as something is nearer than the plan knew. It is silent, as `BarrierCoupling` is,
+    where
 
         n·a + k1 n·v + k (d - rho) >= 0,  k = k0 k1² / 4,  that is  rho <= d + (n·a + k1 n·v) / k.
 

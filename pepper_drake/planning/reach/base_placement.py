@@ -1,6 +1,7 @@
 """Base placement: candidate base poses, and the best plan from any of them."""
 
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -51,7 +52,7 @@ class BasePlacement:
         self._model, self._arm, self._X_OG = model, arm, X_OG
         self._demonstrated_goal, self._params = demonstrated_goal, params
         self.body_clearances = BodyClearance(model, body_links(model, without_arm=arm))
-        self._resting_clearances = BodyClearance(model, body_links(model))
+        self.resting_clearances = BodyClearance(model, body_links(model))
 
     def __call__(
         self,
@@ -166,7 +167,7 @@ class BasePlacement:
         ways = [drive_poses(base_pose, place) for place in places]
         if not ways:
             return np.zeros(0)
-        clearances = self._resting_clearances(np.concatenate(ways), joint_position, field)
+        clearances = self.resting_clearances(np.concatenate(ways), joint_position, field)
         ends = np.cumsum([len(way) for way in ways])[:-1]
         return np.array([part.min() for part in np.split(clearances, ends)])
 
@@ -184,8 +185,6 @@ class BasePlacementPlanner:
 
     def plan(self, observation: Observation) -> ReachPlan:
         """Returns the best plan from any place where the base can stand; see `Planner`."""
-        params = self._evaluator.params
-        field = PointCloudDistance(observation.obstacles, extension=params.solid_depth)
         seen = (observation.base_pose, observation.joint_position, observation.X_WO)
         if not self._places.is_reachable(*seen):
             return ReachPlan(
@@ -194,15 +193,8 @@ class BasePlacementPlanner:
                 observation.base_pose,
             )
 
-        def has_room(places: Vector) -> npt.NDArray[np.bool_]:
-            room = self._places.body_clearances(places, observation.joint_position, field)
-            free = room >= params.body_clearance
-            drive = self._places.drive_clearances(
-                observation.base_pose, places[free], observation.joint_position, field
-            )
-            free[free] = drive >= params.drive_clearance
-            return free
-
+        field = self._standing_field(observation)
+        has_room = partial(self.has_room, observation=observation, field=field)
         scenes = self._evaluator.scenes
         obstacles = scenes.obstacle_field(observation)
         usual, wide = (
@@ -224,6 +216,38 @@ class BasePlacementPlanner:
                 observation.base_pose,
             )
         return best
+
+    def has_room(
+        self,
+        places: Vector,
+        observation: Observation,
+        field: PointCloudDistance | None = None,
+        lost: float = 0.0,
+    ) -> npt.NDArray[np.bool_]:
+        """Tells at which base poses (N, 3) the body has room, and on the straight way there.
+
+        Args:
+            places: x, y [m], yaw [rad] in W.
+            observation: What is known.
+            field: Its obstacles, if they were asked for distances before.
+            lost: Room that may be missing [m].
+        """
+        params, joints = self._evaluator.params, observation.joint_position
+        if field is None:
+            field = self._standing_field(observation)
+        room = self._places.body_clearances(places, joints, field)
+        free = room >= params.body_clearance - lost
+        drive = self._places.drive_clearances(observation.base_pose, places[free], joints, field)
+        free[free] = drive >= params.drive_clearance - lost
+        return free
+
+    def _standing_field(self, observation: Observation) -> PointCloudDistance:
+        """The obstacles for the body: what was seen, taken to stand on the floor if it may."""
+        params, seen = self._evaluator.params, observation.obstacles
+        if observation.space is not None:
+            hidden = observation.space.hidden_below(seen, params.unseen.cell)
+            seen = np.concatenate((seen, hidden))
+        return PointCloudDistance(seen, extension=params.solid_depth)
 
     def _plans(
         self, usual: Iterator[PlanningScene], wide: Iterator[PlanningScene]

@@ -71,7 +71,6 @@ class KinematicSimulator:
         start: ArmState,
         X_TG: RigidTransform,
         field: PointCloudDistance,
-        duration: float | None = None,
     ) -> HandPath:
         """The hand's path from where the arm is to its goal.
 
@@ -80,7 +79,6 @@ class KinematicSimulator:
             start: Of the arm.
             X_TG: The hand's goal.
             field: The obstacles that the coupling knows, in T.
-            duration: tau [s]; the primitive's if left out.
         """
         X_TH = self._kinematics.hand_pose(start.position)
         velocity = np.zeros(6)
@@ -96,15 +94,13 @@ class KinematicSimulator:
             start_angular_velocity=velocity[:3],
             start_rotation=X_TH.rotation().ToQuaternion().wxyz(),
             goal_rotation=X_TG.rotation().ToQuaternion().wxyz(),
-            duration=duration,
             obstacles=None if movement.coupling is None else field,
             coupling="barrier" if movement.coupling is None else movement.coupling,
             settle=self._settle,
         )
         assert path.rotations is not None
         assert path.joints is not None
-        tau = movement.primitive.duration if duration is None else duration
-        ends = len(path.times) - 1 - int(self._settle * tau / time_step)
+        ends = len(path.times) - 1 - int(self._settle * movement.primitive.duration / time_step)
         return HandPath(path.positions, path.rotations, path.joints, max(ends, 0))
 
     def track(self, start: ArmState, path: HandPath, tolerance: float) -> Vector:

@@ -7,7 +7,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from pepper_drake.learning import Demonstration, MovementPrimitive
-from pepper_drake.learning.dmp.primitive import DEFAULT_NUM_BASIS
+from pepper_drake.learning.dmp.num_basis import DEFAULT_NUM_BASIS
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams

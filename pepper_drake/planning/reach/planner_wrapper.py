@@ -48,6 +48,12 @@ class PlannerWrapper:
         """Returns the best plan from any place where the base can stand; see `Planner`."""
         return self._answer("plan_base_placement", observation, self.planner.plan_base_placement)
 
+    def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
+        """Returns a base placement as it looks now; see `Planner`."""
+        return self._answer(
+            "check_drive", observation, lambda asked: self.planner.check_drive(plan, asked)
+        )
+
     def check_reach(self, observation: Observation, movement: Movement | None = None) -> ReachPlan:
         """Returns the best plan from where the base is; see `Planner`."""
         return self._answer(

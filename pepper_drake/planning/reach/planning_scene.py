@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -72,7 +72,7 @@ class PlanningSceneBuilder:
         self._body = BodyShapes(model, arm)
         self._goal_object = PointCloudDistance(sample_surface(goal_solids), extension=0.0)
         self._arm_in_body = body_indices(arm_joints(arm))
-        self._body_layers: dict[tuple[float, ...], Vector] = {}
+        self._sampled = lru_cache(maxsize=32)(self._sample)
 
     def torso_pose(self, observation: Observation) -> RigidTransform:
         """Returns X_WT of an observation."""
@@ -133,7 +133,7 @@ class PlanningSceneBuilder:
         rounded = np.round(joint_position / 0.05) * 0.05
         rounded[body_indices(["HeadYaw", "HeadPitch"])] = 0.0
         rounded[self._arm_in_body] = 0.0
-        key = tuple(rounded)
-        if key not in self._body_layers:
-            self._body_layers[key] = sample_body(self._arm, self._body.at(rounded))
-        return self._body_layers[key]
+        return self._sampled(tuple(rounded))
+
+    def _sample(self, joint_position: tuple[float, ...]) -> Vector:
+        return sample_body(self._arm, self._body.at(np.array(joint_position)))

@@ -113,6 +113,9 @@ class ReachPlannerParams:
     drive_clearance: float = 0.015
     """Between the cloud and all of the robot on the straight way to where the base is placed [m]:
     more than the 0.01 m at which it stops on the way, as its spheres bulge out by as much."""
+    room_lost: float = 0.004
+    """Room that a base placement may lose, by the cloud's noise, until the base drives there [m]:
+    twice what the cloud of a still scene changes by."""
     object_clearance: float = 0.001
     """Between an adapted movement and the goal object, whose shape and pose are known [m]."""
     far_allowance: float = 0.008

@@ -46,8 +46,9 @@ class ReachPlan:
         movement: What is to be performed.
         collision_checked: Whether the path is checked against later clouds, too.
         time_step: Between the commands [s].
-        unseen: (K, 3) the largest unseen region of its swept space, in W [m].
-        out_of_view: Volume of its swept space that cannot be seen from where the robot stands [m³].
+        unseen: (K, 3) the largest unseen region of the space that it sweeps, in W [m]: by the arm,
+            or, for a base placement, by the whole robot on its drive there.
+        out_of_view: Volume of that space that cannot be seen from where the robot stands [m³].
     """
 
     __repr__ = short_repr
@@ -163,6 +164,14 @@ class Planner(Protocol):
 
         It is clear, or nearly so, if there is such a place, and has to be checked again, with
         `check_reach`, from there.
+        """
+        ...
+
+    def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
+        """Returns a clear base placement with what the drive there looks like now.
+
+        Its status is NOT_SEEN if the robot would pass space that was not seen, and NO_STANDING_ROOM
+        if something stands in its way.
         """
         ...
 

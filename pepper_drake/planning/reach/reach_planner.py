@@ -28,6 +28,7 @@ from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.reach.swept_space import (
     UnseenSpace,
     UnseenSpaceParams,
+    unseen_drive_space,
     unseen_sentence,
     unseen_space,
 )
@@ -62,8 +63,10 @@ class ReachPlanner:
         self._task, model, arm = task, task.model, task.arm
         self._evaluator = ReachEvaluator(primitive, task)
         self.base_placement = BasePlacement(model, arm, task.X_OG, primitive.goal, task.params)
-        links = [name for name in body_links(model, arm) if name not in _AROUND_CAMERA]
-        self._body = BodyClearance(model, links)
+        self._body, self._carried = (
+            BodyClearance(model, [name for name in names if name not in _AROUND_CAMERA])
+            for names in (body_links(model, arm), body_links(model))
+        )
         self._base_planner = BasePlacementPlanner(self._evaluator, self.base_placement)
 
     def with_primitive(
@@ -90,7 +93,17 @@ class ReachPlanner:
 
     def plan_base_placement(self, observation: Observation) -> ReachPlan:
         """Returns the best plan from any place where the base can stand; see `Planner`."""
-        return self._base_planner.plan(observation)
+        plan = self._base_planner.plan(observation)
+        clear = plan.status == PlanStatus.CLEAR
+        return self._with_unseen_drive(plan, observation) if clear else plan
+
+    def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
+        """Returns a base placement as it looks now; see `Planner`."""
+        place, lost = plan.base_pose[None], self.params.room_lost
+        if not self._base_planner.has_room(place, observation, lost=lost)[0]:
+            sentence = "something stands where the robot was going to drive"
+            return replace(plan, status=PlanStatus.NO_STANDING_ROOM, message=sentence)
+        return self._with_unseen_drive(plan, observation)
 
     def check_reach(self, observation: Observation, movement: Movement | None = None) -> ReachPlan:
         """Returns the best plan from where the base is; see `Planner`."""
@@ -172,6 +185,36 @@ class ReachPlanner:
         sentence = unseen_sentence(region, X_WT, params)
         return replace(plan, status=PlanStatus.NOT_SEEN, message=sentence)
 
+    def _with_unseen_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
+        """Returns a clear base placement, or one whose drive passes space that was not seen."""
+        params, space = self.params.unseen, observation.space
+        if space is None:
+            return plan
+        X_WT = self._evaluator.scenes.torso_pose(observation)
+        unseen = unseen_drive_space(
+            self.base_placement.resting_clearances,
+            observation.base_pose,
+            plan.base_pose,
+            observation.joint_position,
+            X_WT,
+            self._body_spheres(self._carried, observation, X_WT),
+            space,
+            observation.time,
+            params,
+        )
+        region = unseen.region
+        plan = replace(
+            plan,
+            status=PlanStatus.CLEAR,
+            message="",
+            unseen=region,
+            out_of_view=unseen.out_of_view,
+        )
+        if not len(region) or params.accept:
+            return plan
+        sentence = unseen_sentence(region, X_WT, params, "the robot")
+        return replace(plan, status=PlanStatus.NOT_SEEN, message=f"on its drive {sentence}")
+
     def _unseen(
         self,
         path: Vector,
@@ -190,19 +233,19 @@ class ReachPlanner:
             space,
             observation.time,
             params,
-            self._body_spheres(observation, X_WT),
+            self._body_spheres(self._body, observation, X_WT),
             stride=stride,
         )
 
     def _body_spheres(
-        self, observation: Observation, X_WT: RigidTransform
+        self, body: BodyClearance, observation: Observation, X_WT: RigidTransform
     ) -> tuple[Vector, Vector]:
-        """Centres (S, 3) in T and radii (S,) of spheres on all but head and reaching arm [m]."""
+        """Centres (S, 3) in T and radii (S,) of spheres on some links of the robot [m]."""
         x, y, yaw = observation.base_pose
         X_WB = RigidTransform(RotationMatrix.MakeZRotation(yaw), [x, y, 0.0])
         X_TB = X_WT.InvertAndCompose(X_WB)
-        centers = self._body.centers(observation.joint_position)
-        return centers @ X_TB.rotation().matrix().T + X_TB.translation(), self._body.radii
+        centers = body.centers(observation.joint_position)
+        return centers @ X_TB.rotation().matrix().T + X_TB.translation(), body.radii
 
     def demonstrated_path(self, count: int = 200) -> Vector:
         """Returns the hand's demonstrated path (count, 3), from its own start to its goal [m]."""

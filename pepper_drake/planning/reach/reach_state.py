@@ -8,10 +8,13 @@ import numpy as np
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
-from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 from pepper_drake.planning.reach.reach_plan import ReachPlan
 from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.reach.steadiness import Steadiness
+
+RESTS = (ReachMode.IDLE, ReachMode.DONE, ReachMode.FAILED)
+"""Modes in which nothing is decided."""
 
 
 class Effect(Enum):
@@ -64,7 +67,8 @@ class ReachState:
         message: The same as a sentence.
         still_since: Since when the hand has been at the goal [s]; NaN when it is not.
         places: Base placements chosen so far.
-        placed_movement: The movement that was found for the base placement.
+        placement: The last base placement, with the movement that was found for it. While the
+            robot looks for the goal: one whose drive passes space that was not seen yet.
         plan: What is performed, or will be; None before it is decided.
         movements: Movements begun so far: more than one after replanning.
         braking: Whether the arm brakes or stands, and the base too, until there is a plan or a
@@ -74,6 +78,7 @@ class ReachState:
             sought in vain [s].
         planned_with: The observation that the movement was planned with.
         started_with: The observation that the first movement was planned with.
+        waits_with: The observation with which the arm retreated or last sought a detour.
         suspended_plan: While the arm has retreated: the plan that is taken up again later.
         arrived: When the base last arrived where it was sent [s].
         started: When the arm first started [s].
@@ -98,7 +103,7 @@ class ReachState:
     message: str = ""
     still_since: float = np.nan
     places: int = 0
-    placed_movement: Movement | None = None
+    placement: ReachPlan | None = None
     plan: ReachPlan | None = None
     movements: int = 0
     braking: bool = False
@@ -106,6 +111,7 @@ class ReachState:
     checked: float = np.nan
     planned_with: Observation | None = None
     started_with: Observation | None = None
+    waits_with: Observation | None = None
     suspended_plan: ReachPlan | None = None
     arrived: float = np.nan
     started: float = np.nan
@@ -208,3 +214,24 @@ class ReachState:
             look_at=nowhere,
             pending=(),
         )
+
+
+def obey(state: ReachState, command: ReachCommand, time: float) -> ReachState:
+    """Returns the state after a person's command; one that is obeyed already changes nothing.
+
+    Args:
+        state: Before.
+        command: What is wanted.
+        time: Now [s].
+    """
+    if command == ReachCommand.IDLE:
+        idle = state.mode == ReachMode.IDLE
+        return state if idle else ReachState(mode=ReachMode.IDLE, since=time)
+    if command == ReachCommand.STOP:
+        is_over = state.mode in RESTS
+        return state if is_over else state.fail(time, "stopped", "the reach was stopped")
+    if state.mode != ReachMode.IDLE:
+        return state
+    if command == ReachCommand.MOVE:
+        return ReachState(ReachMode.SETTLING, since=time, arrived=time, may_drive=False)
+    return ReachState(since=time)

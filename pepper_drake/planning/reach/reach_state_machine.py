@@ -5,22 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from pepper_drake.planning.reach.likely_cause import likely_cause
+from pepper_drake.planning.reach.drive_supervision import NOWHERE, ROUNDING, DriveSupervision
 from pepper_drake.planning.reach.observation import Observation
-from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
-from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
+from pepper_drake.planning.reach.reach_state import RESTS, Effect, Pending, ReachState
 from pepper_drake.planning.reach.replanner import ReachReplanner
 from pepper_drake.planning.reach.separation import changed_speed, speed_share
 from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
-
-_ROUNDING = 1e-9
-"""Tolerance of times [s]."""
-
-_RESTS = (ReachMode.IDLE, ReachMode.DONE, ReachMode.FAILED)
-"""Modes in which nothing is decided."""
-_NOWHERE = (np.nan, np.nan, np.nan)
 
 UNCONFIRMED = "reached_unconfirmed"
 """Name of the outcome of a reach whose goal was not seen recently."""
@@ -44,7 +37,7 @@ def step(
         planner: Finds plans; its answers depend on their arguments alone.
         timing: Durations, timeouts and latencies.
     """
-    if state.mode in _RESTS:
+    if state.mode in RESTS:
         return state
     supervision = _Supervision(observation, planner, timing)
     if state.has_started:
@@ -65,33 +58,11 @@ def step(
     return state if handler is None else supervision.take_effect(handler(state))
 
 
-def obey(state: ReachState, command: ReachCommand, time: float) -> ReachState:
-    """Returns the state after a person's command; one that is obeyed already changes nothing.
-
-    Args:
-        state: Before.
-        command: What is wanted.
-        time: Now [s].
-    """
-    if command == ReachCommand.IDLE:
-        idle = state.mode == ReachMode.IDLE
-        return state if idle else ReachState(mode=ReachMode.IDLE, since=time)
-    if command == ReachCommand.STOP:
-        is_over = state.mode in _RESTS
-        return state if is_over else state.fail(time, "stopped", "the reach was stopped")
-    if state.mode != ReachMode.IDLE:
-        return state
-    if command == ReachCommand.MOVE:
-        return ReachState(ReachMode.SETTLING, since=time, arrived=time, may_drive=False)
-    return ReachState(since=time)
-
-
-class _Supervision:
+class _Supervision(DriveSupervision):
     """One step: an observation with those who judge it."""
 
     def __init__(self, observation: Observation, planner: Planner, timing: ReachTiming) -> None:
-        self._observation, self._planner, self._timing = observation, planner, timing
-        self._time = observation.time
+        super().__init__(observation, planner, timing)
         self._replanner = ReachReplanner(planner, timing)
 
     def fault(self, state: ReachState) -> ReachState | None:
@@ -107,7 +78,7 @@ class _Supervision:
             return None
         if observation.goal_age > timing.goal_lost:
             message = f"the goal's marker was not seen for {timing.goal_lost:g} s"
-            return self._unseen(state, "goal_lost", message)
+            return self._goal_unseen(state, "goal_lost", message)
         if observation.cloud_age > timing.cloud_lost:
             return state.fail(time, "cloud_missing", self._observation.cloud_message)
         if complaint is not None:
@@ -118,15 +89,9 @@ class _Supervision:
             return self._fail(state, "timeout", message)
         return None
 
-    def _unseen(self, state: ReachState, reason: str, message: str) -> ReachState:
-        """Returns the state that failed as the goal is not seen: without images it cannot be."""
-        if self._observation.image_ages.max() > self._timing.images_lost:
-            reason, message = "images_missing", self._observation.image_message
-        return state.fail(self._time, reason, message)
-
     def take_effect(self, state: ReachState) -> ReachState:
         """Returns the state after all computations that are over by now."""
-        while due := [one for one in state.pending if one.due <= self._time + _ROUNDING]:
+        while due := [one for one in state.pending if one.due <= self._time + ROUNDING]:
             first = min(due, key=lambda one: one.due)
             rest = tuple(one for one in state.pending if one is not first)
             state = self._apply(replace(state, pending=rest), first)
@@ -139,11 +104,13 @@ class _Supervision:
             return replace(state, braking=True)
         if result.effect == Effect.START:
             starting = state.to(ReachMode.REACHING, time)
-            return replace(starting, movements=1, started=time, look_at=_NOWHERE)
+            return replace(starting, movements=1, started=time, look_at=NOWHERE)
         assert plan is not None
         if plan.status == PlanStatus.CLEAR or result.effect == Effect.MOVEMENT:
-            flaw = plan.flaw(self._observation.p_WO, self._planner.params.obstacle_range)
-            if flaw is not None:
+            # Later the base stands where it is, and a goal that is far from it was moved.
+            is_placed = result.effect == Effect.PLACEMENT
+            reach = self._planner.params.obstacle_range if is_placed else np.inf
+            if (flaw := plan.flaw(self._observation.p_WO, reach)) is not None:
                 return state.fail(time, "plan_invalid", flaw)
         if result.effect == Effect.MOVEMENT:
             moving = state.to(ReachMode.REACHING, time)
@@ -160,74 +127,13 @@ class _Supervision:
             if self._drives(state) and state.places < self._timing.places:
                 return self._place_base(state)
             return state.fail(time, plan.status.value, plan.message)
-        if plan.status != PlanStatus.CLEAR:
-            return state.fail(time, plan.status.value, plan.message)
-        x, y, yaw = plan.base_pose
-        return replace(
-            state.to(ReachMode.DRIVING, time),
-            base_pose_wanted=(x, y, yaw),
-            places=state.places + 1,
-            placed_movement=plan.movement,
-            plan=None,
-        )
-
-    def look(self, state: ReachState) -> ReachState:
-        """Searches the goal, looks at the scene, then decides where to stand."""
-        timing, time = self._timing, self._time
-        if state.is_planning:
-            return state
-        if not self._observation.goal_valid:
-            if time - state.since > timing.goal_timeout:
-                message = f"no marker of the goal object was seen in {timing.goal_timeout:g} s"
-                return self._unseen(state, "goal_not_seen", message)
-            return state
-        if np.isnan(state.goal_seen_since):
-            return replace(state, goal_seen_since=time)
-        if time - state.goal_seen_since < timing.looking:
-            return state
-        if self._observation.cloud_age > timing.cloud_timeout:
-            if time - state.goal_seen_since > timing.goal_timeout:
-                return state.fail(time, "cloud_missing", self._observation.cloud_message)
-            return state
-        return self._place_base(state)
-
-    def _place_base(self, state: ReachState) -> ReachState:
-        if not self._timing.drives:
-            return replace(state.to(ReachMode.SETTLING, self._time), arrived=self._time)
-        plan = self._planner.plan_base_placement(self._still())
-        due = self._time + self._timing.latency.base_placement
-        return state.later(Pending(due, Effect.PLACEMENT, plan))
-
-    def _still(self) -> Observation:
-        """The observation without predictions: before the arm starts it waits for what moves."""
-        return self._observation.with_cloud(self._observation.cloud)
-
-    def drive(self, state: ReachState) -> ReachState:
-        """Waits until the base is where it was sent; without depth images it stands."""
-        time, is_blind = self._time, self._observation.cloud_age > self._timing.cloud_timeout
-        if is_blind:
-            state = replace(state, braking=True, blind=state.blind + self._timing.time_step)
-        elif state.braking:
-            state = replace(state, braking=False)
-        if time - state.since > self._timing.driving_timeout:
-            message = "the base did not get to where the arm can reach the goal"
-            if self._observation.base_blocked:
-                message += ": something stands in its way"
-            return self._fail(state, "drive_failed", message)
-        # The base has not read its new goal yet in the step in which it is sent.
-        has_started = time - state.since > self._timing.time_step + _ROUNDING
-        if self._observation.base_arrived and has_started and not state.braking:
-            return replace(state.to(ReachMode.SETTLING, time), arrived=time)
-        return state
+        return self.placed(state, plan)
 
     def _drives(self, state: ReachState) -> bool:
         return self._timing.drives and state.may_drive
 
     def _has_settled(self, state: ReachState) -> bool:
-        return self._time - state.since >= self._timing.settling - _ROUNDING
-
-    def _looked_long(self, state: ReachState) -> bool:
-        return self._time - state.since >= self._timing.unseen_timeout - _ROUNDING
+        return self._time - state.since >= self._timing.settling - ROUNDING
 
     def settle(self, state: ReachState) -> ReachState:
         """Plans while the robot settles, and confirms the plan with the last observation."""
@@ -241,14 +147,15 @@ class _Supervision:
             if self._is_confirmed(state, state.plan):
                 return state.later(Pending(time + timing.latency.check, Effect.START))
         elif not has_settled and (
-            time - state.since < 0.5 * timing.settling - _ROUNDING or state.checked >= state.since
+            time - state.since < 0.5 * timing.settling - ROUNDING or state.checked >= state.since
         ):
             return state
         if time - state.since > timing.settling_timeout:
             message = "the scene changed so often that no plan for the arm could be confirmed"
             return self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
         seen = self._still()
-        plan = self._planner.check_reach(seen, state.placed_movement)
+        movement = None if state.placement is None else state.placement.movement
+        plan = self._planner.check_reach(seen, movement)
         due = time + timing.latency.plan
         planning = state.later(Pending(due, Effect.CHECK, plan, self._observation))
         return replace(planning, plan=None, checked=time)
@@ -308,7 +215,7 @@ class _Supervision:
         if elapsed >= self._observation.tau and error <= tolerance.arrive:
             if np.isnan(state.still_since):
                 return replace(state, still_since=time)
-            if time - state.still_since >= timing.dwell - _ROUNDING:
+            if time - state.still_since >= timing.dwell - ROUNDING:
                 return state.to(ReachMode.HOLDING, time)
             return state
         if elapsed > timing.reaching_timeout * self._observation.tau:
@@ -322,7 +229,7 @@ class _Supervision:
         """Stays at the goal until it was seen there; retreats if something comes."""
         state, timing = self._pace(self._look_ahead(state)), self._timing
         held, age = self._time - state.since, self._observation.goal_age
-        if state.braking or state.is_planning or held < timing.holding - _ROUNDING:
+        if state.braking or state.is_planning or held < timing.holding - ROUNDING:
             return state
         if age <= timing.goal_confirmed:
             return state.to(ReachMode.DONE, self._time)
@@ -331,8 +238,3 @@ class _Supervision:
         message = f"the hand is where the goal was last seen, {age:.1f} s ago"
         done = state.to(ReachMode.DONE, self._time)
         return replace(done, reason=UNCONFIRMED, message=message)
-
-    def _fail(self, state: ReachState, reason: str, message: str) -> ReachState:
-        """Returns the failed state, with the cause named if more is known than the symptom."""
-        cause = likely_cause(state, self._observation, self._planner.params, message)
-        return state.fail(self._time, *(cause or (reason, message)))

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from pepper_drake.planning.ik.compiled_tick import stopping_distance
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
@@ -54,7 +55,7 @@ class ReachReplanner:
             # The head looks at what the arm waits for: unseen, it would not be seen to leave.
             x, y, z = new.mean(axis=0)
             state = replace(state, look_at=(x, y, z))
-        if has_waited and not len(observation.predicted_cloud):
+        if has_waited and self._stands(state, observation):
             # An obstacle that has stood there for so long is not new any more.
             known = observation if state.planned_with is None else state.planned_with
             state = replace(state, planned_with=known.with_cloud(observation.obstacles))
@@ -88,6 +89,8 @@ class ReachReplanner:
             ):
                 return state.later(Pending(due, Effect.MOVEMENT, detour))
             state = replace(state, checked=time)
+        if state.suspended_plan is None or has_waited:
+            state = replace(state, waits_with=observation)
         return self._retreat(state, plan, reach, seen.with_arm(start), due)
 
     def _new_obstacle(self, state: ReachState, observation: Observation) -> Vector:
@@ -109,6 +112,17 @@ class ReachReplanner:
         """True if the arm retreated, or last sought a detour in vain, long ago."""
         last = max(state.since, state.checked)
         return state.suspended_plan is not None and time - last >= self.timing.detour_delay
+
+    def _stands(self, state: ReachState, observation: Observation) -> bool:
+        """True if what is predicted is where it was when the arm began to wait, or last sought."""
+        soon, before = observation.predicted_cloud, state.waits_with
+        if not len(soon):
+            return True
+        if before is None or not len(before.predicted_cloud):
+            return False
+        stands_within = self.planner.params.new_obstacle.stands_within
+        far = cKDTree(before.predicted_cloud).query(soon, distance_upper_bound=stands_within)[0]
+        return bool(np.isfinite(far).all())
 
     def _with_hidden_sides(self, state: ReachState, observation: Observation) -> Vector:
         """Returns the obstacles (P, 3), new ones with what the camera cannot see of them [m]."""
@@ -133,8 +147,10 @@ class ReachReplanner:
         predict = partial(plan.predict, timing_error=self.timing.timing_error)
 
         def until_effect(latency: float) -> float:
-            # The controller begins with another movement in the tick after it is there.
-            return tick * (np.floor(latency / tick + 1e-6) + 1.0)
+            # The supervisor takes a result at its next step, the controller in the tick after it.
+            period = self.timing.time_step
+            taken = period * np.ceil(latency / period - 1e-6)
+            return tick * (np.floor(taken / tick + 1e-6) + 1.0)
 
         if not state.will_brake:
             start = predict(arm, elapsed, until_effect(latency.plan), state.speed)

@@ -1,4 +1,4 @@
-"""Space that the arm is going to sweep and that was not seen: not measured is not free."""
+"""Space that the robot is going to sweep and that was not seen: not measured is not free."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from pepper_drake.perception.gaze.view_planning import within_possible_view
 from pepper_drake.perception.mapping.seen_space import SeenSpace, describe_place
 from pepper_drake.perception.mapping.voxel_map import voxel_keys
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+from pepper_drake.planning.collision.body_clearance import BodyClearance, at_base_poses, drive_poses
 
 Vector = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -42,8 +43,14 @@ class UnseenSpaceParams:
     the projector's light leaves sheets of a pixel or two in which nothing is measured."""
     least_cells: int = 8
     """Cells of a region that is large enough to hold something: 216 cm³, a fist."""
+    least_drive_cells: int = 37
+    """The same of the space that the whole robot passes on its drive: 1 litre, a bottle. Behind the
+    edges of its own hands and of the goal a few cells always stay in the light's shadow."""
     own_margin: float = 0.02
-    """Places this near to where the arm stands now are known to be free: it stands there [m]."""
+    """Places this near to where the robot stands now are known to be free: it stands there [m]."""
+    floor: float = 0.05
+    """Height up to which a driving robot's places belong to the floor [m]: nothing so low is told
+    from it in an image."""
     out_of_view_is_clear: bool = True
     """True if space that no head angle shows from where the robot stands, close to its chest or
     behind its own shoulder, counts as known: whoever starts the robot keeps it clear. How much the
@@ -93,7 +100,7 @@ def unseen_space(
     *,
     stride: float = 0.0,
 ) -> UnseenSpace:
-    """Finds what of a movement's swept space was not seen.
+    """Finds what of an arm movement's swept space was not seen.
 
     The sweep is that of the centres of the arm's spheres, upper arm to hand.
 
@@ -117,7 +124,67 @@ def unseen_space(
     away = distance > radii + params.own_margin
     p_T, index = p_T[away], index[away]
     p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
-    oldest = params.oldest - stride * index
+    hiding = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
+    if body is not None:
+        hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
+    oldest = np.asarray(params.oldest - stride * index, dtype=float)
+    return _unseen_places(p_W, index, oldest, X_WT, hiding, space, time, params, params.least_cells)
+
+
+def unseen_drive_space(
+    body: BodyClearance,
+    base_pose: Vector,
+    goal: Vector,
+    joint_position: Vector,
+    X_WT: RigidTransform,
+    hiding: tuple[Vector, Vector],
+    space: SeenSpace,
+    time: float,
+    params: UnseenSpaceParams,
+) -> UnseenSpace:
+    """Finds what was not seen of the space that the body sweeps on a straight drive.
+
+    Args:
+        body: All that is carried along.
+        base_pose: Where the base stands (3,), x, y [m], yaw [rad] in W.
+        goal: Where it is to stand (3,).
+        joint_position: The joints on the way (15,) [rad].
+        X_WT: The torso's pose now.
+        hiding: Centres (S, 3) in T and radii (S,) of spheres on the robot [m], which hide what is
+            behind them.
+        space: What was seen.
+        time: Now [s].
+        params: What counts as seen, and as large.
+    """
+    solid = body.solid_points(joint_position, params.cell)
+    poses = drive_poses(base_pose, goal, params.cell)
+    p_W = at_base_poses(solid, poses).reshape(-1, 3)
+    index = np.repeat(np.arange(len(poses)), len(solid))
+    taken = np.unique(voxel_keys(p_W, params.cell), return_index=True)[1]
+    taken = taken[p_W[taken, 2] > params.floor]
+    p_W, index = p_W[taken], index[taken]
+    own = cKDTree(at_base_poses(solid, base_pose[None])[0])
+    reach = params.cell + params.own_margin
+    away = ~np.isfinite(own.query(p_W, distance_upper_bound=reach)[0])
+    p_W, index = p_W[away], index[away]
+    oldest = np.full(len(p_W), params.oldest)
+    return _unseen_places(
+        p_W, index, oldest, X_WT, hiding, space, time, params, params.least_drive_cells
+    )
+
+
+def _unseen_places(
+    p_W: Vector,
+    index: npt.NDArray[np.intp],
+    oldest: Vector,
+    X_WT: RigidTransform,
+    hiding: tuple[Vector, Vector],
+    space: SeenSpace,
+    time: float,
+    params: UnseenSpaceParams,
+    least_cells: int,
+) -> UnseenSpace:
+    """Unseen space of places (N, 3) of configurations (N,), seen at most (N,) [s] ago."""
     unseen = np.flatnonzero(space.unseen(p_W, time, oldest=oldest))
     unseen = unseen[np.unique(voxel_keys(p_W[unseen], params.cell), return_index=True)[1]]
     around = p_W[unseen, None] + params.thickness * np.concatenate((np.eye(3), -np.eye(3)))
@@ -126,12 +193,9 @@ def unseen_space(
     unseen = unseen[sides.sum(axis=1) >= 5]
     out_of_view = 0.0
     if len(unseen) and params.out_of_view_is_clear:
-        hiding = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
-        if body is not None:
-            hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
         shown = within_possible_view(
             CAMERA_DEPTH,
-            p_T[unseen],
+            (p_W[unseen] - X_WT.translation()) @ X_WT.rotation().matrix(),
             hiding,
             params.projector_baseline,
             border=params.image_border,
@@ -140,7 +204,7 @@ def unseen_space(
         shown &= _is_before_floor(p_W[unseen], X_WT, params.background)
         out_of_view = float(np.count_nonzero(~shown)) * params.cell**3
         unseen = unseen[shown]
-    regions = [unseen[cells] for cells in _large_regions(p_W[unseen], params)]
+    regions = [unseen[cells] for cells in _large_regions(p_W[unseen], params.cell, least_cells)]
     return UnseenSpace(
         tuple(p_W[cells] for cells in regions),
         tuple(int(index[cells].min()) for cells in regions),
@@ -157,25 +221,27 @@ def _is_before_floor(p_W: Vector, X_WT: RigidTransform, farthest: float) -> Mask
     return np.asarray(stretch * np.linalg.norm(off, axis=1) <= farthest)
 
 
-def _large_regions(cells: Vector, params: UnseenSpaceParams) -> list[npt.NDArray[np.intp]]:
+def _large_regions(cells: Vector, size: float, least: int) -> list[npt.NDArray[np.intp]]:
     """The indices of the connected regions of cells (N, 3) [m] that matter, the largest first."""
-    if len(cells) < params.least_cells:
+    if len(cells) < least:
         return []
     # Neighbours share a face, an edge or a corner; a point lies anywhere in its cell.
-    pairs = cKDTree(cells).query_pairs(2.0 * params.cell, output_type="ndarray")
+    pairs = cKDTree(cells).query_pairs(2.0 * size, output_type="ndarray")
     shape = (len(cells), len(cells))
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)
     _, labels = connected_components(graph, directed=False)
     sizes = np.bincount(labels)
-    largest = [k for k in np.argsort(-sizes, kind="stable") if sizes[k] >= params.least_cells]
+    largest = [k for k in np.argsort(-sizes, kind="stable") if sizes[k] >= least]
     return [np.flatnonzero(labels == k) for k in largest]
 
 
-def unseen_sentence(region: Vector, X_WT: RigidTransform, params: UnseenSpaceParams) -> str:
-    """Says where an unseen region (K, 3) of W is, and how large."""
+def unseen_sentence(
+    region: Vector, X_WT: RigidTransform, params: UnseenSpaceParams, mover: str = "the arm"
+) -> str:
+    """Says where an unseen region (K, 3) of W is, how large, and who would pass it."""
     p_T = X_WT.inverse() @ region.mean(axis=0)
     litres = 1000.0 * len(region) * params.cell**3
     return (
-        f"the arm would pass {litres:.1f} litres of space that the depth camera has not seen, "
+        f"{mover} would pass {litres:.1f} litres of space that the depth camera has not seen, "
         f"{describe_place(p_T)}"
     )

@@ -40,6 +40,11 @@ class RetreatParams:
                 "planner.retreat: sample_time, braking_share, stride and all durations, of which "
                 "there must be one at least, must be positive"
             )
+        if 4.0 * self.sample_time > min(self.durations):
+            raise InputError(
+                f"planner.retreat.sample_time is {self.sample_time:g} s; it must be at most a "
+                f"quarter of the shortest of planner.retreat.durations, {min(self.durations):g} s"
+            )
 
 
 @dataclass
@@ -59,6 +64,9 @@ class NewObstacleParams:
     """Distance between the points of that extrusion [m]."""
     side: float = 0.04
     """Dilation of new points for planning around them [m]."""
+    stands_within: float = 0.08
+    """Distance within which something is predicted again, after a wait, that stands there [m]:
+    where it is too near to be measured it is known as well as that."""
     moving_side: float = 0.05
     """The same where something moves [m]: the part nearest to the camera is not measured."""
 

@@ -12,7 +12,6 @@ from pepper_drake.models.control_model import ControlModel, arm_joints
 from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.collision.clearance_table import ClearanceTable
-from pepper_drake.planning.ik.differential_ik import conservative_elbow_roll_limits
 from pepper_drake.planning.ik.goal_configurations import GoalConfigurations, orientation_error
 from pepper_drake.planning.trajectories.adaptation_params import AdaptationParams, GoalAxis
 from pepper_drake.planning.trajectories.joint_trajectories import (
@@ -90,7 +89,8 @@ class TrajectoryAdapter:
         self._kinematics = arm_kinematics(model, arm)
         limits = model.command_limits(arm_joints(arm), speed_fraction=params.speed_share)
         lower, upper = limits.position_lower.copy(), limits.position_upper.copy()
-        lower[3], upper[3] = conservative_elbow_roll_limits(arm)
+        for coupled in limits.coupled:
+            lower[coupled.follower], upper[coupled.follower] = coupled.strictest
         self._lower, self._upper = lower + params.limit_margin, upper - params.limit_margin
         self._limits = limits.velocity, params.acceleration_share * limits.acceleration
         self._postures = GoalConfigurations(self._kinematics, self._lower, self._upper)

@@ -52,8 +52,9 @@ class TrajectoryCost:
     With d_i the distance of sphere i, c_i the clearance wanted of it at that time, e the hand's
     deviation from the reference and T' the duration that the joints' limits ask for,
 
-        J = nearness mean_t sum_i [max(0, c_i - d_i) / clearance]² + slack max(0, -min(d_i - c_i))
-            + (rms e / deviation)² + effort mean |q''|² + haste max(0, T' / T - 1).
+        J = proximity_weight mean_t sum_i [max(0, c_i - d_i) / clearance]²
+            + slack max(0, -min(d_i - c_i)) + (rms e / deviation)² + effort mean |q''|²
+            + duration_weight max(0, T' / T - 1).
 
     Args:
         checker: Distances of the arm to obstacles.
@@ -95,16 +96,16 @@ class TrajectoryCost:
         slack = -lack.max(axis=(0, 2))
         np.maximum(lack, 0.0, out=lack)
         lack *= np.float32(1.0 / self._clearance)
-        proximity_weight = np.einsum("skn,skn->k", lack, lack) / samples
+        proximity = np.einsum("skn,skn->k", lack, lack) / samples
         off = poses.hand_position.reshape(count, samples, 3) - self._hand
         bend = np.diff(paths, n=2, axis=1) / self._step**2
-        duration_weight = minimum_duration(paths, *self._limits) / self._duration - 1.0
+        excess = minimum_duration(paths, *self._limits) / self._duration - 1.0
         cost = (
-            params.proximity_weight * proximity_weight
+            params.proximity_weight * proximity
             + params.slack * np.maximum(-slack, 0.0)
             + np.einsum("kni,kni->k", off, off) / samples / params.deviation**2
             + params.effort * np.einsum("kni,kni->k", bend, bend) / samples
-            + params.duration_weight * np.maximum(duration_weight, 0.0)
+            + params.duration_weight * np.maximum(excess, 0.0)
         )
         return TrajectoryRating(cost, slack.astype(float))
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pepper_drake.errors import PepperDrakeError
+from pepper_drake.models.pepper import ARMS
 from pepper_drake.naoqi.constants import DEPTH
 from pepper_drake.robot_server.robot.child_process import ChildProcess
 from pepper_drake.robot_server.robot.range_sensors import MEASURED
@@ -31,6 +32,8 @@ from pepper_drake.robot_server.robot.simulator import (
 _START_SECONDS = 120.0
 """The simulator must have its first state by then [s]."""
 _END_SECONDS = 5.0
+_FARTHEST_POSE = 10.0
+"""Largest coordinate of a place that a hand is led to [m, rad]."""
 
 
 class SimulatedRobot(ChildProcess):
@@ -140,6 +143,40 @@ class SimulatedRobot(ChildProcess):
         if self._goal_moves_itself:
             raise ValueError("the goal of this scene moves by itself")
         self._command.write(goal_offset=offset)
+
+    def lead_hand(self, arm: str, pose: Sequence[float]) -> None:
+        """Leads a hand, as a person does: pulls it, softly and slowly, to where it should be.
+
+        Args:
+            arm: "left" or "right"; a limp one follows.
+            pose: (3,) place of the hand in T [m], and it turns freely, or (6,) with roll, pitch,
+                yaw [rad].
+
+        Raises:
+            ValueError: There is no such arm, or no such pose.
+        """
+        if arm not in ARMS:
+            raise ValueError(f'arm is "{arm}"; it is {" or ".join(ARMS)}')
+        values = np.array(pose, dtype=float)
+        if values.shape not in ((3,), (6,)) or not np.all(np.abs(values) <= _FARTHEST_POSE):
+            raise ValueError("a pose is x, y, z [m], or these and roll, pitch, yaw [rad]")
+        led_pose = np.r_[values, np.full(6 - len(values), np.nan)]
+        self._command.write(led_arm=arm, led_pose=led_pose)
+
+    def let_go(self) -> None:
+        """Lets go of the hand that is led."""
+        self._command.write(led_arm="")
+
+    def touch(self, *sensors: str) -> None:
+        """Touches these of `SENSORS`, and no others, until the next call.
+
+        Raises:
+            ValueError: There is no such sensor.
+        """
+        for sensor in sensors:
+            if sensor not in SENSORS:
+                raise ValueError(f'"{sensor}" is no sensor; they are {", ".join(SENSORS)}')
+        self._command.write(held_sensors=[sensor in sensors for sensor in SENSORS])
 
     def close(self) -> None:
         """Ends the simulator and lets the shared memory go."""

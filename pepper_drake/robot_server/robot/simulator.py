@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.common.value import Value
 from pydrake.geometry import QueryObject
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
@@ -22,11 +24,13 @@ from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.scene import Scene
 from pepper_drake.naoqi.constants import BOTTOM, CYCLE, DEPTH, HANDS, JOINTS, TOP
+from pepper_drake.robot_server.robot.led_hand import LedHand
 from pepper_drake.robot_server.robot.range_sensors import MEASURED, PERIOD, RangeSensors
 from pepper_drake.robot_server.robot.robot_port import SENSORS
 from pepper_drake.robot_server.robot.shared_state import SharedNames, SharedRecord
 from pepper_drake.signals import end_with_parent
 from pepper_drake.systems.robot.reference_filter import step_follower
+from pepper_drake.systems.sensing.camera_model import Frame
 
 CAMERAS = {TOP: "camera_top", BOTTOM: "camera_bottom", DEPTH: "camera_depth"}
 LARGEST_IMAGE = 1280 * 960 * 4
@@ -42,6 +46,8 @@ _LIMP_JOINTS = tuple(
 """Joints that go limp; the wheels and the leg are always stiff, or Pepper would fall."""
 _GOAL_MOTION = {"time_constant": 0.2, "max_speed": 0.2}
 """Motion of a goal that somebody moves: smooth, up to a speed [s, m/s]."""
+_LEADING_STEP = 0.005
+"""Time for which a person's force at a hand is held [s]."""
 _HAND_ROWS = [JOINTS.index(name) for name in HANDS]
 _MOTORS = {
     "Yaw": (27.5e-3, 101.3),
@@ -82,9 +88,14 @@ COMMAND = np.dtype(
         ("base_velocity", "f8", 3),
         ("enabled", "?", len(CAMERAS)),
         ("goal_offset", "f8", 3),
+        ("led_arm", "U5"),
+        ("led_pose", "f8", 6),
+        ("held_sensors", "?", len(SENSORS)),
         ("stop", "?"),
     ]
 )
+"""Newest command. `led_arm` is the one that a person leads, "" for none, and `led_pose` where to:
+x, y, z, roll, pitch, yaw of its hand in T [m, rad], the angles NaN where it may turn freely."""
 IMAGE = np.dtype(
     [("time", "f8"), ("width", "i4"), ("height", "i4"), ("pixels", "u1", LARGEST_IMAGE)]
 )
@@ -147,7 +158,10 @@ class SimulatedPepper:
         self._rows = [JOINTS.index(name) for name in BODY_JOINTS]
         self._stiffness: dict[str, float] = {}
         self._obeyed = np.zeros(len(JOINTS))
+        self._led_hand = LedHand(self._station.plant, _LEADING_STEP)
+        self._led_arm, self._led_pose = "", np.zeros(6)
         self._stamps = [-math.inf] * len(CAMERAS)
+        self._rendering: list[Frame | None] = [None] * len(CAMERAS)
         plant = self._station.plant
         self._amperes = 1.0 / np.array([np.prod(_motor(name)) for name in BODY_JOINTS])
         places = {
@@ -186,11 +200,33 @@ class SimulatedPepper:
                 self._obey(self._command.read())
             slice_count += 1
             try:
-                self._simulator.AdvanceTo(slice_count * CYCLE)
+                self._advance_to(slice_count * CYCLE)
             except RuntimeError as error:
                 self._state.write(failed=str(error).splitlines()[0][:200])
                 return
             self._publish(shown_rate)
+
+    def _advance_to(self, end: float) -> None:
+        """Simulates to a time [s]; a person's force is held only for as long as it is steady."""
+        if self._led_arm:
+            steps = round(CYCLE / _LEADING_STEP)
+            for k in reversed(range(1, steps)):
+                self._lead()
+                self._simulator.AdvanceTo(end - k * _LEADING_STEP)
+            self._lead()
+        self._simulator.AdvanceTo(end)
+
+    def _lead(self) -> None:
+        """Lets a person's hand pull at the robot's."""
+        station, context = self._station, self._context
+        force = self._led_hand.step(
+            self._led_arm,
+            self._led_pose,
+            station.GetOutputPort("torso_pose").Eval(context),
+            station.GetOutputPort("ground_truth.body_poses").Eval(context),
+            station.GetOutputPort("ground_truth.body_velocities").Eval(context),
+        )
+        station.GetInputPort("applied_forces").FixValue(context, Value([force]))
 
     def _measured_as_command(self) -> npt.NDArray[np.void]:
         """Returns the command that holds the robot as it stands."""
@@ -235,6 +271,12 @@ class SimulatedPepper:
             if station.HasInputPort(f"{name}.enabled"):
                 port = station.GetInputPort(f"{name}.enabled")
                 port.FixValue(context, [float(command["enabled"][k])])
+        led_arm = str(command["led_arm"])
+        if self._led_arm and not led_arm:
+            self._led_hand.let_go()
+            nothing = Value[list[ExternallyAppliedSpatialForce]]()
+            station.GetInputPort("applied_forces").FixValue(context, nothing)
+        self._led_arm, self._led_pose = led_arm, np.array(command["led_pose"])
         is_stiff = command["stiffnesses"][_HAND_ROWS] > 0.0
         hands = np.where(is_stiff, wanted[_HAND_ROWS], np.nan)
         station.GetInputPort("hand_command").FixValue(context, hands)
@@ -283,21 +325,34 @@ class SimulatedPepper:
             self._publish_image(k, name)
 
     def _publish_image(self, camera: int, name: str) -> None:
+        """Publishes a camera's image once it is rendered; until the next one is out it may be late.
+
+        Then the robot's clock waits for it: images would be begun faster than they are finished,
+        and none would be the newest when it is done.
+        """
         system = self._station.GetSubsystemByName(name)
         frame = system.last_frame(system.GetMyContextFromRoot(self._context))
-        stamp = float(frame.time)
-        is_new = math.isfinite(stamp) and stamp > self._stamps[camera]
-        if not is_new or not frame.image.future.done():
-            return  # One that is still being rendered must not stop the robot's clock.
-        pixels = self._station.GetOutputPort(f"{name}.image").Eval(self._context).data
+        late = self._rendering[camera]
+        if late is not None and late is not frame:
+            self._write_image(camera, late)
+        if not math.isfinite(frame.time) or frame.time <= self._stamps[camera]:
+            return
+        if frame.image.future.done():
+            self._write_image(camera, frame)
+        else:
+            self._rendering[camera] = frame
+
+    def _write_image(self, camera: int, frame: Frame) -> None:
+        self._rendering[camera] = None
+        pixels = frame.image.pixels()
         if pixels.size == 0:
             return
-        self._stamps[camera] = stamp
+        self._stamps[camera] = frame.time
         data = np.ascontiguousarray(pixels[..., :3] if pixels.shape[2] == 4 else pixels)
         content = np.zeros(LARGEST_IMAGE, np.uint8)
         content[: data.nbytes] = data.view(np.uint8).ravel()
         self._images[camera].write(
-            time=self._config.epoch + stamp,
+            time=self._config.epoch + frame.time,
             width=pixels.shape[1],
             height=pixels.shape[0],
             pixels=content,
@@ -306,7 +361,7 @@ class SimulatedPepper:
     def _touched(self) -> tuple[npt.NDArray[np.bool_], int]:
         """Returns which of `SENSORS` are touched, and how many contacts Pepper has."""
         query: QueryObject = self._station.GetOutputPort("ground_truth.query").Eval(self._context)
-        touched = np.zeros(len(SENSORS), dtype=bool)
+        touched = np.array(self._command.read()["held_sensors"])
         contacts = 0
         x, y, yaw = self._eval("base_pose")
         for pair in query.ComputePointPairPenetration():

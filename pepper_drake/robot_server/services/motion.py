@@ -145,7 +145,7 @@ class Motion(BaseMoves, MotionSettings, Module):
             return
         self._raise_event("ALMotion/Stiffness/restStarted", True)
         self.tasks.kill_where(lambda task: True)
-        self.base.stop()
+        self.stop_move()
         if self._awake:
             await self.go_to(NAOQI_POSTURES["Crouch"], _WAKE_SPEED, "rest")
         self._awake = False
@@ -361,7 +361,7 @@ class Motion(BaseMoves, MotionSettings, Module):
     def kill_all(self) -> None:
         """Ends all tasks; joints under way to a target brake, too."""
         self.tasks.kill_where(lambda task: True)
-        self.base.stop()
+        self.stop_move()
         self.joints.halt(JOINTS)
 
     # For the other services.

@@ -1,6 +1,7 @@
 """ALMotion's moves of the base."""
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 
 from pepper_drake.naoqi.constants import BASE_LIMITS, WHEELS
@@ -30,12 +31,14 @@ class BaseMoves:
         base: Its velocity.
         tasks: Where moves stand with other tasks.
         state: The robot's newest state.
+        when_stopped: Called when the base is told to stop, be it under way or not.
     """
 
     def __init__(self, state: RobotState, movers: Movers) -> None:
         self.base = BaseController()
         self.tasks = TaskManager()
         self.state = state
+        self.when_stopped: list[Callable[[], None]] = []
         self.odometry = Odometry(state)
         self._movers = movers
 
@@ -118,6 +121,8 @@ class BaseMoves:
         """Brakes; moves under way end."""
         self.tasks.kill_where(lambda task: bool(task.resources & _WHEELS))
         self.base.stop()
+        for end in self.when_stopped:
+            end()
 
     def stop_walk(self) -> None:
         """As `stopMove`, its name on NAO."""

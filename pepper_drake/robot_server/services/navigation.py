@@ -1,21 +1,25 @@
 """ALNavigation: moves of the base, and the map of the floor that its lasers make."""
 
+import asyncio
 import math
-import zipfile
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from datetime import UTC, datetime
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
+from pepper_drake.errors import InputError
 from pepper_drake.robot_server.robot.floor_map import (
     CELL,
+    EXTENT,
     FloorMap,
     LaserScan,
     Vector,
     composed,
     inverted,
+    read_floor_map,
+    write_floor_map,
 )
 from pepper_drake.robot_server.robot.range_sensors import PERIOD, laser_scan
 from pepper_drake.robot_server.services.kept_settings import keep_settings
@@ -31,10 +35,22 @@ _AROUND = (0.0, math.radians(50.0), math.radians(-100.0), math.radians(50.0))
 _DONE, _FAILED = 0, 1
 _MOST_WAYS = 8
 """Times that a way is looked for to a place, with what was seen on the way before."""
+_WORST_MATCH = 2 * CELL
+"""Mean distance of what the lasers see from the map beyond which the robot is not found in it."""
+_EXPLORING, _IN_MAP, _STRAIGHT = "explore", "navigateToInMap", "navigateTo"
+_DRIVES = (_EXPLORING, _IN_MAP, _STRAIGHT)
+_NOT_LOCALIZED = "the robot is not localized; startLocalization does it"
+
+Look = Callable[[], Awaitable[FloorMap]]
+"""Looks around, and returns the map with what was seen."""
 
 
 class Navigation(Module):
-    """ALNavigation. `navigateTo` moves straight; in a map the base goes around what it saw."""
+    """ALNavigation. `navigateTo` moves straight; in a map the base goes around what it saw.
+
+    What takes time is one task: while it runs no other is begun, and whatever stops the base ends
+    it. Work on a whole map is done on another thread, so that other calls need not wait.
+    """
 
     def __init__(self, moves: Any, timer: RobotTimer, disk: RobotDisk) -> None:
         """Makes the service.
@@ -49,17 +65,23 @@ class Navigation(Module):
         self._map: FloorMap | None = None
         self._X_WM = np.zeros(3)  # The map in the odometry's world.
         self._path = ""
-        self._is_exploring = self._is_localized = False
+        self._is_localized = False
+        self._work: asyncio.Task[int] | None = None
         self.move_to = moves.move_to
         self.move = moves.move
         self.move_toward = moves.move_toward
+        moves.when_stopped.append(self._stop)
         keep_settings(self, {"set_security_distance": ("get_security_distance", 0.4)})
 
     @with_caller
     async def navigate_to(self, caller: Caller, x: float, y: float, *rest: Any) -> bool:
         """Moves straight to a place relative to the base [m, rad]; returns whether it got there."""
         theta = next((value for value in rest if isinstance(value, int | float)), 0.0)
-        return bool(await self._moves.move_to(caller, x, y, theta))
+
+        async def drive() -> int:
+            return _DONE if await self._moves.move_to(caller, x, y, theta) else _FAILED
+
+        return await self._run(_STRAIGHT, drive()) == _DONE
 
     def stop_navigate_to(self) -> None:
         """Brakes."""
@@ -68,63 +90,37 @@ class Navigation(Module):
     @with_caller
     async def explore(self, caller: Caller, radius: float) -> int:
         """Maps the floor within a radius [m]; returns 0, or 1 if it was stopped or hindered."""
-        if not 0.0 < number(radius, "radius") < 100.0:
-            raise ValueError(f"the radius is {radius:g} m; it must be above 0 and below 100")
-        self._scan()
-        self._map, self._path = FloorMap(), ""
-        self._X_WM = np.array(self._moves.state.base_pose)
-        self._is_exploring = True
-        try:
-            while self._is_exploring:
-                for turn in _AROUND:
-                    if turn and not await self._moves.move_to(caller, 0.0, 0.0, turn):
-                        return _FAILED
-                    self._map.add(await self._look(), self._pose())
-                way = self._map.frontier(self._pose(), radius)
-                if way is None:
-                    return _DONE
-                if not await self._follow(caller, way, self._map):
-                    return _FAILED
-            return _FAILED
-        finally:
-            self._is_exploring = False
+        if not 0.0 < number(radius, "radius") <= EXTENT:
+            raise ValueError(
+                f"the radius is {radius:g} m; it must be above 0 and at most {EXTENT:g}"
+            )
+        return await self._run(_EXPLORING, self._explore(caller, radius))
 
     def stop_exploration(self) -> None:
         """Stops an exploration; what it saw is kept."""
-        if self._is_exploring:
-            self._is_exploring = False
+        if self._work is not None and self._work.get_name() == _EXPLORING:
             self._moves.stop_move()
 
-    def save_exploration(self) -> str:
+    async def save_exploration(self) -> str:
         """Writes the map; returns its path."""
         known = self._known()
         now = datetime.fromtimestamp(self._timer.now, UTC)
         name = f"{now:%Y-%m-%dT%H%M%S}.{now.microsecond // 1000:03d}Z.explo"
-        self._path, place = self._disk.place(_FOLDER, name)
-        with place.open("wb") as file:
-            np.savez_compressed(file, log_odds=known.log_odds, origin=known.origin)
-        return self._path
+        told, place = self._disk.place(_FOLDER, name)
+        try:
+            await asyncio.to_thread(write_floor_map, known, place)
+        except InputError as error:
+            raise ValueError(_as_told(error, told, place)) from None
+        self._path = told
+        return told
 
-    def load_exploration(self, path: str) -> int:
+    async def load_exploration(self, path: str) -> int:
         """Reads a map, which the robot takes itself to be at the origin of; returns 0."""
         where = PurePosixPath(path)
         told, place = self._disk.place(str(PurePosixPath(_FOLDER) / where.parent), where.name)
         if not place.is_file():
             raise ValueError(f"there is no exploration {told}")
-        try:
-            with np.load(place, allow_pickle=False) as file:
-                log_odds, origin = (
-                    np.array(file["log_odds"], float),
-                    np.array(file["origin"], float),
-                )
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile):
-            raise ValueError(f"{told} is not an exploration") from None
-        if log_odds.ndim != 2 or origin.shape != (2,) or not np.isfinite(log_odds).all():
-            raise ValueError(f"{told} is not an exploration")
-        self._map, self._path = FloorMap(log_odds, origin), told
-        self._X_WM = np.array(self._moves.state.base_pose)
-        self._is_localized = False
-        return _DONE
+        return await self._run("loadExploration", self._load(told, place))
 
     def get_exploration_path(self) -> str:
         """Returns the path of the map that was saved or loaded."""
@@ -132,7 +128,7 @@ class Navigation(Module):
             raise ValueError("no exploration was saved or loaded")
         return self._path
 
-    def get_metrical_map(self) -> list[Any]:
+    async def get_metrical_map(self) -> list[Any]:
         """Returns metres per pixel, width, height, x and y of the top left, and the pixels.
 
         A pixel is 0 where the floor is free, 100 where something stands, and 50 where nothing is
@@ -142,32 +138,31 @@ class Navigation(Module):
         rows, columns = known.log_odds.shape
         x, y = known.origin
         top_left = [float(x), float(y + rows * CELL)]
-        return [CELL, columns, rows, top_left, known.percent().ravel().tolist()]
+        percent = await asyncio.to_thread(lambda: known.percent().ravel().tolist())
+        return [CELL, columns, rows, top_left, percent]
 
-    def start_localization(self) -> None:
+    async def start_localization(self) -> None:
         """Finds the robot in the map, near where it takes itself to be."""
-        self._known()
-        self._is_localized = True
-        self._locate()
+        await self._run("startLocalization", self._localize(self._pose()))
 
     def stop_localization(self) -> None:
         """Forgets where in the map the robot is."""
         self._is_localized = False
 
-    def relocalize_in_map(self, guess: Sequence[float]) -> list[list[float]]:
+    async def relocalize_in_map(self, guess: Sequence[float]) -> list[list[float]]:
         """Finds the robot in the map near a guess: x, y and maybe theta [m, rad]."""
-        self._known()
+        known = self._known()
         x, y, *rest = numbers(guess, len(guess) if len(guess) in (2, 3) else 3, "the pose")
+        if not known.contains((x, y)):
+            raise ValueError(f"the place {x:g}, {y:g} is not on the map")
         theta = rest[0] if rest else float(self._pose()[2])
-        self._place(np.array([x, y, theta]))
-        self._is_localized = True
-        self._locate()
+        await self._run("relocalizeInMap", self._localize(np.array([x, y, theta])))
         return self.get_robot_position_in_map()
 
     def get_robot_position_in_map(self) -> list[list[float]]:
         """Returns x, y, theta in the map [m, rad], and how far off each may be."""
         if not self._is_localized:
-            raise ValueError("the robot is not localized; startLocalization does it")
+            raise ValueError(_NOT_LOCALIZED)
         return [self._pose().tolist(), [CELL, CELL, CELL]]
 
     @with_caller
@@ -175,15 +170,80 @@ class Navigation(Module):
         """Goes to x, y, theta in the map [m, rad]; returns 0, or 1 if it did not get there."""
         target = numbers(goal, 3, "the pose")
         if not self._is_localized:
-            raise ValueError("the robot is not localized; startLocalization does it")
-        known = self._known()
+            raise ValueError(_NOT_LOCALIZED)
+        return await self._run(_IN_MAP, self._navigate(caller, self._known(), target))
+
+    async def _run(self, name: str, work: Coroutine[Any, Any, int]) -> int:
+        """Does the one piece of work; returns what it returns, or 1 if it was stopped.
+
+        Raises:
+            ValueError: Another one is under way.
+        """
+        if self._work is not None:
+            work.close()
+            raise ValueError(f"{self._work.get_name()} is already running")
+        task = self._work = asyncio.get_running_loop().create_task(work, name=name)
+        try:
+            await asyncio.wait({task})
+            return _FAILED if task.cancelled() else task.result()
+        finally:
+            task.cancel()  # If its caller has cancelled the call, or has left.
+            self._work = None
+
+    def _stop(self) -> None:
+        """Ends work that drives the base, wherever it waits."""
+        if self._work is not None and self._work.get_name() in _DRIVES:
+            self._work.cancel()
+
+    async def _explore(self, caller: Caller, radius: float) -> int:
+        self._scan()
+        known = FloorMap()
+        self._X_WM = np.array(self._moves.state.base_pose)
+        self._map, self._path, self._is_localized = known, "", False
+        # Each of them is left out from then on, so that it comes to an end.
+        looked_from: list[Vector] = []
+
+        async def look() -> FloorMap:
+            nonlocal known
+            known = self._map = await self._seen(known, await self._look())
+            return known
+
+        while True:
+            for turn in _AROUND:
+                if turn and not await self._moves.move_to(caller, 0.0, 0.0, turn):
+                    return _FAILED
+                await look()
+            here = self._pose()
+            looked_from.append(here[:2])
+            way = await asyncio.to_thread(known.frontier, here, radius, looked_from)
+            if way is None:
+                return _DONE
+            looked_from.append(way[-1])
+            if not await self._follow(caller, way, look):
+                return _FAILED
+
+    async def _load(self, told: str, place: Path) -> int:
+        try:
+            known = await asyncio.to_thread(read_floor_map, place)
+        except InputError as error:
+            raise ValueError(f"not an exploration: {_as_told(error, told, place)}") from None
+        self._map, self._path, self._is_localized = known, told, False
+        self._X_WM = np.array(self._moves.state.base_pose)
+        return _DONE
+
+    async def _navigate(self, caller: Caller, known: FloorMap, target: list[float]) -> int:
         for _ in range(_MOST_WAYS):
             scan = await self._look()
-            self._locate()
-            seen = FloorMap(known.log_odds.copy(), known.origin.copy())
-            seen.add(scan, self._pose())
-            way = seen.path(self._pose(), target)
-            if way is None or not await self._follow(caller, way, seen):
+            await self._locate(known, scan, self._pose())
+            seen = await self._seen(known, scan)
+
+            async def look() -> FloorMap:
+                nonlocal seen
+                seen = await self._seen(seen, await self._look())
+                return seen
+
+            way = await asyncio.to_thread(seen.path, self._pose(), target)
+            if way is None or not await self._follow(caller, way, look):
                 return _FAILED
             x, y, theta = self._pose()
             if math.hypot(target[0] - x, target[1] - y) < CELL:
@@ -191,7 +251,7 @@ class Navigation(Module):
                 return _DONE if await self._moves.move_to(caller, 0.0, 0.0, turn) else _FAILED
         return _FAILED
 
-    async def _follow(self, caller: Caller, way: list[Vector], seen: FloorMap) -> bool:
+    async def _follow(self, caller: Caller, way: list[Vector], look: Look) -> bool:
         """Drives along a way until it is at its end, or sees that it is blocked.
 
         Returns whether the robot did what it was told.
@@ -202,12 +262,11 @@ class Navigation(Module):
             turn = math.remainder(ahead - theta, 2 * math.pi)
             if not await self._moves.move_to(caller, 0.0, 0.0, turn):
                 return False
-            seen.add(await self._look(), self._pose())
-            x, y, _ = self._pose()
-            rest = seen.path((x, y), point)
-            if rest is None or len(rest) > 1:
+            seen = await look()
+            here = self._pose()
+            if not await asyncio.to_thread(seen.leads_straight, here, point):
                 return True  # Something stands there: another way is looked for.
-            distance = math.hypot(point[0] - x, point[1] - y)
+            distance = math.hypot(point[0] - here[0], point[1] - here[1])
             if not await self._moves.move_to(caller, distance, 0.0, 0.0):
                 return False
         return True
@@ -216,6 +275,10 @@ class Navigation(Module):
         """Waits for a scan that was taken at rest."""
         await self._timer.sleep(2 * PERIOD)
         return self._scan()
+
+    async def _seen(self, known: FloorMap, scan: LaserScan) -> FloorMap:
+        """Returns a map with a scan that was taken where the base is."""
+        return await asyncio.to_thread(known.with_scan, scan, self._pose())
 
     def _scan(self) -> LaserScan:
         scan = laser_scan(self._moves.state.ranges)
@@ -232,12 +295,38 @@ class Navigation(Module):
         """The base in the map."""
         return composed(inverted(self._X_WM), self._moves.state.base_pose)
 
-    def _place(self, pose: Vector) -> None:
-        """Takes the base to be at a pose in the map."""
-        self._X_WM = composed(self._moves.state.base_pose, inverted(pose))
+    def _set_pose(self, pose: Vector, base_pose: Sequence[float]) -> None:
+        """Takes the base to have been at a pose in the map when odometry told its pose."""
+        self._X_WM = composed(base_pose, inverted(pose))
 
-    def _locate(self) -> None:
-        """Corrects the pose in the map by what the lasers see."""
-        scan = laser_scan(self._moves.state.ranges)
-        if scan is not None:
-            self._place(self._known().matched(scan, self._pose()))
+    async def _localize(self, guess: Vector) -> int:
+        """Finds the robot in the map near a guess.
+
+        Raises:
+            ValueError: What the lasers see does not fit the map there.
+        """
+        self._is_localized = False
+        if not await self._locate(self._known(), self._scan(), guess):
+            x, y, theta = guess
+            raise ValueError(
+                f"what the lasers see does not fit the map near {x:.2f}, {y:.2f}, {theta:.2f}"
+            )
+        self._is_localized = True
+        return _DONE
+
+    async def _locate(self, known: FloorMap, scan: LaserScan, guess: Vector) -> bool:
+        """Corrects the pose in the map by a scan from here; returns whether the scan fits it.
+
+        Where it does not, the robot goes on by odometry.
+        """
+        base_pose = self._moves.state.base_pose
+        pose, mismatch = await asyncio.to_thread(known.matched, scan, guess)
+        if not mismatch < _WORST_MATCH:
+            return False
+        self._set_pose(pose, base_pose)
+        return True
+
+
+def _as_told(error: InputError, told: str, place: Path) -> str:
+    """Returns what is wrong with a file, by the name that the robot tells of it."""
+    return str(error).replace(str(place), told)

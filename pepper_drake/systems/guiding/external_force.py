@@ -32,6 +32,20 @@ class ForcePulse:
         return np.r_[np.zeros(3), self.force] if pushing else np.zeros(6)
 
 
+def force_at(frame: Frame, force: Vector) -> ExternallyAppliedSpatialForce:
+    """Returns what the plant takes as a torque and a force at a frame's origin.
+
+    Args:
+        frame: On a body, of a finalized plant.
+        force: (6,) torque and force in W [N m, N].
+    """
+    applied = ExternallyAppliedSpatialForce()
+    applied.body_index = frame.body().index()
+    applied.p_BoBq_B = frame.GetFixedPoseInBodyFrame().translation()
+    applied.F_Bq_W = SpatialForce(tau=force[:3], f=force[3:])
+    return applied
+
+
 class ScriptedForce(LeafSystem):
     """Plays push scripts, added up, from when the movement begins.
 
@@ -98,8 +112,7 @@ class HandForce(LeafSystem):
 
     def __init__(self, frame: Frame) -> None:
         super().__init__()
-        self._body_index = frame.body().index()
-        self._p_BoHo_B = frame.GetFixedPoseInBodyFrame().translation()
+        self._frame = frame
         self.force_input = self.DeclareVectorInputPort("force", 6)
         self.spatial_forces_output = self.DeclareAbstractOutputPort(
             "spatial_forces",
@@ -112,9 +125,4 @@ class HandForce(LeafSystem):
         if not self.force_input.HasValue(context):
             output.set_value([])
             return
-        force = self.force_input.Eval(context)
-        applied = ExternallyAppliedSpatialForce()
-        applied.body_index = self._body_index
-        applied.p_BoBq_B = self._p_BoHo_B
-        applied.F_Bq_W = SpatialForce(tau=force[:3], f=force[3:])
-        output.set_value([applied])
+        output.set_value([force_at(self._frame, self.force_input.Eval(context))])

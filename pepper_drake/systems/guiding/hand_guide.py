@@ -12,6 +12,7 @@ from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from pepper_drake.systems.framework import LeafSystem
+from pepper_drake.systems.guiding.external_force import force_at
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class HandGuide(LeafSystem):
         """
         super().__init__()
         self._params = params or HandGuideParams()
-        self._body_index = frame.body().index()
+        self._frame, self._body_index = frame, frame.body().index()
         self._X_BH = frame.GetFixedPoseInBodyFrame()
         self.body_poses_input = self.DeclareAbstractInputPort(
             "body_poses", Value([RigidTransform()])
@@ -136,11 +137,7 @@ class HandGuide(LeafSystem):
 
     def _calc_spatial_forces(self, context: Context, output: Value) -> None:
         force = context.get_discrete_state(self._force).value()
-        applied = ExternallyAppliedSpatialForce()
-        applied.body_index = self._body_index
-        applied.p_BoBq_B = self._X_BH.translation()
-        applied.F_Bq_W = SpatialForce(tau=force[:3], f=force[3:])
-        output.set_value([applied])
+        output.set_value([force_at(self._frame, force)])
 
 
 def _limited(vector: npt.NDArray[np.float64], limit: float) -> npt.NDArray[np.float64]:

@@ -33,7 +33,7 @@ class ObstacleCoupling(LeafSystem):
         - distance
 
     C_t of equation 2.6 and the phase stopping of `learning.Coupling`. No state: outputs follow
-    from the inputs. The k-d tree of the clouds is built once for each new cloud.
+    from the inputs. The clouds are sorted once for each new cloud.
 
     Inputs: `movement`, abstract Movement: with its coupling it is bent, if it has any, and at rest
     nothing is computed; `cloud` and `predicted_cloud`, where obstacles are and where moving ones

@@ -18,7 +18,7 @@ class ObstacleFieldCache:
     """A PointCloudDistance of the PointClouds at ports of a system, in its cache.
 
     A missing cloud is an empty one. A source that computes the same cloud again costs a comparison,
-    not a k-d tree.
+    not another field.
 
     Args:
         system: Whose cache it is; to be made in its constructor.

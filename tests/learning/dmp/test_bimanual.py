@@ -9,6 +9,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.dmp.bimanual import BimanualPrimitive
+from pepper_drake.learning.dmp.primitive import FIT_TOLERANCE
 
 
 def turned(quaternions, vectors):
@@ -63,6 +64,15 @@ def test_gives_back_what_was_shown(with_rotations):
             np.testing.assert_allclose(path.rotations, demo.rotations, atol=1e-5)
         else:
             assert path.rotations is None
+
+
+def test_a_long_motion_gets_as_many_basis_functions_as_it_needs():
+    times = np.linspace(0.0, 30.0, 1501)
+    turn = 2.0 * np.pi * times
+    left = np.column_stack((0.1 * np.sin(turn), 0.2 + 0.0 * turn, 0.05 * np.cos(turn)))
+    hands = [Demonstration.from_positions(times, left * [1.0, side, 1.0]) for side in (1.0, -1.0)]
+    path = BimanualPrimitive.fit(*hands).rollout(0.02).left
+    assert np.abs(path.positions - left).max() < FIT_TOLERANCE
 
 
 def test_relative_pose_is_held_wherever_the_pair_goes(pair):

@@ -3,7 +3,12 @@ import pytest
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
-from pepper_drake.learning.dmp.joint_primitive import JointPrimitive, is_joint_primitive
+from pepper_drake.learning.demonstrations.conditioning import BOUND_SHARE
+from pepper_drake.learning.dmp.joint_primitive import (
+    FIT_TOLERANCE,
+    JointPrimitive,
+    is_joint_primitive,
+)
 from tests.learning.demonstrations.importers.recordings import NAMES, make_motion, turn
 
 MOTION = make_motion()
@@ -57,6 +62,24 @@ def test_few_key_postures_are_not_overshot():
     path = JointPrimitive.fit([0.0, 1.0, 1.5, 3.0, 4.0], keys, ("RElbowYaw",)).rollout()
     assert path.joints.min() > -0.02
     assert path.joints.max() < 1.02
+
+
+@pytest.mark.parametrize("count", [8, 20, 30])
+def test_a_few_postures_are_followed_as_near_as_a_hand_would(count):
+    """Between two postures the bound of the hand's primitives: a quarter of their distance."""
+    joints = np.cumsum(np.random.default_rng(2).normal(0.0, 0.2, (count, 3)), axis=0)
+    times = np.linspace(0.0, 4.0, count)
+    path = JointPrimitive.fit(times, joints, NAMES[:3]).rollout()
+    lines = np.column_stack([np.interp(path.times, times, column) for column in joints.T])
+    largest = np.abs(np.diff(joints, axis=0)).max()
+    assert np.abs(path.joints - lines).max() < BOUND_SHARE * largest + 2.0 * FIT_TOLERANCE
+
+
+def test_a_long_recording_gets_as_many_basis_functions_as_it_needs():
+    times = np.linspace(0.0, 60.0, 3001)
+    joints = 0.4 * np.sin(2.0 * np.pi * times)[:, None]
+    path = JointPrimitive.fit(times, joints, NAMES[:1]).rollout(time_step=0.02)
+    assert np.abs(path.joints - joints).max() < FIT_TOLERANCE
 
 
 @pytest.mark.parametrize(

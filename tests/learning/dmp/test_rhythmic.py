@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -164,3 +166,13 @@ def test_the_orientation_turns_with_the_same_period(tmp_path):
     back = RhythmicPrimitive.load(tmp_path / "wave.yaml")
     np.testing.assert_array_equal(back.rotation_weights, primitive.rotation_weights)
     assert fit_rhythmic(Demonstration.from_positions(times, positions)).orientation([0.0]) is None
+    for broken in (
+        replace(primitive, rotation_weights=primitive.rotation_weights[1:]),
+        replace(primitive, rotation_weights=np.nan * primitive.rotation_weights),
+        replace(primitive, rotation_weights=None),
+        replace(primitive, rotation_centre=np.zeros(4)),
+        replace(primitive, rotation_centre=None),
+    ):
+        broken.save(tmp_path / "broken.yaml")
+        with pytest.raises(InputError, match="rotation_"):
+            RhythmicPrimitive.load(tmp_path / "broken.yaml")

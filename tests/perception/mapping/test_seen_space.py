@@ -131,3 +131,29 @@ def test_the_number_of_views_is_bounded():
 def test_places_are_described_from_where_the_robot_stands():
     words = describe_place(np.array([0.421, -0.1, -0.05]))
     assert words == "0.42 m ahead, 0.10 m to the right, 0.05 m below the torso's middle"
+
+
+def test_below_what_was_seen_is_unknown_down_to_where_an_image_looked_through():
+    # The camera looks down at a floor from 1 m, with a board 0.6 m below it on one side.
+    above = RigidTransform(RollPitchYaw(np.pi, 0, 0), [0.0, 0.0, 1.0])
+    depth = np.full((CAMERA.height, CAMERA.width), 1.0, np.float32)
+    depth[:, :160] = 0.6
+    space = seen((depth, 1.0, above))
+    board = space.voxels.positions[space.voxels.positions[:, 2] > 0.2]
+    hidden = space.hidden_below(board[:100], 0.03)
+    assert hidden[:, 2].min() < 0.03
+    assert hidden[:, 2].max() < 0.4
+    assert space.unseen(hidden, 1.0, oldest=np.inf).all()
+    # Another image from the side, along y, looks through 0.2 m above the floor.
+    sideways = RollPitchYaw(-np.pi / 2, 0, 0).ToRotationMatrix()
+    middle = board[np.argmin(np.linalg.norm(board[:, :2], axis=1))]
+    aside = RigidTransform(sideways, [middle[0], middle[1] - 0.8, 0.2])
+    wall = np.full((CAMERA.height, CAMERA.width), 3.0, np.float32)
+    seen_below = space.with_view(DepthFrame(wall, aside, 1.1, CAMERA), space.voxels)
+    below = seen_below.hidden_below(middle, 0.03)
+    assert len(below) < len(space.hidden_below(middle, 0.03))
+    assert below[:, 2].min(initial=1.0) > 0.2
+
+
+def test_nothing_is_below_nothing():
+    assert seen((image(), 1.0, HOME)).hidden_below(np.zeros((0, 3)), 0.03).shape == (0, 3)

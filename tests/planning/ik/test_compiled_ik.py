@@ -19,8 +19,8 @@ from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
     arm_joint_limits,
     hand_key,
-    make_differential_ik,
 )
+from tests.planning.ik.drake_ik import make_differential_ik
 
 PARAMS = DifferentialIkParams()
 MODEL = shared_control_model()

@@ -10,8 +10,8 @@ from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
     feedforward_pose,
     hand_key,
-    make_differential_ik,
 )
+from pepper_drake.systems.robot.arm_differential_ik import ArmDifferentialIk
 
 PARAMS = DifferentialIkParams()
 
@@ -21,7 +21,7 @@ class Tracker:
 
     def __init__(self, arm):
         self.arm, self.model = arm, shared_control_model()
-        self.system = make_differential_ik(self.model, arm, PARAMS)
+        self.system = ArmDifferentialIk(self.model, arm, PARAMS)
         self.context = self.system.CreateDefaultContext()
         self.plant_context = self.model.create_context()
         self.index = self.model.position_indices(arm_joints(arm))
@@ -37,9 +37,12 @@ class Tracker:
     def step(self, X_TH):
         bus = BusValue()
         bus.Set(hand_key(self.arm), Value(X_TH))
-        self.system.get_input_port_position().FixValue(self.context, self.q)
-        self.system.get_input_port_nominal_posture().FixValue(self.context, self.nominal)
-        self.system.get_input_port_desired_cartesian_poses().FixValue(self.context, Value(bus))
+        for port, value in (
+            ("position", self.q[self.index]),
+            ("nominal_posture", self.nominal[self.index]),
+            ("desired_cartesian_poses", Value(bus)),
+        ):
+            self.system.GetInputPort(port).FixValue(self.context, value)
         velocity = self.system.get_output_port().Eval(self.context)
         self.q[self.index] += PARAMS.time_step * velocity
         return velocity

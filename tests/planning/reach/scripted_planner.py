@@ -80,6 +80,7 @@ class ScriptedPlanner:
 
     Attributes:
         placement: Answer to `plan_base_placement`.
+        drive: Answer to `check_drive`.
         reach: Answer to `check_reach`.
         detour: Answer to `replan`.
         back: Answer to `plan_retreat`.
@@ -91,6 +92,7 @@ class ScriptedPlanner:
     """
 
     placement: ReachPlan = field(default_factory=plan)
+    drive: ReachPlan = field(default_factory=plan)
     reach: ReachPlan = field(default_factory=plan)
     detour: ReachPlan = field(default_factory=path_plan)
     back: ReachPlan = field(
@@ -116,6 +118,10 @@ class ScriptedPlanner:
     def check_reach(self, observation: Observation, movement: Movement | None = None) -> ReachPlan:
         self.asked.append(("check_reach", observation))
         return self.reach
+
+    def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
+        self.asked.append(("check_drive", observation))
+        return self.drive
 
     def replan(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         self.asked.append(("replan", observation))
@@ -225,9 +231,9 @@ class Supervised:
         return self
 
 
-def on_its_way(**prepared) -> Supervised:
+def on_its_way(timing: ReachTiming = TIMING, **prepared) -> Supervised:
     """An arm that moves, at 0.3 rad of its path; a depth image comes with the next look."""
-    supervised = Supervised(ScriptedPlanner(reach=path_plan()))
+    supervised = Supervised(ScriptedPlanner(reach=path_plan()), timing)
     supervised.until(ReachMode.REACHING).advance(0.55)
     for name, answer in prepared.items():
         setattr(supervised.planner, name, answer)

@@ -30,6 +30,7 @@ from pepper_drake.planning.reach.reach_parameters import GoalTolerances, ReachPl
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.reach_task import ReachTask
+from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 
 MODEL = shared_control_model()
 STAND = np.array([posture_positions("stand", {})[name] for name in BODY_JOINTS])
@@ -408,3 +409,56 @@ def test_what_was_found_for_the_stand_is_tried_first(planner, at_the_table):
     again = planner.check_reach(at_the_table, found.movement)
     assert again.movement is found.movement
     np.testing.assert_allclose(again.joint_path, found.joint_path, atol=1e-9)
+
+
+def room():
+    """Space seen by images of an empty room, taken with the head turned to angles ahead."""
+    camera, space = CAMERA_DEPTH.intrinsics, SeenSpace(VoxelMap.empty())
+    context = MODEL.create_context()
+    MODEL.plant.SetPositions(context, MODEL.positions(STAND, ORIGIN))
+    X_WT, image = MODEL.pose(context, "torso"), np.full((camera.height, camera.width), 3.0)
+    for head in head_grid()[np.abs(head_grid()[:, 0]) < 1.1]:
+        X_WC = X_WT @ camera_pose(CAMERA_DEPTH, head)
+        view = DepthFrame(image.astype(np.float32), X_WC, 0.0, camera)
+        space = space.with_view(view, space.voxels)
+    return space
+
+
+def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(planner):
+    observation = observed(ORIGIN, object_at())
+    unseen = replace(observation, space=SeenSpace(VoxelMap.empty()))
+    plan = planner.plan_base_placement(unseen)
+    assert plan.status == PlanStatus.NOT_SEEN
+    assert plan.message.startswith("on its drive the robot would pass")
+    assert "ahead" in plan.message
+    ahead = plan.unseen[:, :2].mean(axis=0)
+    assert 0.0 < ahead[0] < plan.base_pose[0] + 0.3
+    assert planner.check_drive(plan, unseen).status == PlanStatus.NOT_SEEN
+    seen = planner.check_drive(plan, replace(observation, space=room()))
+    assert (seen.status, seen.message, len(seen.unseen)) == (PlanStatus.CLEAR, "", 0)
+    # Low and near there is much that no head angle shows, which is told.
+    assert 0.05 < seen.out_of_view < 0.3
+    way = 0.5 * plan.base_pose
+    box = sheet((way[0] - 0.1, way[0] + 0.1), (way[1] - 0.1, way[1] + 0.1), 0.2)
+    blocked = planner.check_drive(plan, replace(observation, space=room(), cloud=box))
+    assert blocked.status == PlanStatus.NO_STANDING_ROOM
+
+
+def test_a_drive_through_unseen_space_may_be_accepted(right_primitive):
+    params = UnseenSpaceParams(accept=True)
+    planner = make_planner(right_primitive, make_coupling("barrier"), unseen=params)
+    unseen = replace(observed(ORIGIN, object_at()), space=SeenSpace(VoxelMap.empty()))
+    plan = planner.plan_base_placement(unseen)
+    assert plan.status == PlanStatus.CLEAR
+    assert len(plan.unseen) > 100
+
+
+def test_what_is_hidden_below_a_thing_is_no_room_for_the_base(planner):
+    # Of a box on the floor, aside, its top shows alone, above the base.
+    plan = stand(planner, object_at())
+    there = plan.base_pose + [0.0, 0.33, 0.0]
+    top = sheet((there[0] - 0.1, there[0] + 0.1), (there[1] - 0.1, there[1] + 0.1), 0.5)
+    seen = replace(observed(ORIGIN, object_at()), cloud=top)
+    free, unknown = (replace(seen, space=s) for s in (room(), SeenSpace(VoxelMap.empty())))
+    assert planner.check_drive(plan, free).status == PlanStatus.CLEAR
+    assert planner.check_drive(plan, unknown).status == PlanStatus.NO_STANDING_ROOM

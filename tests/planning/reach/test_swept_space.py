@@ -11,8 +11,10 @@ from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
 from pepper_drake.planning.reach.swept_space import (
     UnseenSpaceParams,
+    unseen_drive_space,
     unseen_sentence,
     unseen_space,
 )
@@ -95,3 +97,45 @@ def test_the_sentence_says_where_and_how_much():
     sentence = unseen_sentence(region.T, X_WT, replace(STRICT, cell=0.1))
     assert "2.0 litres" in sentence
     assert "0.30 m ahead, 0.20 m to the right, 0.10 m above" in sentence
+
+
+BODY = BodyClearance(shared_control_model(), body_links(shared_control_model()))
+BASE, THERE = np.array([1.0, -2.0, 0.3]), np.array([1.5, -1.8, 0.3])
+
+
+def find_drive(space, params=STRICT, goal=THERE):
+    nothing = np.zeros((0, 3)), np.zeros(0)
+    joints = np.zeros(15)
+    return unseen_drive_space(BODY, BASE, goal, joints, X_WT, nothing, space, 1.0, params)
+
+
+def test_all_that_the_body_sweeps_on_a_drive_is_unseen_but_the_floor_and_where_it_stands():
+    region = find_drive(NOTHING_SEEN).region
+    assert region[:, 2].min() > STRICT.floor
+    # Farther on than the front of the base, which is 0.25 m from its middle, none is passed.
+    ahead = (region[:, :2] - BASE[:2]) @ [np.cos(0.3), np.sin(0.3)]
+    way = np.linalg.norm(THERE[:2] - BASE[:2])
+    low = region[:, 2] < 0.3
+    assert ahead[low].max() == pytest.approx(way + 0.25, abs=0.05)
+    # The base of 0.5 m width sweeps an area of 0.5 m x the way at the height of its middle.
+    layer = np.abs(region[:, 2] - 0.2) < 0.5 * STRICT.cell
+    assert layer.sum() * STRICT.cell**2 == pytest.approx(0.5 * way, rel=0.25)
+    X_WB = RigidTransform(RotationMatrix.MakeZRotation(BASE[2]), [*BASE[:2], 0.0])
+    centers = (X_WB @ BODY.centers(np.zeros(15)).T).T
+    off = np.linalg.norm(region[::20, None] - centers, axis=2) - BODY.radii
+    assert off.min() > 0.0
+
+
+def test_a_robot_that_stays_drives_through_nothing():
+    assert find_drive(NOTHING_SEEN, goal=BASE).regions == ()
+
+
+def test_a_place_on_the_drive_that_was_not_seen_is_found():
+    found = find_drive(Seen([0.3, -0.1, -0.75], [0.45, 0.1, -0.4])).region
+    p_T = (found - X_WT.translation()) @ X_WT.rotation().matrix()
+    np.testing.assert_allclose(p_T.mean(axis=0), [0.375, 0.0, -0.575], atol=0.03)
+    assert find_drive(Seen([0.3, 0.5, -0.75], [0.45, 0.7, -0.4])).regions == ()
+
+
+def test_what_is_smaller_than_a_bottle_does_not_keep_the_robot_from_driving():
+    assert find_drive(Seen([0.3, -0.03, -0.6], [0.4, 0.03, -0.5])).regions == ()

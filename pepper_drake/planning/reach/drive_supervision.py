@@ -1,0 +1,142 @@
+"""Supervision until the robot stands where its arm reaches: the goal, base placement, the drive."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pepper_drake.planning.reach.likely_cause import likely_cause
+from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_parameters import ReachTiming
+from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
+from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
+
+ROUNDING = 1e-9
+"""Tolerance of times [s]."""
+NOWHERE = (np.nan, np.nan, np.nan)
+"""A place for the head if there is none to look at."""
+
+
+class DriveSupervision:
+    """One step while the robot looks for the goal and drives; see `reach_state_machine.step`.
+
+    Args:
+        observation: What is known now.
+        planner: Finds plans.
+        timing: Durations, timeouts and latencies.
+    """
+
+    def __init__(self, observation: Observation, planner: Planner, timing: ReachTiming) -> None:
+        self._observation, self._planner, self._timing = observation, planner, timing
+        self._time = observation.time
+
+    def look(self, state: ReachState) -> ReachState:
+        """Searches the goal, looks at the scene, then decides where to stand."""
+        timing, time = self._timing, self._time
+        if state.is_planning:
+            return state
+        if state.placement is not None:
+            return self._check_drive(state, state.placement)
+        if not self._observation.goal_valid:
+            if time - state.since > timing.goal_timeout:
+                message = f"no marker of the goal object was seen in {timing.goal_timeout:g} s"
+                return self._goal_unseen(state, "goal_not_seen", message)
+            return state
+        if np.isnan(state.goal_seen_since):
+            return replace(state, goal_seen_since=time)
+        if time - state.goal_seen_since < timing.looking:
+            return state
+        if self._observation.cloud_age > timing.cloud_timeout:
+            if time - state.goal_seen_since > timing.goal_timeout:
+                return state.fail(time, "cloud_missing", self._observation.cloud_message)
+            return state
+        return self._place_base(state)
+
+    def _place_base(self, state: ReachState) -> ReachState:
+        if not self._timing.drives:
+            return replace(state.to(ReachMode.SETTLING, self._time), arrived=self._time)
+        plan = self._planner.plan_base_placement(self._still())
+        due = self._time + self._timing.latency.base_placement
+        # While it plans it looks along the way to the goal, on which it will drive.
+        x, y, _ = self._observation.base_pose
+        x, y, z = 0.5 * (np.array([x, y, 0.0]) + self._observation.p_WO)
+        looking = replace(state, look_at=(x, y, z))
+        return looking.later(Pending(due, Effect.PLACEMENT, plan))
+
+    def _check_drive(self, state: ReachState, placement: ReachPlan) -> ReachState:
+        """Asks of each new cloud if all that the robot would pass on its drive was seen."""
+        observation, timing = self._observation, self._timing
+        if observation.cloud_age > timing.cloud_lost:
+            return state.fail(self._time, "cloud_missing", observation.cloud_message)
+        if observation.cloud_age > timing.cloud_timeout:
+            return state
+        if observation.cloud_time == state.cloud_time:
+            return state
+        plan = self._planner.check_drive(placement, self._still())
+        state = replace(state, cloud_time=observation.cloud_time)
+        return state.later(Pending(self._time + timing.latency.plan, Effect.PLACEMENT, plan))
+
+    def placed(self, state: ReachState, plan: ReachPlan) -> ReachState:
+        """Drives to where a plan has the base, looks along the way first, or refuses."""
+        time = self._time
+        if plan.status == PlanStatus.NOT_SEEN:
+            return self._look_along_drive(state, plan)
+        is_blocked = state.placement is not None and plan.status == PlanStatus.NO_STANDING_ROOM
+        if is_blocked and state.mode == ReachMode.LOOKING and state.places < self._timing.places:
+            return self._place_base(replace(state, placement=None, places=state.places + 1))
+        if plan.status != PlanStatus.CLEAR:
+            return state.fail(time, plan.status.value, plan.message)
+        x, y, yaw = plan.base_pose
+        return replace(
+            state.to(ReachMode.DRIVING, time),
+            base_pose_wanted=(x, y, yaw),
+            places=state.places + 1,
+            placement=plan,
+            plan=None,
+            look_at=NOWHERE,
+        )
+
+    def _look_along_drive(self, state: ReachState, plan: ReachPlan) -> ReachState:
+        """Looks at what the robot would pass on its drive and was not seen."""
+        is_looking = state.mode == ReachMode.LOOKING and state.placement is not None
+        if is_looking and self._looked_long(state):
+            return state.fail(self._time, plan.status.value, plan.message)
+        x, y, z = plan.unseen.mean(axis=0)
+        looking = state if is_looking else state.to(ReachMode.LOOKING, self._time)
+        return replace(looking, placement=plan, look_at=(x, y, z))
+
+    def drive(self, state: ReachState) -> ReachState:
+        """Waits until the base is where it was sent; without depth images it stands."""
+        time, is_blind = self._time, self._observation.cloud_age > self._timing.cloud_timeout
+        if is_blind:
+            state = replace(state, braking=True, blind=state.blind + self._timing.time_step)
+        elif state.braking:
+            state = replace(state, braking=False)
+        if time - state.since > self._timing.driving_timeout:
+            message = "the base did not get to where the arm can reach the goal"
+            if self._observation.base_blocked:
+                message += ": something stands in its way"
+            return self._fail(state, "drive_failed", message)
+        # The base has not read its new goal yet in the step in which it is sent.
+        has_started = time - state.since > self._timing.time_step + ROUNDING
+        if self._observation.base_arrived and has_started and not state.braking:
+            return replace(state.to(ReachMode.SETTLING, time), arrived=time)
+        return state
+
+    def _still(self) -> Observation:
+        """The observation without predictions: before the arm starts it waits for what moves."""
+        return self._observation.with_cloud(self._observation.cloud)
+
+    def _looked_long(self, state: ReachState) -> bool:
+        return self._time - state.since >= self._timing.unseen_timeout - ROUNDING
+
+    def _goal_unseen(self, state: ReachState, reason: str, message: str) -> ReachState:
+        """Returns the state that failed as the goal is not seen: without images it cannot be."""
+        if self._observation.image_ages.max() > self._timing.images_lost:
+            reason, message = "images_missing", self._observation.image_message
+        return state.fail(self._time, reason, message)
+
+    def _fail(self, state: ReachState, reason: str, message: str) -> ReachState:
+        """Returns the failed state, with the cause named if more is known than the symptom."""
+        cause = likely_cause(state, self._observation, self._planner.params, message)
+        return state.fail(self._time, *(cause or (reason, message)))
