@@ -54,7 +54,11 @@ def make_parser() -> ArgumentParser:
         f"  {method.letter}  {method.name}: {method.description}\n" for method in METHODS
     )
     parser.add_argument(
-        "--scenes", type=_count, default=20, metavar="N", help="how many (default: %(default)s)"
+        "--scenes",
+        type=_count,
+        default=20,
+        metavar="N",
+        help="number of scenes (default: %(default)s)",
     )
     parser.add_argument(
         "--scene",

@@ -1,6 +1,6 @@
-"""Calibrates a robot: a marker on its hand, twenty postures, and what its cameras see of it.
+"""Calibrate a robot: a marker on its hand, twenty postures, and what its cameras see of it.
 
-What the encoders say too much, the slack of the gears, and where and how the two colour cameras are
+Offsets of the encoders, the slack of the gears, and where and how the two colour cameras are
 mounted are estimated together, each with its standard deviation, and kept in calibration.yaml,
 which reach.py, teach.py and benchmark.py take with --calibration. Nothing but the robot's own
 images and encoders is used. It takes the robot a little over a minute, and needs free space in

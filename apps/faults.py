@@ -56,7 +56,7 @@ def make_parser() -> ArgumentParser:
         "--signals",
         default=",".join(SIGNALS),
         metavar="NAMES",
-        help="signals that fail, with commas between (default: %(default)s)",
+        help=f"signals that fail, with commas between: {', '.join(SIGNALS)} (default: all)",
     )
     parser.add_argument(
         "--starts",

@@ -88,7 +88,9 @@ def parse_arguments() -> argparse.Namespace:
         help=f"positions are above the floor: the torso frame is {TORSO_HEIGHT} m higher",
     )
     add("--rhythmic", action="store_true", help="learn a periodic motion: rhythmic.yaml")
-    add("--period", type=float, metavar="S", help="of a periodic motion (default: found)")
+    add(
+        "--period", type=float, metavar="S", help="period of a periodic motion (default: estimated)"
+    )
     add(
         "--joints",
         action="store_true",

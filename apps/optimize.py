@@ -13,7 +13,7 @@
   optimize.py my_motion/ --goal-offset 0.06 0.06 0.05 --compare   all methods in one figure
 
 The cost is a sum of terms with weights (as above, or in a YAML file), or a function in a Python
-file. Each update tries some variations and moves to what did well. Results: primitive.yaml (the
+file. Each update tries some variations and moves towards the best. Results: primitive.yaml (the
 cheapest movement found), cost.png (the cost of each update), paths.png, report.json, history.npz.
 Whatever ends it, what was tried until a second before is kept; the same command with --resume goes
 on, to the same result as if it had not been interrupted.
@@ -116,8 +116,20 @@ def make_parser() -> ArgumentParser:
         choices=tuple(METHODS),
         help="how to search (default: %(default)s, the report's)",
     )
-    add("--updates", type=int, default=7, metavar="N", help="how many (default: %(default)s)")
-    add("--samples", type=int, default=10, metavar="N", help="of each (default: %(default)s)")
+    add(
+        "--updates",
+        type=int,
+        default=7,
+        metavar="N",
+        help="number of updates (default: %(default)s)",
+    )
+    add(
+        "--samples",
+        type=int,
+        default=10,
+        metavar="N",
+        help="rollouts in each update (default: %(default)s)",
+    )
     add(
         "--exploration",
         type=float,
@@ -157,7 +169,13 @@ def make_parser() -> ArgumentParser:
     add("--jobs", type=int, default=1, metavar="N", help="processes (default: %(default)s)")
     add("--dask", metavar="ADDRESS", help="a Dask cluster's scheduler: tcp://HOST:PORT")
     add("--compare", action="store_true", help="compare all methods on this problem instead")
-    add("--seeds", type=int, default=20, metavar="N", help="to compare (default: %(default)s)")
+    add(
+        "--seeds",
+        type=int,
+        default=20,
+        metavar="N",
+        help="seeds for --compare (default: %(default)s)",
+    )
     add("--resume", action="store_true", help="continue an interrupted search in --output")
     return parser
 

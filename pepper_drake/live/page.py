@@ -26,7 +26,7 @@ _NO_PICTURE = "What the camera in Pepper's head sees. Rendering it takes time, s
 _SIGNALS = (
     ("phase", "Phase: 1 at the start, towards 0 at the end", (0.0, 1.2)),
     ("clearance", "Clearance of the arm [cm], cut at 50", (0.0, 60.0)),
-    ("coupling", "Coupling: push of the obstacles [m/s²]", (0.0, 1.0)),
+    ("coupling", "Coupling: push of the obstacles [m/s²]", (0.0, 1.2)),
 )
 """Names and titles of what is plotted, and the range that is shown at least."""
 _NEXT = {name: f"Next: {name} ({key.removeprefix('Key')})" for name, key in BUTTONS.items()}
@@ -291,7 +291,7 @@ class LivePage:
         top = float(2.0 ** np.ceil(np.log2(max(1.0, signals["coupling"].max()))))
         if top != self._coupling_shown:
             plot, self._coupling_shown = self._plots["coupling"], top
-            plot.scales = {**(plot.scales or {}), "y": viser.uplot.Scale(range=(0.0, top))}
+            plot.scales = {**(plot.scales or {}), "y": viser.uplot.Scale(range=(0.0, 1.2 * top))}
 
     def show_picture(self, picture: npt.NDArray[np.uint8], words: str) -> None:
         """Shows the camera's picture (H, W, 3), and what was found in it."""

@@ -26,6 +26,8 @@ _PANELS = (
     ("demonstration_distance", "distance to the taught path [m], equation 4.1", "linear"),
     ("clearance", "least clearance [m], cut at 0.1", "linear"),
 )
+_SPAN = 4.0
+"""Values that differ by less than this factor are drawn on a linear axis."""
 
 
 def draw_benchmark(summaries: Sequence[MethodSummary], results: Sequence[MethodResult]) -> Figure:
@@ -62,13 +64,16 @@ def draw_benchmark(summaries: Sequence[MethodSummary], results: Sequence[MethodR
         for height, values in enumerate(rows, start=1):
             axes.plot(values, np.full(len(values), height), "|", color="tab:blue", alpha=0.4)
         _label(axes, summaries)
-        if not any(value > 0.0 for values in rows for value in values):
-            scale = "linear"  # Nothing was reached: there is nothing to be put on a scale.
+        known = [value for values in rows for value in values if value > 0.0]
+        if not known or max(known) < _SPAN * min(known):
+            scale = "linear"  # Nothing was reached, or all is nearly alike.
         axes.set(xlabel=label, xscale=scale)
         if scale == "log":  # A short axis has no decade on it, and no room for all that is between.
             axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axes.xaxis.set_major_formatter("{x:g}")
             axes.xaxis.set_minor_formatter(NullFormatter())
+        else:
+            axes.locator_params(axis="x", nbins=5)
         axes.grid(axis="x", alpha=0.3)
     return figure
 
