@@ -112,6 +112,7 @@ _LEAST = {
     "planner.retreat.lost": 0,
     "planner.settle": 0,
     "planner.solid_depth": 0,
+    "planner.support_surface.rim": 0,
     "supervisor.latency.base_placement": 0,
     "supervisor.latency.check": 0,
     "supervisor.latency.plan": 0,

@@ -21,7 +21,10 @@ from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
-from pepper_drake.planning.reach.support_surface import extrapolate_support_surface
+from pepper_drake.planning.reach.support_surface import (
+    assumed_support,
+    extrapolate_support_surface,
+)
 
 Vector = npt.NDArray[np.float64]
 
@@ -70,7 +73,9 @@ class PlanningSceneBuilder:
         self._model, self._arm, self._params = model, arm, params
         self._shapes = ExactDistance(model, arm_kinematics(model, arm))
         self._body = BodyShapes(model, arm)
-        self._goal_object = PointCloudDistance(sample_surface(goal_solids), extension=0.0)
+        surface = sample_surface(goal_solids)
+        self._goal_object = PointCloudDistance(surface, extension=0.0)
+        self._goal_radius = float(np.hypot(*surface[:, :2].T).max(initial=0.0))
         self._arm_in_body = body_indices(arm_joints(arm))
         self._sampled = lru_cache(maxsize=32)(self._sample)
 
@@ -82,16 +87,16 @@ class PlanningSceneBuilder:
         return model.pose(context, "torso")
 
     def obstacle_field(self, observation: Observation) -> PointCloudDistance:
-        """Returns distances to the cloud and to the part of the table that was not seen, in W.
+        """Returns distances to the cloud and to the part of the support that was not seen, in W.
 
         Both are taken to be solid down to `solid_depth`.
         """
-        cloud = observation.obstacles
-        beside = extrapolate_support_surface(
-            cloud, observation.p_WO, observation.base_pose, self._params.support_surface
-        )
+        cloud, p_WO = observation.obstacles, observation.p_WO
+        params = self._params.support_surface
+        beside = extrapolate_support_surface(cloud, p_WO, observation.base_pose, params)
+        below = assumed_support(cloud, p_WO, self._goal_radius, params)
         return PointCloudDistance(
-            np.concatenate((cloud, beside)), extension=self._params.solid_depth
+            np.concatenate((cloud, beside, below)), extension=self._params.solid_depth
         )
 
     def __call__(

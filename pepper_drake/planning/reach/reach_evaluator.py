@@ -185,7 +185,7 @@ class ReachEvaluator:
         elif collision_checked and clearance < params.clearance.start - allowance:
             status = PlanStatus.NO_CLEAR_PATH
             message = (
-                f"the arm would come {1000 * clearance:.0f} mm close to an obstacle that it saw, "
+                f"the arm would come {1000 * clearance:.0f} mm close to an obstacle, "
                 f"less than {1000 * params.clearance.start:.0f} mm"
             )
         elif collision_checked and self._touches_object(scene, joint_path):

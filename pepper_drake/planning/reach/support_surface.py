@@ -31,6 +31,8 @@ class SupportSurfaceParams:
     """Distance between its points [m]."""
     ragged: float = 0.012
     """Tolerance of points on a straight edge [m]."""
+    rim: float = 0.045
+    """Width around the goal object of what it stands on where nothing of that was seen [m]."""
 
 
 def extrapolate_support_surface(
@@ -77,6 +79,33 @@ def extrapolate_support_surface(
             rows.append(p_WB[:2] + x[:, None] * ahead + y[:, None] * left)
     xy = np.concatenate(rows) if rows else np.zeros((0, 2))
     return np.column_stack((xy, np.full(len(xy), p_WO[2])))
+
+
+def assumed_support(
+    cloud_W: Vector, p_WO: Vector, radius: float, params: SupportSurfaceParams
+) -> Vector:
+    """Points (K, 3) of what the goal object is taken to stand on if nothing of it was seen [m].
+
+    An object at rest stands on something. Nearer than the depth camera measures, that may be all
+    that is known of it.
+
+    Args:
+        cloud_W: (P, 3) what was seen.
+        p_WO: (3,) the goal object's bottom.
+        radius: Of the goal object [m].
+        params: Its extent.
+
+    Returns:
+        A disc, or none, (0, 3), where something was seen at that height.
+    """
+    width = radius + params.rim
+    on = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
+    if len(on) and np.linalg.norm(on[:, :2] - p_WO[:2], axis=1).min() < width:
+        return np.zeros((0, 3))
+    steps = params.spacing * np.arange(-np.ceil(width / params.spacing), width / params.spacing + 1)
+    x, y = np.meshgrid(steps, steps)
+    within = np.hypot(x, y) <= width
+    return p_WO + np.column_stack((x[within], y[within], np.zeros(np.count_nonzero(within))))
 
 
 def _front_line(y: Vector, front: Vector, ragged: float) -> tuple[float, float]:

@@ -2,10 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.errors import InputError
+from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
     CONTROL_PERIOD,
@@ -176,6 +177,33 @@ def test_clearance_is_that_of_the_path_to_the_cloud(planner, true_clearance):
     truth = min(true_clearance("right", joints, points_T) for joints in plan.joint_path[::3])
     # The planner takes what it saw to be 3 cm thick, which can only bring it nearer.
     assert planner.params.clearance.start <= plan.clearance <= truth + 1e-9
+
+
+def test_the_hand_passes_around_what_an_unseen_goal_object_must_stand_on(true_clearance):
+    # Nearer than the depth camera measures: the marker is seen, and nothing else.
+    times, X_WO = np.linspace(0.0, 3.0, 61), object_at(x=0.30, y=-0.12, z=0.85)
+    ramp = 10 * (times / 3) ** 3 - 15 * (times / 3) ** 4 + 6 * (times / 3) ** 5
+    poses = arm_kinematics(MODEL, "right").poses(STAND[ARM][None])
+    led = poses.hand_position[0] + ramp[:, None] * np.array([0.12, 0.0, 0.15])
+    turned = RotationMatrix(poses.hand_rotation[0]).ToQuaternion().wxyz()
+    shown = Demonstration.from_positions(
+        times,
+        led,
+        rotations=np.tile(turned, (len(times), 1)),
+        joints=np.tile(STAND[ARM], (len(times), 1)),
+        joint_names=arm_joints("right"),
+    )
+    plan = make_planner(
+        MovementPrimitive.fit(shown, check=False), make_coupling("barrier")
+    ).check_reach(observed(ORIGIN, X_WO))
+    assert plan.status == PlanStatus.CLEAR
+    x, y = np.meshgrid(np.linspace(-0.055, 0.055, 17), np.linspace(-0.055, 0.055, 17))
+    tray = X_WO.translation() + np.column_stack((x.ravel(), y.ravel(), np.zeros(x.size)))
+    context = MODEL.create_context()
+    MODEL.plant.SetPositions(context, MODEL.positions(STAND, ORIGIN))
+    points_T = (MODEL.pose(context, "torso").inverse() @ tray.T).T
+    truth = min(true_clearance("right", joints, points_T) for joints in plan.joint_path[::3])
+    assert truth > 0.006
 
 
 def test_without_coupling_a_reach_is_not_refused_for_what_is_in_the_way(right_primitive, planner):

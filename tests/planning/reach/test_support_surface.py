@@ -3,6 +3,7 @@ import pytest
 
 from pepper_drake.planning.reach.support_surface import (
     SupportSurfaceParams,
+    assumed_support,
     extrapolate_support_surface,
 )
 
@@ -58,3 +59,21 @@ def test_where_no_surface_was_seen_none_is_supposed(points):
         len(extrapolate_support_surface(points, np.array([0.7, 0.0, HEIGHT]), np.zeros(3), PARAMS))
         == 0
     )
+
+
+@pytest.mark.parametrize(
+    "points", [np.zeros((0, 3)), np.array([[0.6, 0.0, HEIGHT + 0.1], [0.6, 0.2, HEIGHT]])]
+)
+def test_what_a_goal_object_stands_on_is_supposed_where_nothing_of_it_was_seen(points):
+    goal, radius = np.array([0.6, -0.1, HEIGHT]), 0.033
+    below = assumed_support(points, goal, radius, PARAMS)
+    away = np.linalg.norm(below[:, :2] - goal[:2], axis=1)
+    assert away.max() <= radius + PARAMS.rim
+    assert away.max() > radius + PARAMS.rim - PARAMS.spacing
+    assert away.min() < 1e-9
+    np.testing.assert_allclose(below[:, 2], HEIGHT)
+
+
+def test_where_something_of_it_was_seen_no_more_is_supposed():
+    rim = np.array([[0.65, -0.1, HEIGHT - 0.01]])
+    assert len(assumed_support(rim, np.array([0.6, -0.1, HEIGHT]), 0.033, PARAMS)) == 0
