@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.geometry import Cylinder
 from pydrake.math import RigidTransform
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
@@ -115,8 +116,9 @@ class DepthImageMapper:
         else:
             # The goal object stands on the table.
             table = -np.inf if X_WO is None else float(X_WO.translation()[2])
+            occluding = [*excluded, *self._support(X_WO)]
             tracker, voxels = update_tracker(
-                self._without_object(memory, X_WO), voxels, view, excluded, self.parameters, table
+                self._without_object(memory, X_WO), voxels, view, occluding, self.parameters, table
             )
         surface = voxels.surface()
         return replace(
@@ -162,6 +164,16 @@ class DepthImageMapper:
             poses = [X_WO] * len(self.object_solids)
             excluded.append(ExcludedSolids(self.object_solids, poses, margin))
         return excluded
+
+    def _support(self, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
+        """The support of the goal object: too near to be measured, it leaves a hole of its own."""
+        if X_WO is None or not self.object_solids:
+            return []
+        near_field = self.parameters.near_field
+        radius = max(solid.width for solid in self.object_solids) + near_field.support_rim
+        thickness = near_field.support_thickness
+        disc = Solid(Cylinder(radius, thickness), RigidTransform([0.0, 0.0, -0.5 * thickness]))
+        return [ExcludedSolids([disc], [X_WO], near_field.on_table)]
 
 
 def has_moved(X_WF: RigidTransform, X_WG: RigidTransform, parameters: ValidityParameters) -> bool:

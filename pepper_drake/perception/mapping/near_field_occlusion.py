@@ -52,6 +52,8 @@ class NearFieldParameters:
         on_table: Height above the table up to which points belong to it [m].
         floor: Height up to which points belong to the floor [m].
         grazing: Cosine of the angle of incidence below which floor and table need not be measured.
+        support_rim: Width around the goal object of what it stands on, which may occlude, too [m].
+        support_thickness: Thickness of that [m].
         least_rays: Fewer are noise.
         kept: Time for which an inferred obstacle is kept [s].
     """
@@ -66,6 +68,8 @@ class NearFieldParameters:
     on_table: float = 0.02
     floor: float = 0.03
     grazing: float = 0.25
+    support_rim: float = 0.045
+    support_thickness: float = 0.025
     least_rays: int = 4
     kept: float = 2.0
 

@@ -67,6 +67,12 @@ class Solid:
             return float(np.linalg.norm(self.dimensions))
         return float(np.sum(self.dimensions))
 
+    @functools.cached_property
+    def width(self) -> float:
+        """Largest distance of its points from the z axis of F; its own z axis is upright [m]."""
+        own = np.hypot(*self.dimensions[:2]) if self.kind == 0 else self.dimensions[0]
+        return float(np.hypot(*self.X_FS.translation()[:2]) + own)
+
     def signed_distance(self, p_S: Points) -> Points:
         """Computes the signed distance of points to the surface, negative inside.
 

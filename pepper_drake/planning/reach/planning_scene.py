@@ -73,9 +73,8 @@ class PlanningSceneBuilder:
         self._model, self._arm, self._params = model, arm, params
         self._shapes = ExactDistance(model, arm_kinematics(model, arm))
         self._body = BodyShapes(model, arm)
-        surface = sample_surface(goal_solids)
-        self._goal_object = PointCloudDistance(surface, extension=0.0)
-        self._goal_radius = float(np.hypot(*surface[:, :2].T).max(initial=0.0))
+        self._goal_object = PointCloudDistance(sample_surface(goal_solids), extension=0.0)
+        self._goal_radius = max((solid.width for solid in goal_solids), default=0.0)
         self._arm_in_body = body_indices(arm_joints(arm))
         self._sampled = lru_cache(maxsize=32)(self._sample)
 
@@ -94,7 +93,9 @@ class PlanningSceneBuilder:
         cloud, p_WO = observation.obstacles, observation.p_WO
         params = self._params.support_surface
         beside = extrapolate_support_surface(cloud, p_WO, observation.base_pose, params)
-        below = assumed_support(cloud, p_WO, self._goal_radius, params)
+        below = np.zeros((0, 3))
+        if observation.space is not None:  # Without cameras all is known.
+            below = assumed_support(cloud, p_WO, self._goal_radius, params)
         return PointCloudDistance(
             np.concatenate((cloud, beside, below)), extension=self._params.solid_depth
         )

@@ -1,10 +1,18 @@
 import numpy as np
 import pytest
-from pydrake.geometry import Sphere
+from pydrake.geometry import Cylinder, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
-from pepper_drake.perception.mapping.near_field_occlusion import background_points, occluded_points
+from pepper_drake.perception.mapping.depth_image_mapper import DepthImage, DepthImageMapper
+from pepper_drake.perception.mapping.depth_validity import DepthFault
+from pepper_drake.perception.mapping.near_field_occlusion import (
+    NearFieldParameters,
+    background_points,
+    occluded_points,
+)
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
+from pepper_drake.perception.mapping.obstacle_memory import ObstacleMemory
 from pepper_drake.perception.mapping.solids import ExcludedSolids, Solid
 
 CAMERA = CAMERA_DEPTH.intrinsics
@@ -116,3 +124,19 @@ def test_an_image_of_another_size_changes_nothing():
 
 def test_a_blind_image_shows_nothing_near():
     assert len(occluded_points(BEHIND, NOTHING, wall(0.0), CAMERA, X_WC, [])) == 0
+
+
+@pytest.mark.parametrize(("rim", "is_explained"), [(0.045, True), (0.0, False)])
+def test_what_a_near_goal_object_stands_on_explains_the_hole_that_it_leaves(rim, is_explained):
+    solids = [Solid(Cylinder(0.033, 0.22), RigidTransform([0.0, 0.0, 0.11]))]
+    parameters = ObstacleParameters(near_field=NearFieldParameters(support_rim=rim))
+    mapper = DepthImageMapper(CAMERA, parameters, object_solids=solids)
+    memory = ObstacleMemory.empty(parameters.memory)
+    # A tray of 7 cm across the view, the object behind it.
+    X_WO = RigidTransform([0.05, 0.02, 0.3])
+    ripples = np.arange(CAMERA.width) % 40
+    for k, depth in enumerate((wall(), wall(), holed(radius=0.07), holed(radius=0.07))):
+        pixels = (np.round(1000 * depth + k + ripples) * (depth > 0)).astype(np.uint16)
+        memory = mapper.with_image(memory, DepthImage(pixels, 0.2 * k, X_WC, X_WO))
+        assert memory.fault == DepthFault.NONE
+    assert (len(memory.tracker.hidden[0]) == 0) == is_explained

@@ -193,9 +193,12 @@ def test_the_hand_passes_around_what_an_unseen_goal_object_must_stand_on(true_cl
         joints=np.tile(STAND[ARM], (len(times), 1)),
         joint_names=arm_joints("right"),
     )
+    nothing_seen = replace(observed(ORIGIN, X_WO), space=SeenSpace(VoxelMap.empty()))
     plan = make_planner(
-        MovementPrimitive.fit(shown, check=False), make_coupling("barrier")
-    ).check_reach(observed(ORIGIN, X_WO))
+        MovementPrimitive.fit(shown, check=False),
+        make_coupling("barrier"),
+        unseen=UnseenSpaceParams(accept=True),
+    ).check_reach(nothing_seen)
     assert plan.status == PlanStatus.CLEAR
     x, y = np.meshgrid(np.linspace(-0.055, 0.055, 17), np.linspace(-0.055, 0.055, 17))
     tray = X_WO.translation() + np.column_stack((x.ravel(), y.ravel(), np.zeros(x.size)))
