@@ -266,7 +266,7 @@ def fuzz(name: str, form: Format, count: int, seed: int) -> collections.Counter[
                     continue
                 outcomes[outcome] += 1
                 if outcome not in (ACCEPTED, REFUSED):
-                    line = words.strip().splitlines()[-1][:200]
+                    line = (words.strip() or "accepted").splitlines()[-1][:200]
                     print(f"{name} {number}: {outcome}: {line}", flush=True)
                 reading = -1
                 number += 1

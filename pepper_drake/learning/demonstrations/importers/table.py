@@ -203,7 +203,7 @@ def _float(word: str) -> float:
     try:
         return float(word)
     except ValueError:
-        if re.fullmatch(r"[+-]?\d*\.?\d*[dD][+-]?\d+", word):
+        if re.fullmatch(r"[+-]?\d*(\.\d*)?[dD][+-]?\d+", word):
             return float(re.sub("[dD]", "e", word))
         raise
 

@@ -10,6 +10,7 @@ from scipy.io import savemat
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration
 from pepper_drake.learning.demonstrations.check import examine
+from pepper_drake.learning.demonstrations.importers.table import number
 
 from .mutations import mutate
 from .recordings import BINARIES, TEXTS, main_file, make_motion
@@ -125,3 +126,14 @@ def test_a_matlab_file_that_unpacks_to_gigabytes_is_refused(tmp_path):
     assert path.stat().st_size < 100_000
     with pytest.raises(InputError, match=r"bomb\.mat: holds more than 64 MiB"):
         Demonstration.load(path)
+
+
+@pytest.mark.parametrize("word", ["1.5D-01", "+.5d0", "-2.D+1", "3D2"])
+def test_fortrans_exponents_are_read(word):
+    assert number(word, "here") == float(word.replace("D", "e").replace("d", "e"))
+
+
+def test_many_digits_that_are_no_number_are_refused():
+    # A pattern in which digits may belong to two parts tries them all: a minute for this one.
+    with pytest.raises(InputError, match="is not a number"):
+        number(f"{'8' * 100_000}x", "here")
