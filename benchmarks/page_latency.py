@@ -21,7 +21,7 @@ import zstandard
 from websockets.sync.client import ClientConnection, connect
 
 from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.live.controls import KEYS
 from pepper_drake.live.page import LivePage
 from pepper_drake.live.session import LiveSession

@@ -27,7 +27,7 @@ from pepper_drake.diagrams.head_perception import PerceptionConfig
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.safety_layer import SafetyParams
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling, Coupling

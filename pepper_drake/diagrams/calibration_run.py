@@ -12,7 +12,8 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from pepper_drake.diagrams.simulate import simulate
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.calibration_scene import calibration_scene
 from pepper_drake.models.control_model import (
     BODY_JOINTS,

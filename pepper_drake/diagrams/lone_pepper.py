@@ -8,7 +8,8 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
-from pepper_drake.diagrams.station import PepperStation, StationConfig, select_joints
+from pepper_drake.diagrams.station import PepperStation, select_joints
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.systems.framework import Diagram, connect

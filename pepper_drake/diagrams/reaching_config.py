@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pepper_drake.diagrams.compliance import ComplianceConfig
 from pepper_drake.diagrams.head_perception import PerceptionConfig
 from pepper_drake.diagrams.safety_layer import SafetyParams
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.reach_planner import ReachPlanner

@@ -12,7 +12,7 @@ from pydrake.systems.primitives import ConstantValueSource, LogVectorOutput, Vec
 from pepper_drake.diagrams.arm_controller import ArmController
 from pepper_drake.diagrams.compliance import ComplianceConfig, add_hand_force
 from pepper_drake.diagrams.lone_pepper import add_lone_pepper
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
 from pepper_drake.models.control_model import arm_joints, shared_control_model

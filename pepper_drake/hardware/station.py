@@ -18,7 +18,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.sensors import ImageDepth16U, ImageRgba8U
 
 from pepper_drake.diagrams.robot_signals import calibrated_commands, calibrated_joints
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.mailbox import CAMERA_NAMES, STREAM
 from pepper_drake.hardware.paced_run import DiagramClock

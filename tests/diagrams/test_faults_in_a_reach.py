@@ -7,7 +7,8 @@ from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.models.robot_calibration import (
     CameraCalibration,

@@ -2,7 +2,8 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 
 from pepper_drake.diagrams.head_perception import HeadPerception
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import SCENES_DIR, load_scene
 

@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.diagrams.live_teaching import LiveTeaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.errors import InputError
 from pepper_drake.models.movable_objects import with_movable_objects
 from pepper_drake.models.scene import SCENES_DIR, load_scene

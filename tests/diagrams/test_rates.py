@@ -6,7 +6,7 @@ from pydrake.systems.analysis import Simulator
 from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import CONTROL_PERIOD
 from pepper_drake.models.scene import load_scene
 from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator

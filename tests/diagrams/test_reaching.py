@@ -13,7 +13,8 @@ from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions, measure_cloud
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.learning import PointCloudDistance
 from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
 from pepper_drake.models.random_scene import random_scene

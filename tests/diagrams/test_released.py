@@ -17,7 +17,7 @@ from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.reproduction import Reproduction
 from pepper_drake.diagrams.reproduction_simulation import start_positions
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.diagrams.teaching import Teaching
 from pepper_drake.models.scene import SCENES_DIR, load_scene
 from pepper_drake.systems.framework import Diagram, LeafSystem, ValueProducer, build, build_into

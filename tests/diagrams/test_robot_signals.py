@@ -6,7 +6,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.robot_calibration import JointCalibration, RobotCalibration

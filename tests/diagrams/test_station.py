@@ -3,7 +3,8 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import BODY_JOINTS, body_indices, shared_control_model
 from pepper_drake.models.movable_objects import with_movable_objects
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper

@@ -3,7 +3,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import load_scene
 from pepper_drake.perception.cameras.camera import pixel_rays

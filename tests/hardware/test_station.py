@@ -13,7 +13,8 @@ from pydrake.trajectories import PiecewisePolynomial
 from served import served
 
 from pepper_drake.diagrams.head_perception import HeadPerception
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.link_process import LinkProcess

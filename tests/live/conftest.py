@@ -3,7 +3,7 @@
 import pytest
 
 from pepper_drake.diagrams.reaching_config import ReachingConfig
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.live.session import LiveSession
 from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation

@@ -2,7 +2,7 @@ import time
 
 import pytest
 
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.scene import load_scene
 from pepper_drake.naoqi.constants import BOTTOM, DEPTH, TOP
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pepper_drake.diagrams.station import StationConfig
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import load_scene
 from pepper_drake.naoqi.constants import CHAINS, CYCLE, JOINTS

@@ -17,7 +17,8 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
-from pepper_drake.diagrams.station import PepperStation, StationConfig
+from pepper_drake.diagrams.station import PepperStation
+from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.models.movable_objects import with_movable_objects
 from pepper_drake.models.objects import GOAL_OBJECT
