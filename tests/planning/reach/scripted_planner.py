@@ -243,3 +243,8 @@ def on_its_way(timing: ReachTiming = TIMING, **prepared) -> Supervised:
     supervised.image_time = supervised.time - 0.05
     supervised.planner.asked.clear()
     return supervised
+
+
+def unseen_plan():
+    region = np.full((20, 3), [1.0, -0.3, 0.8])
+    return replace(plan(PlanStatus.NOT_SEEN, "not seen"), unseen=region)

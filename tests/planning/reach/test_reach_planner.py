@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from pepper_drake.diagrams.factory import make_coupling, make_primitive
+from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.models.control_model import (
-    BODY_JOINTS,
     CONTROL_PERIOD,
     arm_joints,
     body_indices,
-    shared_control_model,
 )
-from pepper_drake.models.pepper import posture_positions
 from pepper_drake.models.scene import default_pre_grasp
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import camera_pose
@@ -24,72 +21,21 @@ from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
-from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
-from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import GoalTolerances, ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
-from pepper_drake.planning.reach.reach_planner import ReachPlanner
-from pepper_drake.planning.reach.reach_task import ReachTask
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
-
-MODEL = shared_control_model()
-STAND = np.array([posture_positions("stand", {})[name] for name in BODY_JOINTS])
-NOTHING = np.zeros((0, 3))
-ORIGIN = np.zeros(3)
-ARM = body_indices(arm_joints("right"))
-
-
-@pytest.fixture(scope="module")
-def right_primitive():
-    return make_primitive(None, "right")
-
-
-@pytest.fixture(scope="module")
-def planner(right_primitive):
-    return make_planner(right_primitive, make_coupling("barrier"))
-
-
-def make_planner(primitive, coupling, **params):
-    return ReachPlanner(
-        primitive,
-        ReachTask(
-            model=MODEL,
-            arm="right",
-            X_OG=default_pre_grasp("right", 0.033).pose(),
-            coupling=coupling,
-            ik=DifferentialIkParams(),
-            params=ReachPlannerParams(**params),
-            image_period=0.2,
-        ),
-    )
-
-
-def object_at(x=0.98, y=-0.11, z=0.78):
-    return RigidTransform([x, y, z])
-
-
-def stand(planner, X_WO, cloud=NOTHING):
-    return planner.plan_base_placement(observed(ORIGIN, X_WO, cloud))
-
-
-def observed(base_pose, X_WO, cloud=NOTHING, arm=None, velocity=None):
-    """An observation of a robot that stands, but for its right arm."""
-    arm = STAND[ARM] if arm is None else arm
-    return Observation(
-        time=0.0,
-        base_pose=np.asarray(base_pose),
-        joint_position=STAND,
-        arm=ArmState(arm, np.zeros(5) if velocity is None else velocity),
-        X_WO=X_WO,
-        cloud=np.asarray(cloud),
-    )
-
-
-def sheet(x, y, z, spacing=0.03):
-    """Points on the grid of three ranges (one of them a single number)."""
-    axes = [np.arange(*r, spacing) if isinstance(r, tuple) else np.array([r]) for r in (x, y, z)]
-    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
+from tests.planning.reach.planner_setup import (
+    ARM,
+    MODEL,
+    ORIGIN,
+    STAND,
+    make_planner,
+    object_at,
+    observed,
+    sheet,
+    stand,
+)
 
 
 def test_a_free_goal_is_reached_from_a_place_near_it(planner):
@@ -440,63 +386,3 @@ def test_what_was_found_for_the_stand_is_tried_first(planner, at_the_table):
     again = planner.check_reach(at_the_table, found.movement)
     assert again.movement is found.movement
     np.testing.assert_allclose(again.joint_path, found.joint_path, atol=1e-9)
-
-
-def room():
-    """Space seen by images of an empty room, taken with the head turned to angles ahead."""
-    camera, space = CAMERA_DEPTH.intrinsics, SeenSpace(VoxelMap.empty())
-    context = MODEL.create_context()
-    MODEL.plant.SetPositions(context, MODEL.positions(STAND, ORIGIN))
-    X_WT, image = MODEL.pose(context, "torso"), np.full((camera.height, camera.width), 3.0)
-    for head in head_grid()[np.abs(head_grid()[:, 0]) < 1.1]:
-        X_WC = X_WT @ camera_pose(CAMERA_DEPTH, head)
-        view = DepthFrame(image.astype(np.float32), X_WC, 0.0, camera)
-        space = space.with_view(view, space.voxels)
-    return space
-
-
-@pytest.fixture(scope="module")
-def watchful(right_primitive):
-    """A planner that lets the base drive only where it was seen to be free."""
-    params = UnseenSpaceParams(drive=True)
-    return make_planner(right_primitive, make_coupling("barrier"), unseen=params)
-
-
-def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful):
-    observation = observed(ORIGIN, object_at())
-    unseen = replace(observation, space=SeenSpace(VoxelMap.empty()))
-    plan = watchful.plan_base_placement(unseen)
-    assert plan.status == PlanStatus.NOT_SEEN
-    assert plan.message.startswith("on its drive the robot would pass")
-    assert "ahead" in plan.message
-    ahead = plan.unseen[:, :2].mean(axis=0)
-    assert 0.0 < ahead[0] < plan.base_pose[0] + 0.3
-    assert watchful.check_drive(plan, unseen).status == PlanStatus.NOT_SEEN
-    seen = watchful.check_drive(plan, replace(observation, space=room()))
-    assert (seen.status, seen.message, len(seen.unseen)) == (PlanStatus.CLEAR, "", 0)
-    # Low and near there is much that no head angle shows, which is told.
-    assert 0.05 < seen.out_of_view < 0.3
-    way = 0.5 * plan.base_pose
-    box = sheet((way[0] - 0.1, way[0] + 0.1), (way[1] - 0.1, way[1] + 0.1), 0.2)
-    blocked = watchful.check_drive(plan, replace(observation, space=room(), cloud=box))
-    assert blocked.status == PlanStatus.NO_STANDING_ROOM
-
-
-def test_a_drive_through_unseen_space_may_be_accepted(right_primitive):
-    params = UnseenSpaceParams(drive=True, accept=True)
-    planner = make_planner(right_primitive, make_coupling("barrier"), unseen=params)
-    unseen = replace(observed(ORIGIN, object_at()), space=SeenSpace(VoxelMap.empty()))
-    plan = planner.plan_base_placement(unseen)
-    assert plan.status == PlanStatus.CLEAR
-    assert len(plan.unseen) > 100
-
-
-def test_what_is_hidden_below_a_thing_is_no_room_for_the_base(watchful):
-    # Of a box on the floor, aside, its top shows alone, above the base.
-    plan = stand(watchful, object_at())
-    there = plan.base_pose + [0.0, 0.33, 0.0]
-    top = sheet((there[0] - 0.1, there[0] + 0.1), (there[1] - 0.1, there[1] + 0.1), 0.5)
-    seen = replace(observed(ORIGIN, object_at()), cloud=top)
-    free, unknown = (replace(seen, space=s) for s in (room(), SeenSpace(VoxelMap.empty())))
-    assert watchful.check_drive(plan, free).status == PlanStatus.CLEAR
-    assert watchful.check_drive(plan, unknown).status == PlanStatus.NO_STANDING_ROOM

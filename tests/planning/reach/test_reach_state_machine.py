@@ -8,10 +8,8 @@ from pepper_drake.models.control_model import body_indices
 from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.separation import StaleSpace
-from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from pepper_drake.planning.safety.command_check import StopReason
 from tests.planning.reach.scripted_planner import (
     ADAPTED,
@@ -26,6 +24,7 @@ from tests.planning.reach.scripted_planner import (
     on_its_way,
     path_plan,
     plan,
+    unseen_plan,
 )
 
 STEP = TIMING.time_step
@@ -122,11 +121,6 @@ def test_a_reach_that_the_planner_refuses_never_starts(status, when):
     assert (ReachMode.DRIVING in one.modes) == (when == "reach")
     if when == "reach":
         assert one.state.places == TIMING.places
-
-
-def unseen_plan():
-    region = np.full((20, 3), [1.0, -0.3, 0.8])
-    return replace(plan(PlanStatus.NOT_SEEN, "not seen"), unseen=region)
 
 
 def test_what_was_not_seen_is_looked_at_before_the_arm_starts():
@@ -476,59 +470,3 @@ def test_a_goal_that_is_not_seen_for_want_of_images_is_said_to_be_that(age, word
     one.set(goal_age=TIMING.goal_lost + 1.0, image_ages=np.array([0.1, age])).failed(
         "images_missing"
     )
-
-
-def test_what_the_robot_would_pass_on_its_drive_is_looked_at_first():
-    planner = ScriptedPlanner(placement=unseen_plan(), drive=unseen_plan())
-    one = Supervised(planner).advance(2.0)
-    assert one.modes == [ReachMode.LOOKING]
-    np.testing.assert_allclose(one.state.look_at, [1.0, -0.3, 0.8])
-    assert np.isnan(one.state.base_goal).all()
-    planner.drive = plan()
-    one.until(ReachMode.DRIVING)
-    assert np.isnan(one.state.look_at).all()
-    assert one.state.places == 1
-    one.until(ReachMode.REACHING)
-
-
-def test_while_it_plans_where_to_stand_it_looks_halfway_to_the_goal():
-    planner = ScriptedPlanner(params=ReachPlannerParams(unseen=UnseenSpaceParams(drive=True)))
-    one = Supervised(planner).advance(TIMING.looking + 0.1)
-    assert one.state.is_planning
-    halfway = 0.5 * (X_WO.translation() + [0.1, 0.2, 0.0])
-    np.testing.assert_allclose(one.state.look_at, halfway)
-
-
-def test_a_robot_does_not_drive_through_what_stays_unseen():
-    planner = ScriptedPlanner(placement=unseen_plan(), drive=unseen_plan())
-    one = Supervised(planner).failed("not_seen", limit=20.0)
-    assert one.modes == [ReachMode.LOOKING, ReachMode.FAILED]
-    looked = TIMING.unseen_timeout + TIMING.latency.base_placement + TIMING.looking
-    assert one.state.since == pytest.approx(looked, abs=0.3)
-
-
-def test_what_is_seen_where_it_was_going_to_drive_leads_to_another_place():
-    blocked = plan(PlanStatus.NO_STANDING_ROOM, "something stands there")
-    planner = ScriptedPlanner(placement=unseen_plan(), drive=blocked)
-    one = Supervised(planner).advance(1.5)
-    assert planner.questions().count("plan_base_placement") == 2
-    planner.placement = plan()
-    one.until(ReachMode.DRIVING)
-    # Without end it does not go on like this.
-    planner = ScriptedPlanner(placement=unseen_plan(), drive=blocked)
-    Supervised(planner).failed("no_standing_room", limit=30.0)
-    assert planner.questions().count("plan_base_placement") == TIMING.places + 1
-
-
-@pytest.mark.parametrize("lasts", [0.8, 5.0])
-def test_without_depth_images_it_does_not_know_where_to_drive(lasts):
-    planner = ScriptedPlanner(placement=unseen_plan(), drive=unseen_plan())
-    one = Supervised(planner).advance(1.5).look().advance(0.3)
-    planner.drive = plan()
-    one.advance(lasts)
-    if lasts < TIMING.cloud_lost:
-        assert one.state.mode == ReachMode.LOOKING
-        one.image_time = None
-        one.until(ReachMode.DRIVING)
-    else:
-        assert one.state.reason == "cloud_missing"

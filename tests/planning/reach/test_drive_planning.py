@@ -1,0 +1,84 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pepper_drake.diagrams.factory import make_coupling
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.gaze.head_aiming import camera_pose
+from pepper_drake.perception.gaze.view_planning import head_grid
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.seen_space import SeenSpace
+from pepper_drake.perception.mapping.voxel_map import VoxelMap
+from pepper_drake.planning.reach.reach_plan import PlanStatus
+from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
+from tests.planning.reach.planner_setup import (
+    MODEL,
+    ORIGIN,
+    STAND,
+    make_planner,
+    object_at,
+    observed,
+    sheet,
+    stand,
+)
+
+
+def room():
+    """Space seen by images of an empty room, taken with the head turned to angles ahead."""
+    camera, space = CAMERA_DEPTH.intrinsics, SeenSpace(VoxelMap.empty())
+    context = MODEL.create_context()
+    MODEL.plant.SetPositions(context, MODEL.positions(STAND, ORIGIN))
+    X_WT, image = MODEL.pose(context, "torso"), np.full((camera.height, camera.width), 3.0)
+    for head in head_grid()[np.abs(head_grid()[:, 0]) < 1.1]:
+        X_WC = X_WT @ camera_pose(CAMERA_DEPTH, head)
+        view = DepthFrame(image.astype(np.float32), X_WC, 0.0, camera)
+        space = space.with_view(view, space.voxels)
+    return space
+
+
+@pytest.fixture(scope="module")
+def watchful(right_primitive):
+    """A planner that lets the base drive only where it was seen to be free."""
+    params = UnseenSpaceParams(drive=True)
+    return make_planner(right_primitive, make_coupling("barrier"), unseen=params)
+
+
+def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful):
+    observation = observed(ORIGIN, object_at())
+    unseen = replace(observation, space=SeenSpace(VoxelMap.empty()))
+    plan = watchful.plan_base_placement(unseen)
+    assert plan.status == PlanStatus.NOT_SEEN
+    assert plan.message.startswith("on its drive the robot would pass")
+    assert "ahead" in plan.message
+    ahead = plan.unseen[:, :2].mean(axis=0)
+    assert 0.0 < ahead[0] < plan.base_pose[0] + 0.3
+    assert watchful.check_drive(plan, unseen).status == PlanStatus.NOT_SEEN
+    seen = watchful.check_drive(plan, replace(observation, space=room()))
+    assert (seen.status, seen.message, len(seen.unseen)) == (PlanStatus.CLEAR, "", 0)
+    # Low and near there is much that no head angle shows, which is told.
+    assert 0.05 < seen.out_of_view < 0.3
+    way = 0.5 * plan.base_pose
+    box = sheet((way[0] - 0.1, way[0] + 0.1), (way[1] - 0.1, way[1] + 0.1), 0.2)
+    blocked = watchful.check_drive(plan, replace(observation, space=room(), cloud=box))
+    assert blocked.status == PlanStatus.NO_STANDING_ROOM
+
+
+def test_a_drive_through_unseen_space_may_be_accepted(right_primitive):
+    params = UnseenSpaceParams(drive=True, accept=True)
+    planner = make_planner(right_primitive, make_coupling("barrier"), unseen=params)
+    unseen = replace(observed(ORIGIN, object_at()), space=SeenSpace(VoxelMap.empty()))
+    plan = planner.plan_base_placement(unseen)
+    assert plan.status == PlanStatus.CLEAR
+    assert len(plan.unseen) > 100
+
+
+def test_what_is_hidden_below_a_thing_is_no_room_for_the_base(watchful):
+    # Of a box on the floor, aside, its top shows alone, above the base.
+    plan = stand(watchful, object_at())
+    there = plan.base_pose + [0.0, 0.33, 0.0]
+    top = sheet((there[0] - 0.1, there[0] + 0.1), (there[1] - 0.1, there[1] + 0.1), 0.5)
+    seen = replace(observed(ORIGIN, object_at()), cloud=top)
+    free, unknown = (replace(seen, space=s) for s in (room(), SeenSpace(VoxelMap.empty())))
+    assert watchful.check_drive(plan, free).status == PlanStatus.CLEAR
+    assert watchful.check_drive(plan, unknown).status == PlanStatus.NO_STANDING_ROOM

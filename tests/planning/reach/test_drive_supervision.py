@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
+from pepper_drake.planning.reach.reach_plan import PlanStatus
+from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
+from tests.planning.reach.scripted_planner import (
+    TIMING,
+    X_WO,
+    ScriptedPlanner,
+    Supervised,
+    plan,
+    unseen_plan,
+)
+
+
+def test_what_the_robot_would_pass_on_its_drive_is_looked_at_first():
+    planner = ScriptedPlanner(placement=unseen_plan(), drive=unseen_plan())
+    one = Supervised(planner).advance(2.0)
+    assert one.modes == [ReachMode.LOOKING]
+    np.testing.assert_allclose(one.state.look_at, [1.0, -0.3, 0.8])
+    assert np.isnan(one.state.base_goal).all()
+    planner.drive = plan()
+    one.until(ReachMode.DRIVING)
+    assert np.isnan(one.state.look_at).all()
+    assert one.state.places == 1
+    one.until(ReachMode.REACHING)
+
+
+def test_while_it_plans_where_to_stand_it_looks_halfway_to_the_goal():
+    planner = ScriptedPlanner(params=ReachPlannerParams(unseen=UnseenSpaceParams(drive=True)))
+    one = Supervised(planner).advance(TIMING.looking + 0.1)
+    assert one.state.is_planning
+    halfway = 0.5 * (X_WO.translation() + [0.1, 0.2, 0.0])
+    np.testing.assert_allclose(one.state.look_at, halfway)
+
+
+def test_a_robot_does_not_drive_through_what_stays_unseen():
+    planner = ScriptedPlanner(placement=unseen_plan(), drive=unseen_plan())
+    one = Supervised(planner).failed("not_seen", limit=20.0)
+    assert one.modes == [ReachMode.LOOKING, ReachMode.FAILED]
+    looked = TIMING.unseen_timeout + TIMING.latency.base_placement + TIMING.looking
+    assert one.state.since == pytest.approx(looked, abs=0.3)
+
+
+def test_what_is_seen_where_it_was_going_to_drive_leads_to_another_place():
+    blocked = plan(PlanStatus.NO_STANDING_ROOM, "something stands there")
+    planner = ScriptedPlanner(placement=unseen_plan(), drive=blocked)
+    one = Supervised(planner).advance(1.5)
+    assert planner.questions().count("plan_base_placement") == 2
+    planner.placement = plan()
+    one.until(ReachMode.DRIVING)
+    # Without end it does not go on like this.
+    planner = ScriptedPlanner(placement=unseen_plan(), drive=blocked)
+    Supervised(planner).failed("no_standing_room", limit=30.0)
+    assert planner.questions().count("plan_base_placement") == TIMING.places + 1
+
+
+@pytest.mark.parametrize("lasts", [0.8, 5.0])
+def test_without_depth_images_it_does_not_know_where_to_drive(lasts):
+    planner = ScriptedPlanner(placement=unseen_plan(), drive=unseen_plan())
+    one = Supervised(planner).advance(1.5).look().advance(0.3)
+    planner.drive = plan()
+    one.advance(lasts)
+    if lasts < TIMING.cloud_lost:
+        assert one.state.mode == ReachMode.LOOKING
+        one.image_time = None
+        one.until(ReachMode.DRIVING)
+    else:
+        assert one.state.reason == "cloud_missing"
