@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.perception.mapping.near_field_occlusion import NearFieldParameters
+
 Vector = npt.NDArray[np.float64]
 
 
@@ -31,7 +33,7 @@ class SupportSurfaceParams:
     """Distance between its points [m]."""
     ragged: float = 0.012
     """Tolerance of points on a straight edge [m]."""
-    rim: float = 0.045
+    rim: float = NearFieldParameters.support_rim
     """Width around the goal object of what it stands on where nothing of that was seen [m]."""
 
 
