@@ -10,11 +10,11 @@ from pepper_drake.learning.demonstrations.importers.choregraphe import (
     read_exported_python,
     read_timeline,
 )
+from pepper_drake.learning.demonstrations.importers.lasa import read_lasa
 from pepper_drake.learning.demonstrations.importers.lerobot import is_dataset, read_dataset
 from pepper_drake.learning.demonstrations.importers.motion_capture import (
     is_motive,
     is_vicon,
-    read_lasa,
     read_motive,
     read_vicon,
 )

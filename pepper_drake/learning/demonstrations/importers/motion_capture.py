@@ -1,18 +1,8 @@
 """Exports of motion capture: OptiTrack Motive's CSV and Vicon Nexus' or Tracker's CSV."""
 
-import contextlib
-import io
-import struct
-import warnings
-import zlib
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_bytes
 from pepper_drake.learning.demonstrations.importers.options import LENGTHS
 from pepper_drake.learning.demonstrations.importers.table import Table, number, numbers
 from pepper_drake.learning.demonstrations.importers.track import Track
@@ -28,11 +18,6 @@ _MOTIVE_UNITS = {
 }
 _VICON_TITLES = ("trajectories", "objects", "segments", "global trajectories")
 _VICON_OTHERS = ("devices", "joints", "model outputs", "events")
-
-_COMPRESSED = 15
-"""Kind of a compressed variable in a MATLAB file of version 5."""
-_LARGEST_UNPACKED = 64 * 2**20
-"""Most that the compressed variables of such a file may hold [bytes]."""
 
 
 def is_motive(table: Table) -> bool:
@@ -198,80 +183,3 @@ def _label(row: tuple[str, ...]) -> str:
 
 def _tidy(name: str) -> str:
     return name.replace(":", "_") or "marker"
-
-
-def _unpacked(data: bytes) -> int:
-    """Size of what the compressed variables of a MATLAB file hold, up to a little over the limit.
-
-    A variable is a kind and a size of four bytes each, and that many bytes, after a header of 128
-    whose last two tell their order.
-    """
-    order, start, total = "<" if data[126:128] == b"IM" else ">", 128, 0
-    while start + 8 <= len(data) and total <= _LARGEST_UNPACKED:
-        kind, size = struct.unpack_from(f"{order}II", data, start)
-        if kind == _COMPRESSED:
-            with contextlib.suppress(zlib.error):  # The library tells what is damaged.
-                packed = data[start + 8 : start + 8 + size]
-                total += len(zlib.decompressobj().decompress(packed, _LARGEST_UNPACKED + 1))
-        start += 8 + size
-    return total
-
-
-def read_lasa(path: Path) -> list[Track]:
-    """Reads a motion of the LASA handwriting set: a .mat file with a list `demos` of 2-D paths.
-
-    Khansari-Zadeh and Billard 2011, DOI 10.1109/TRO.2011.2159412. Positions are in mm.
-
-    Raises:
-        InputError: It is no such file.
-    """
-    from scipy.io import loadmat
-
-    data = read_bytes(path)
-    if _unpacked(data) > _LARGEST_UNPACKED:
-        raise InputError(f"{path}: holds more than {_LARGEST_UNPACKED // 2**20} MiB; cut it")
-    try:
-        # It reads streams, which its type hints do not know.
-        stream: Any = io.BytesIO(data)
-        with warnings.catch_warnings(action="ignore"):  # Of variables that are not read.
-            content = loadmat(stream, squeeze_me=True, struct_as_record=False)
-        demos = np.atleast_1d(content["demos"])[:100]
-        found = [
-            (np.asarray(d.t, dtype=float).ravel(), np.asarray(d.pos, dtype=float)) for d in demos
-        ]
-    except KeyError:
-        raise InputError(
-            f"{path}: a .mat file without `demos`, as the LASA set has it; write its motion as a"
-            " table (writematrix) with a first line time,x,y,z"
-        ) from None
-    except Exception as error:  # loadmat raises what its parser meets: any kind.
-        raise InputError(
-            f"{path}: no LASA motion ({type(error).__name__}: {_one_line(error)})"
-        ) from None
-    tracks = []
-    for k, (times, positions) in enumerate(found, start=1):
-        if positions.ndim != 2 or positions.shape[1] != len(times) or len(positions) not in (2, 3):
-            raise InputError(
-                f"{path}: demonstration {k}: pos {positions.shape} and t {times.shape} do not"
-                " belong together"
-            )
-        if not (np.isfinite(times).all() and np.isfinite(positions).all()):
-            raise InputError(f"{path}: demonstration {k} holds a value that is not finite")
-        tracks.append(
-            Track(
-                path,
-                f"{path.stem}_{k}",
-                "LASA handwriting",
-                times,
-                positions.T,
-                time_unit="s",
-                unit="mm",
-            )
-        )
-    if not tracks:
-        raise InputError(f"{path}: no demonstration in it")
-    return tracks
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:120]

@@ -311,3 +311,16 @@ def test_a_pointer_of_git_lfs_is_told_as_one(tmp_path, name):
     )
     with pytest.raises(InputError, match=f"{name}: a pointer of Git LFS.*git lfs pull"):
         read_tracks(path)
+
+
+def test_a_damaged_lasa_file_that_ends_its_reader_is_refused(tmp_path):
+    path = tmp_path / "motion.mat"
+    demo = {"t": np.arange(30.0), "pos": np.zeros((2, 30))}
+    savemat(path, {"demos": [demo]})
+    content = bytearray(path.read_bytes())
+    # The kind of the numbers of pos: scipy looks up what is no kind beyond its table's end.
+    place = content.rindex(b"\x09\x00\x00\x00\xe0\x01\x00\x00")
+    content[place] = 145
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"motion\.mat: no LASA motion"):
+        read_tracks(path)

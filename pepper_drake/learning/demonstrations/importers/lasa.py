@@ -1,0 +1,99 @@
+"""Motions of the LASA handwriting set: MATLAB files with a list `demos`."""
+
+import contextlib
+import io
+import struct
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.errors import InputError
+from pepper_drake.files import read_bytes
+from pepper_drake.learning.demonstrations.importers import mat_process
+from pepper_drake.learning.demonstrations.importers.track import Track
+
+Array = npt.NDArray[np.float64]
+
+_COMPRESSED = 15
+"""Kind of a compressed variable in a MATLAB file of version 5."""
+_LARGEST_UNPACKED = 64 * 2**20
+"""Most that the compressed variables of such a file may hold [bytes]."""
+_PATIENCE = 60.0
+"""Longest wait for the process that reads [s]."""
+
+
+def _unpacked(data: bytes) -> int:
+    """Size of what the compressed variables of a MATLAB file hold, up to a little over the limit.
+
+    A variable is a kind and a size of four bytes each, and that many bytes, after a header of 128
+    whose last two tell their order.
+    """
+    order, start, total = "<" if data[126:128] == b"IM" else ">", 128, 0
+    while start + 8 <= len(data) and total <= _LARGEST_UNPACKED:
+        kind, size = struct.unpack_from(f"{order}II", data, start)
+        if kind == _COMPRESSED:
+            with contextlib.suppress(zlib.error):  # The library tells what is damaged.
+                packed = data[start + 8 : start + 8 + size]
+                total += len(zlib.decompressobj().decompress(packed, _LARGEST_UNPACKED + 1))
+        start += 8 + size
+    return total
+
+
+def read_lasa(path: Path) -> list[Track]:
+    """Reads a motion of the LASA handwriting set: a .mat file with a list `demos` of 2-D paths.
+
+    Khansari-Zadeh and Billard 2011, DOI 10.1109/TRO.2011.2159412. Positions are in mm.
+
+    Raises:
+        InputError: It is no such file.
+    """
+    data = read_bytes(path)
+    if _unpacked(data) > _LARGEST_UNPACKED:
+        raise InputError(f"{path}: holds more than {_LARGEST_UNPACKED // 2**20} MiB; cut it")
+    found = _demos(path, data)
+    tracks = []
+    for k, (times, positions) in enumerate(found, start=1):
+        if positions.ndim != 2 or positions.shape[1] != len(times) or len(positions) not in (2, 3):
+            raise InputError(
+                f"{path}: demonstration {k}: pos {positions.shape} and t {times.shape} do not"
+                " belong together"
+            )
+        if not (np.isfinite(times).all() and np.isfinite(positions).all()):
+            raise InputError(f"{path}: demonstration {k} holds a value that is not finite")
+        tracks.append(
+            Track(
+                path,
+                f"{path.stem}_{k}",
+                "LASA handwriting",
+                times,
+                positions.T,
+                time_unit="s",
+                unit="mm",
+            )
+        )
+    if not tracks:
+        raise InputError(f"{path}: no demonstration in it")
+    return tracks
+
+
+def _demos(path: Path, data: bytes) -> list[tuple[Array, Array]]:
+    """Times (N,) [s] and positions (D, N) [mm] of each demonstration, as another process reads."""
+    command = [sys.executable, "-I", mat_process.__file__]
+    try:
+        read = subprocess.run(command, input=data, capture_output=True, timeout=_PATIENCE)
+    except subprocess.TimeoutExpired:
+        raise InputError(f"{path}: no LASA motion (not read within {_PATIENCE:g} s)") from None
+    if read.returncode == mat_process.NO_DEMOS:
+        raise InputError(
+            f"{path}: a .mat file without `demos`, as the LASA set has it; write its motion as a"
+            " table (writematrix) with a first line time,x,y,z"
+        )
+    if read.returncode:
+        reason = read.stderr.decode(errors="replace").strip() or "damaged"
+        raise InputError(f"{path}: no LASA motion ({reason[:160]})")
+    with np.load(io.BytesIO(read.stdout)) as arrays:
+        return [(arrays[f"t{k}"], arrays[f"pos{k}"]) for k in range(len(arrays.files) // 2)]
