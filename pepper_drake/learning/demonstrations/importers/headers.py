@@ -106,6 +106,8 @@ _AXES = {"x": 0, "y": 1, "z": 2, "w": 3}
 
 _DERIVATIVE_WORDS = {"velocity", "vel", "effort", "torque", "current", "temperature", "speed"}
 
+_ANGLE_AT_END = re.compile(r"[^A-Za-z0-9](rad|radians?|deg|degrees?)$", re.IGNORECASE)
+
 _LONGEST_NAME = 200
 """A longer text is no name of a column; to look for a unit in it takes the square of its length."""
 
@@ -135,6 +137,9 @@ def meaning(header: str) -> Meaning | None:
         return None
     text, unit = _split_unit(header.strip().strip("\"'#%").strip())
     joint = joint_of(text)
+    if joint is None and unit is None and (tail := _ANGLE_AT_END.search(text)):
+        joint = joint_of(text[: tail.start()])  # RElbowYaw_deg.
+        unit = None if joint is None else _UNITS[tail[1].lower()][1]
     if joint is not None:
         known = (
             unit if unit is not None and (unit in ("deg", "rad") or unit[0] == UNKNOWN) else None

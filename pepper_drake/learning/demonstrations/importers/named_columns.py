@@ -22,6 +22,7 @@ from pepper_drake.learning.demonstrations.importers.table import (
     is_number,
     numbers,
     shorten,
+    split,
 )
 from pepper_drake.learning.demonstrations.importers.track import Track
 
@@ -83,14 +84,14 @@ def find_header(table: Table) -> tuple[list[str], int] | None:
         for words in (
             [word.strip() for word in comment.split(",")],
             [word.strip() for word in comment.split(";")],
-            comment.split(),
+            split(comment, " "),
         ):
             known = [m for word in words if (m := meaning(word)) is not None]
             # A comment in words has few of them; a header names the time and the position.
             if len(words) == width and (
                 len(known) == len(words) or {"time", "position"} <= {m.kind for m in known}
             ):
-                return words, start
+                return list(words), start
     return None
 
 

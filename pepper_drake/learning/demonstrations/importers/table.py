@@ -143,6 +143,8 @@ _EXCEL = re.compile(r'"?sep=.?"?', re.IGNORECASE)
 
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
 _DAY_AND_TIME = re.compile(r"(\d{4}-\d\d-\d\d) +(?=\d\d:\d\d)")
+_SPACE_BEFORE_UNIT = re.compile(r"(?<=\w)[ \t]+(?=[\[(][^\W\d_]{1,12}[\])])")
+"""As in `x [mm] y [mm]`: the name and its unit are one word."""
 _CLOCK = re.compile(r"(?:(?:(\d{1,2}):)?(\d{1,2}):)(\d{1,2}(?:[.,]\d+)?)")
 
 
@@ -181,7 +183,8 @@ def _without_clocks(
 def split(line: str, separator: str) -> tuple[str, ...]:
     """Returns the words of a line; quotes keep separators together."""
     if separator == " ":
-        return tuple(_DAY_AND_TIME.sub(r"\1T", line.partition("#")[0]).split())
+        joined = _DAY_AND_TIME.sub(r"\1T", line.partition("#")[0])
+        return tuple(_SPACE_BEFORE_UNIT.sub("", joined).split())
     try:
         words = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
     except (csv.Error, StopIteration):

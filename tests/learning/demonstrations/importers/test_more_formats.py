@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.io import savemat
 
 from pepper_drake.errors import InputError
@@ -324,3 +325,27 @@ def test_a_damaged_lasa_file_that_ends_its_reader_is_refused(tmp_path):
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"motion\.mat: no LASA motion"):
         read_tracks(path)
+
+
+@pytest.mark.parametrize("bracket", ["[{}]", "({})"])
+@pytest.mark.parametrize("sign", ["", "# "])
+def test_units_after_a_blank_belong_to_the_name_before(tmp_path, sign, bracket):
+    path = tmp_path / "motion.txt"
+    times = np.arange(0, 2000, 20)
+    position = [0.2, -0.1, 0.0] + np.outer(np.sin(times / 1000), [0.1, 0.05, 0.1])
+    names = [f"{n} {bracket.format(u)}" for n, u in [("time", "ms"), *((a, "mm") for a in "xyz")]]
+    np.savetxt(
+        path, np.c_[times, 1000 * position], header=" ".join(names), comments=sign, fmt="%.9g"
+    )
+    loaded = Demonstration.load(path)
+    assert loaded.duration == pytest.approx(1.98)
+    assert_allclose(loaded.positions, position, atol=1e-8)
+
+
+def test_units_at_the_end_of_joint_names_are_read(tmp_path):
+    path = tmp_path / "motion.csv"
+    angles = np.linspace([60, -20, 60, 40, 10], [30, -30, 70, 60, 40], 100)
+    names = ["RShoulderPitch", "RShoulderRoll", "RElbowYaw", "RElbowRoll", "RWristYaw"]
+    header = ",".join(["time_ms", *(f"{name}_deg" for name in names)])
+    np.savetxt(path, np.c_[20 * np.arange(100), angles], delimiter=",", header=header, comments="")
+    assert_allclose(Demonstration.load(path).joints, np.radians(angles), atol=1e-9)
