@@ -241,7 +241,7 @@ class Pushed(NamedTuple):
 
 
 def is_on_its_way(run):
-    """Whether the arm has moved for a second: all kinds of plans were made, and took effect."""
+    """Tells whether the arm has moved for a second: each kind of plan was made and took effect."""
     context = run.simulator.get_context()
     supervisor = run.reaching.supervisor
     state = supervisor.progress(supervisor.GetMyContextFromRoot(context))
