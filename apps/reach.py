@@ -99,9 +99,6 @@ SIMULATED_ONLY: dict[str, object] = {
 }
 """Options that a robot does not take, and their defaults."""
 
-PUSH_DURATION = 0.5
-"""Duration of the push at the hand [s]."""
-
 
 def coupling_name(text: str) -> str:
     """Reads the name of a coupling from the command line."""

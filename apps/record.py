@@ -25,7 +25,9 @@ and --recover makes it a finished demonstration.
 import argparse
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -73,6 +75,14 @@ SHIPPED = {
     "marker": MARKER_SCRIPTS,
 }
 """The names of the scripts that ship, by the way to teach; the first is the default."""
+
+WAYS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
+    "guided": (load_guide, record_guided),
+    "joints": (load_joint_script, record_joints),
+    "gamepad": (load_pad_script, record_pad),
+    "marker": (load_marker_script, record_marker),
+}
+"""The reader of a script and the recorder of the movement that it gives, by the way to teach."""
 SIMULATED_ONLY: dict[str, object] = {
     "way": "guided",
     "guide": None,
@@ -216,29 +226,18 @@ def perform(
     arguments: argparse.Namespace, options: RecordOptions
 ) -> tuple[str, Recording, dict[str, float]]:
     """Loads the way's script and records it; returns the arm and what a camera saw, as well."""
-    way = arguments.way
-    name = arguments.guide or SHIPPED[way][0]
-    mirror = arguments.arm
-    if way == "joints":
-        joints = load_joint_script(name)
-        joints = joints if mirror in (None, joints.arm) else joints.mirrored()
-        return joints.arm, record_joints(joints, options), {}
-    if way == "gamepad":
-        pad = load_pad_script(name)
-        pad = pad if mirror in (None, pad.arm) else pad.mirrored()
-        return pad.arm, record_pad(pad, options), {}
-    if way == "marker":
-        marker = load_marker_script(name)
-        marker = marker if mirror in (None, marker.arm) else marker.mirrored()
-        result = record_marker(marker, options, seed=arguments.seed)
-        seen = {
-            "sightings": len(result.sightings.times),
-            "sighting_error_rms": result.tracking_error_rms,
-        }
-        return marker.arm, result.recording, seen
-    guide = load_guide(name)
-    guide = guide if mirror in (None, guide.arm) else guide.mirrored()
-    return guide.arm, record_guided(guide, options), {}
+    load, record_by = WAYS[arguments.way]
+    script = load(arguments.guide or SHIPPED[arguments.way][0])
+    if arguments.arm not in (None, script.arm):
+        script = script.mirrored()
+    if arguments.way != "marker":
+        return script.arm, record_by(script, options), {}
+    result = record_marker(script, options, seed=arguments.seed)
+    seen = {
+        "sightings": len(result.sightings.times),
+        "sighting_error_rms": result.tracking_error_rms,
+    }
+    return script.arm, result.recording, seen
 
 
 def summary(demonstration: Demonstration) -> str:

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import check_fields, read_json
+from pepper_drake.files import check_fields, read_json, write_atomically
 
 OUTCOMES = ("reached", "touched", "refused", "failed", "error")
 """Outcomes of a run: the hand is at its goal and nothing was touched; a link touched an
@@ -62,10 +62,7 @@ class MethodResult:
             key: None if isinstance(value, float) and not np.isfinite(value) else value
             for key, value in asdict(self).items()
         }
-        path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = path.with_suffix(".part")
-        unfinished.write_text(json.dumps(content, indent=2) + "\n")
-        unfinished.replace(path)
+        write_atomically(path, json.dumps(content, indent=2) + "\n")
 
     @classmethod
     def load(cls, path: Path) -> Self:

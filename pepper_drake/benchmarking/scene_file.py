@@ -10,6 +10,7 @@ import numpy.typing as npt
 from pydrake.geometry import Convex
 from pydrake.math import RigidTransform
 
+from pepper_drake.files import write_atomically
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.models.motion import path_trajectory
 from pepper_drake.models.pepper import hand_frame
@@ -77,8 +78,7 @@ def scene_content(scene: Scene) -> dict[str, Any]:
 
 def write_scene_file(scene: Scene, path: Path) -> None:
     """Writes `scene_content` as JSON."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(scene_content(scene), indent=1) + "\n")
+    write_atomically(path, json.dumps(scene_content(scene), indent=1) + "\n")
 
 
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:

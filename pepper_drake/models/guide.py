@@ -1,7 +1,7 @@
 """Guide scripts: how a hand is led through via points, as typed YAML files."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import partial
 from typing import Self
 
 from pepper_drake.errors import InputError
@@ -64,10 +64,5 @@ def check_via_points(via_points: list[ViaPoint]) -> None:
         previous = via.time
 
 
-def load_guide(name_or_path: str | Path) -> GuideScript:
-    """Loads and checks a guide script that ships (by its name) or a YAML file.
-
-    Raises:
-        InputError: With one sentence that names the file and the field.
-    """
-    return load_script(GuideScript, name_or_path, GUIDES)
+load_guide = partial(load_script, GuideScript, shipped=GUIDES)
+"""Loads and checks a guide script that ships (by its name) or a YAML file; see `load_script`."""

@@ -1,7 +1,7 @@
 """Joint scripts: an arm's joints dragged one by one, as typed YAML files."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import partial
 from typing import Self
 
 from pepper_drake.errors import InputError
@@ -56,10 +56,5 @@ class JointScript(TeachingScript):
         return mirror
 
 
-def load_joint_script(name_or_path: str | Path) -> JointScript:
-    """Loads and checks a joint script that ships (by its name) or a YAML file.
-
-    Raises:
-        InputError: With one sentence that names the file and the field.
-    """
-    return load_script(JointScript, name_or_path, JOINT_SCRIPTS)
+load_joint_script = partial(load_script, JointScript, shipped=JOINT_SCRIPTS)
+"""Loads and checks a joint script that ships (by its name) or a YAML file; see `load_script`."""

@@ -1,7 +1,7 @@
 """Marker scripts: how a person moves a marker before the robot's eyes, as typed YAML files."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -91,10 +91,5 @@ class MarkerScript(TeachingScript):
         return mirror
 
 
-def load_marker_script(name_or_path: str | Path) -> MarkerScript:
-    """Loads and checks a marker script that ships (by its name) or a YAML file.
-
-    Raises:
-        InputError: With one sentence that names the file and the field.
-    """
-    return load_script(MarkerScript, name_or_path, MARKER_SCRIPTS)
+load_marker_script = partial(load_script, MarkerScript, shipped=MARKER_SCRIPTS)
+"""Loads and checks a marker script that ships (by its name) or a YAML file; see `load_script`."""

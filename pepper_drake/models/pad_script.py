@@ -1,7 +1,7 @@
 """Pad scripts: what a person does with a game pad, step by step, as typed YAML files."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -74,10 +74,5 @@ class PadScript(TeachingScript):
         return mirror
 
 
-def load_pad_script(name_or_path: str | Path) -> PadScript:
-    """Loads and checks a pad script that ships (by its name) or a YAML file.
-
-    Raises:
-        InputError: With one sentence that names the file and the field.
-    """
-    return load_script(PadScript, name_or_path, PAD_SCRIPTS)
+load_pad_script = partial(load_script, PadScript, shipped=PAD_SCRIPTS)
+"""Loads and checks a pad script that ships (by its name) or a YAML file; see `load_script`."""

@@ -1,6 +1,5 @@
 """The robot's clock against ours, and what was measured at a time in between."""
 
-import math
 from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
@@ -72,17 +71,6 @@ def clock_offset(samples: list[ClockSample]) -> ClockOffset:
     return ClockOffset(best.robot - middle, (best.answered - best.asked) / 2, middle)
 
 
-def clock_drift(offsets: list[ClockOffset]) -> float:
-    """Fits how fast the robot's clock gains on ours [s/s]; 0 with fewer than two offsets."""
-    if len(offsets) < 2:
-        return 0.0
-    times = np.array([offset.at for offset in offsets])
-    if np.ptp(times) == 0.0:
-        return 0.0
-    values = np.array([offset.offset for offset in offsets])
-    return float(np.polyfit(times - times.mean(), values, 1)[0])
-
-
 class MeasurementHistory:
     """Measured vectors of the last seconds, and what they were at any time in between."""
 
@@ -116,8 +104,3 @@ class MeasurementHistory:
     def newest(self) -> tuple[float, Vector] | None:
         """Returns the newest measurement and its time, if there is one."""
         return (self._times[-1], self._values[-1].copy()) if self._times else None
-
-    @property
-    def oldest_time(self) -> float:
-        """Time of the oldest measurement, NaN if there is none [s]."""
-        return self._times[0] if self._times else math.nan

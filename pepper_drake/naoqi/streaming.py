@@ -86,12 +86,3 @@ def streamed_command(
     needed = np.abs(goal - start) / seconds / fastest
     fractions = np.clip(needed, LEAST_FRACTION, LARGEST_FRACTION)
     return StreamedCommand(tuple(names), tuple(goal.tolist()), tuple(fractions.tolist()))
-
-
-def too_fast(command: StreamedCommand) -> tuple[str, ...]:
-    """Returns the joints that cannot keep up: they would need more than the largest fraction."""
-    return tuple(
-        name
-        for name, fraction in zip(command.names, command.fractions, strict=True)
-        if fraction >= LARGEST_FRACTION
-    )

@@ -12,6 +12,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+from pepper_drake.learning.dmp.rollout_arguments import field_of
 from pepper_drake.optimization.cost_terms import HAND_RADIUS, Task
 from pepper_drake.optimization.outcome import Outcome
 from pepper_drake.optimization.parameters import MovementParameters
@@ -60,13 +61,7 @@ def make_task(
         path.times, path.positions[None], accelerations=lambda: path.accelerations[None]
     )
     jerk = float(np.mean(np.sum(shown.jerks**2, axis=2)))
-    field = None
-    if obstacles is not None:
-        field = (
-            obstacles
-            if isinstance(obstacles, PointCloudDistance)
-            else PointCloudDistance(obstacles)
-        )
+    field = None if obstacles is None else field_of(obstacles)
     return Task(target, path.positions, max(jerk, 1e-12), field, clearance, hand_radius)
 
 

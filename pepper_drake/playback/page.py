@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pepper_drake.errors import InputError
+from pepper_drake.files import write_atomically
 from pepper_drake.playback.bodies import Frames, replay_frames
 from pepper_drake.playback.drawing import Command, draw
 from pepper_drake.playback.loading import load_motion
@@ -60,11 +60,7 @@ def write_page(runs: Sequence[Frames], path: Path) -> None:
         InputError: The file cannot be written.
     """
     title = ", ".join(run.motion.name for run in runs)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(standalone_page(draw(runs), title), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
+    write_atomically(path, standalone_page(draw(runs), title))
 
 
 def show(

@@ -3,7 +3,7 @@
 A Meshcat listens from when it is made: at every address of the computer if not told otherwise, for
 every website, and its reader of messages ends the program at a byte that it does not expect. Here
 its door is shut right after it was made. A page is shown by a `PageServer`, which alone is
-connected to it, and which passes on only messages that it has checked and written anew.
+connected to it, and which tells it nothing of what browsers send.
 """
 
 import contextlib

@@ -1,7 +1,6 @@
-"""Messages that browsers send to a live page: checked, clamped and written anew."""
+"""Messages that browsers send to the teaching page: checked and clamped."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,30 +17,6 @@ class BadMessageError(ValueError):
 
 
 @dataclass(frozen=True)
-class SliderChange:
-    """A slider of the page was moved.
-
-    Attributes:
-        name: The slider's label.
-        value: Within its range.
-    """
-
-    name: str
-    value: float
-
-
-@dataclass(frozen=True)
-class ButtonPress:
-    """A button of the page was pressed.
-
-    Attributes:
-        name: The button's label.
-    """
-
-    name: str
-
-
-@dataclass(frozen=True)
 class GamepadChange:
     """Something on a game pad was moved, or it was plugged in or out.
 
@@ -54,63 +29,6 @@ class GamepadChange:
     index: int | None = None
     axes: tuple[float, ...] = ()
     buttons: tuple[float, ...] = ()
-
-
-Message = SliderChange | ButtonPress | GamepadChange
-
-
-def read_message(data: bytes | str, controls: Mapping[str, Mapping[str, Any]]) -> Message | None:
-    """Reads what a browser sent.
-
-    Args:
-        data: The websocket's message.
-        controls: The page's controls, as their `set_control` messages say.
-
-    Returns:
-        The message; None if it is harmless and nothing comes of it.
-
-    Raises:
-        BadMessageError: It is none of the messages that Drake's page sends.
-    """
-    fields = unpack(data)
-    kind, name = fields.get("type"), fields.get("name", "")
-    if not isinstance(name, str):
-        raise BadMessageError("a name that is no text")
-    if kind == "camera_pose":
-        return None
-    if kind == "gamepad":
-        return read_gamepad(fields.get("gamepad"))
-    if kind not in ("button", "slider"):
-        raise BadMessageError("an unknown type")
-    value = number(fields.get("value")) if kind == "slider" else None
-    control = controls.get(name)
-    if control is None:  # It went while somebody pressed it.
-        return None
-    is_slider = "min" in control
-    if is_slider != (kind == "slider"):
-        raise BadMessageError(f"a {kind} that is none")
-    if value is None:
-        return ButtonPress(name)
-    return SliderChange(name, min(max(value, control["min"]), control["max"]))
-
-
-def pack_message(message: Message) -> bytes:
-    """Returns a message as Drake's Meshcat reads it."""
-    if isinstance(message, ButtonPress):
-        fields: dict[str, Any] = {"type": "button", "name": message.name}
-    elif isinstance(message, SliderChange):
-        fields = {"type": "slider", "name": message.name, "value": message.value}
-    else:
-        pad: dict[str, Any] = {}
-        if message.index is not None:
-            pad = {
-                "index": message.index,
-                "button_values": message.buttons,
-                "axes": message.axes,
-            }
-        fields = {"type": "gamepad", "name": "", "gamepad": pad}
-    packed: bytes = msgpack.packb(fields)
-    return packed
 
 
 def unpack(data: bytes | str) -> dict[Any, Any]:

@@ -5,36 +5,33 @@ the page, answers with one that says at which port, and ends when its standard i
 """
 
 import asyncio
-import contextlib
 import json
 import re
 import sys
 from typing import Any
 
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError
-from tornado.websocket import WebSocketClosedError, websocket_connect
+from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 from pepper_drake.errors import PepperDrakeError
 from pepper_drake.web.access import Access
-from pepper_drake.web.messages import Message, pack_message
 from pepper_drake.web.page_server import Asset, PageServer
 
 _SCENE_LIMIT = 2**30
 """Largest message of Meshcat [bytes]: our own meshes and recordings, nothing from outside."""
 
 
-async def serve_page(order: dict[str, Any]) -> int:
-    """Starts to serve a Meshcat's page, and returns the port.
+async def serve_page(order: dict[str, Any]) -> tuple[int, WebSocketClientConnection]:
+    """Starts to serve a Meshcat's page.
 
     Args:
         order: Its fields are `meshcat`, the address of the Meshcat; `host`, where to listen; and
             `token`, which may be null.
+
+    Returns:
+        The port, and the connection to the Meshcat, to be held as long as the page is served.
     """
     url = order["meshcat"]
-
-    def pass_on(message: Message) -> None:
-        with contextlib.suppress(WebSocketClosedError):
-            upstream.write_message(pack_message(message), binary=True)
 
     def tell() -> None:
         print(json.dumps({"opened": True}), flush=True)
@@ -43,13 +40,13 @@ async def serve_page(order: dict[str, Any]) -> int:
         if isinstance(data, bytes):
             server.broadcast(data)
 
-    server = PageServer(await _assets(url), Access(order["host"], order["token"]), pass_on, tell)
+    server = PageServer(await _assets(url), Access(order["host"], order["token"]), tell)
     upstream = await websocket_connect(
         url.replace("http://", "ws://"),
         on_message_callback=show,
         max_message_size=_SCENE_LIMIT,
     )
-    return server.listen()
+    return server.listen(), upstream
 
 
 async def _assets(url: str) -> dict[str, Asset]:
@@ -68,7 +65,8 @@ async def _get(url: str) -> Asset:
 async def main() -> None:
     """Serves until the standard input ends."""
     try:
-        answer: dict[str, Any] = {"port": await serve_page(json.loads(sys.stdin.readline()))}
+        port, _upstream = await serve_page(json.loads(sys.stdin.readline()))
+        answer: dict[str, Any] = {"port": port}
     except (PepperDrakeError, OSError, HTTPClientError, ValueError) as error:
         answer = {"error": str(error)}
     print(json.dumps(answer), flush=True)

@@ -17,15 +17,8 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from pepper_drake.errors import InputError
 from pepper_drake.web.access import Access
 from pepper_drake.web.guarded_handler import GuardedHandler
-from pepper_drake.web.messages import (
-    MESSAGE_LIMIT,
-    BadMessageError,
-    GamepadChange,
-    Message,
-    SliderChange,
-    read_message,
-)
-from pepper_drake.web.retained_scene import RetainedScene, value_message
+from pepper_drake.web.messages import MESSAGE_LIMIT
+from pepper_drake.web.retained_scene import RetainedScene
 
 FIRST_PORT = 7000
 """Pages take the first port from here on that is free."""
@@ -34,11 +27,9 @@ _PORTS = 100
 _MOST_BROWSERS = 64
 _MOST_WAITING = 64 * 2**20
 """A browser that is this far behind [bytes] is let go: it hangs, or its computer sleeps."""
-_ECHO_PERIOD = 0.03
-"""Period [s] at which browsers are told of another one's motions."""
 _PING_PERIOD, _PING_TIMEOUT = 20, 20  # [s]
-_POLICY_VIOLATION, _TRY_AGAIN = 1008, 1013
-"""Codes with which a websocket is closed (RFC 6455 and its registry)."""
+_TRY_AGAIN = 1013
+"""Code with which a websocket is closed (registry of RFC 6455)."""
 
 
 @dataclass(frozen=True)
@@ -53,31 +44,25 @@ class PageServer:
     """A page, its files, and the browsers that have it open; all in one event loop.
 
     What is sent with `broadcast` goes to all browsers, and to those that come later as far as it
-    still holds. What browsers send is checked; a message that no page of ours sends closes the
-    connection that it came by, and nothing else.
+    still holds. What browsers send is not read.
     """
 
     def __init__(
         self,
         assets: Mapping[str, Asset],
         access: Access,
-        on_message: Callable[[Message], None],
-        on_open: Callable[[], None] = lambda: None,
+        on_open: Callable[[], None],
     ) -> None:
         """Makes a server that does not listen yet.
 
         Args:
             assets: The page's files by path; "/" is the page.
             access: Who may open it.
-            on_message: Is told what browsers do.
             on_open: Is told when a browser has opened the page.
         """
-        self._access, self._assets, self._on_message = access, assets, on_message
-        self._on_open = on_open
+        self._access, self._assets, self._on_open = access, assets, on_open
         self._scene = RetainedScene()
         self._browsers: set[_Browser] = set()
-        self._has_pad: _Browser | None = None
-        self._moved: dict[str, tuple[float, _Browser]] = {}
 
     def listen(self) -> int:
         """Starts to serve, and returns the port.
@@ -94,14 +79,6 @@ class PageServer:
         for browser in tuple(self._browsers):
             browser.send(data)
 
-    def _echo(self) -> None:
-        """Shows the other browsers where sliders were moved to."""
-        for name, (value, mover) in self._moved.items():
-            data = value_message(name, value)
-            for other in self._browsers - {mover}:
-                other.send(data)
-        self._moved.clear()
-
     def enter(self, browser: "_Browser") -> bool:
         """Shows a new browser what the others show; returns whether there is room for it."""
         if len(self._browsers) >= _MOST_BROWSERS:
@@ -113,32 +90,8 @@ class PageServer:
         return True
 
     def leave(self, browser: "_Browser") -> None:
-        """Forgets a browser that has gone; nobody holds its game pad any more."""
+        """Forgets a browser that has gone."""
         self._browsers.discard(browser)
-        if browser is self._has_pad:
-            self._has_pad = None
-            self._on_message(GamepadChange())
-
-    def receive(self, browser: "_Browser", data: bytes | str) -> None:
-        """Does what a browser says.
-
-        Raises:
-            BadMessageError: It is none of the messages that a page sends.
-        """
-        message = read_message(data, self._scene.controls)
-        if message is None:
-            return
-        if isinstance(message, GamepadChange):
-            # A page without a pad says so once, which must not let go of another page's.
-            if message.index is None and browser is not self._has_pad:
-                return
-            self._has_pad = browser if message.index is not None else None
-        if isinstance(message, SliderChange):
-            self._scene.set_value(message.name, message.value)
-            if not self._moved:
-                asyncio.get_running_loop().call_later(_ECHO_PERIOD, self._echo)
-            self._moved[message.name] = (message.value, browser)
-        self._on_message(message)
 
 
 def quiet_tornado() -> None:
@@ -218,10 +171,7 @@ class _Page(GuardedHandler, WebSocketHandler):
             self.close(_TRY_AGAIN, "too many browsers have this page open")
 
     def on_message(self, message: bytes | str) -> None:
-        try:
-            self._server.receive(self._browser, message)
-        except BadMessageError as error:
-            self.close(_POLICY_VIOLATION, str(error))
+        """Forgets what a browser says: where its camera is, and its game pad."""
 
     def on_close(self) -> None:
         self._server.leave(self._browser)

@@ -9,14 +9,9 @@ _LASTING = ("set_animation", "set_target", "show_realtime_rate")
 
 
 class RetainedScene:
-    """The messages of Drake's Meshcat that still hold, by what they are about.
-
-    Attributes:
-        controls: The fields of each control's message, by its label, in their order.
-    """
+    """The messages of Drake's Meshcat that still hold, by what they are about."""
 
     def __init__(self) -> None:
-        self.controls: dict[str, dict[str, Any]] = {}
         self._nodes: dict[str, dict[str, bytes]] = {}
         self._lasting: dict[str, bytes] = {}
 
@@ -26,33 +21,17 @@ class RetainedScene:
         if kind in ("set_transform", "set_object"):
             self._node(data)[kind] = data
         elif kind == "set_property":
-            fields = _unpack(data)
-            self._node(data)[f"property {fields['property']}"] = data
+            self._node(data)[f"property {msgpack.unpackb(data)['property']}"] = data
         elif kind == "delete":
             self._delete(_path(data))
-        elif kind == "set_control":
-            fields = _unpack(data)
-            self.controls[fields["name"]] = fields
-        elif kind == "delete_control":
-            self.controls.pop(_unpack(data)["name"], None)
-        elif kind == "set_control_value":
-            fields = _unpack(data)
-            self.set_value(fields["name"], fields["value"])
         elif kind in _LASTING:
             self._lasting[kind] = data
-
-    def set_value(self, name: str, value: float) -> None:
-        """Keeps where a slider stands."""
-        if name in self.controls:
-            self.controls[name]["value"] = value
 
     def messages(self) -> Iterator[bytes]:
         """Yields messages after which a new browser shows what the others show."""
         for node in self._nodes.values():
             # An object would undo what was set before it.
             yield from (node[kind] for kind in sorted(node, key=_order))
-        for fields in self.controls.values():
-            yield msgpack.packb(fields)
         yield from self._lasting.values()
 
     def _node(self, data: bytes) -> dict[str, bytes]:
@@ -66,14 +45,6 @@ class RetainedScene:
 
 def _order(kind: str) -> int:
     return ("set_object", "set_transform").index(kind) if kind.startswith("set_") else 2
-
-
-def value_message(name: str, value: float) -> bytes:
-    """Returns the message that moves a slider on a page without its saying so back."""
-    packed: bytes = msgpack.packb(
-        {"type": "set_control_value", "name": name, "value": value, "invoke_callback": False}
-    )
-    return packed
 
 
 def _first(data: bytes, count: int) -> list[Any]:
@@ -94,8 +65,3 @@ def _kind(data: bytes) -> str:
 
 def _path(data: bytes) -> str:
     return "/" + str(_first(data, 2)[1]).strip("/")
-
-
-def _unpack(data: bytes) -> dict[str, Any]:
-    fields: dict[str, Any] = msgpack.unpackb(data)
-    return fields

@@ -1,3 +1,5 @@
+import shutil
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -56,6 +58,7 @@ def story(tmp_path_factory, make_session):
     seen["recorded"] = session.status
     session.learn()
     seen["learned"] = session.status
+    seen["taught"] = shutil.copytree(folder, tmp_path_factory.mktemp("taught") / "session")
     session.reach()
     seen["stiffened"] = jerk_of_next_frame(session)
     seen["back"] = go_on(session, 15, until=Mode.REACHING)
@@ -223,13 +226,9 @@ def test_with_cameras_the_goal_is_seen_and_the_cloud_follows_the_ball(make_sessi
 
 
 @pytest.mark.render
-def test_a_ball_in_the_way_is_passed_or_the_page_says_why_not(make_session):
-    session = make_session(cameras=True)
-    session.record()
-    lead(session, VIA, 1.6)
-    lead(session, BESIDE_GOAL, 2.4)
-    session.stop()
-    session.learn()
+def test_a_ball_in_the_way_is_passed_or_the_page_says_why_not(make_session, story):
+    session = make_session(story[1]["taught"], cameras=True)
+    assert session.resumed == "1 demonstration and a learned movement"
     simulation = session.simulation
     demonstrated = session.demonstration.positions
     on_the_way = simulation.torso_pose() @ demonstrated[int(0.7 * len(demonstrated))]

@@ -8,7 +8,6 @@ from pepper_drake.naoqi.streaming import (
     LEAST_FRACTION,
     lookahead,
     streamed_command,
-    too_fast,
 )
 from pepper_drake.robot_server.robot.joint_controller import INDEX, JointController
 from pepper_drake.robot_server.robot.robot_model import MAX_VELOCITY
@@ -33,11 +32,6 @@ def test_a_joint_arrives_when_it_should_unless_it_may_not_be_so_fast(seconds, wa
         if LEAST_FRACTION < fraction < LARGEST_FRACTION:
             assert fraction * speed * seconds == pytest.approx(abs(distance))
     assert command.fraction == max(command.fractions)
-
-
-def test_the_joint_that_cannot_keep_up_is_named():
-    command = streamed_command(("slow", "fast"), [0, 0], [0.01, 1.0], 0.06, [7.0, 7.0])
-    assert too_fast(command) == ("fast",)
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])

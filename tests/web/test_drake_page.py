@@ -3,7 +3,6 @@ import contextlib
 import gc
 import random
 import re
-import struct
 import subprocess
 import sys
 import urllib.error
@@ -13,7 +12,7 @@ import msgpack
 import numpy as np
 import psutil
 import pytest
-from pydrake.geometry import Sphere
+from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
 from tornado.httpclient import HTTPClientError
 
@@ -24,8 +23,7 @@ from pepper_drake.web.drake_page import DrakePage, offline_meshcat
 @pytest.fixture
 def page():
     with DrakePage() as page:
-        page.meshcat.AddSlider("ahead", -0.2, 0.2, 0.01, 0.0)
-        page.meshcat.AddButton("Record (R)", "KeyR")
+        page.meshcat.SetObject("cube", Box(0.1, 0.1, 0.1))
         page.meshcat.Flush()
         yield page
 
@@ -141,128 +139,42 @@ def test_every_browser_sees_what_was_drawn(page, open_browser, waiting):
     page.meshcat.Delete("ball")
     page.meshcat.Flush()
     later = open_browser(page.ws_url)
-    waiting(lambda: any(m["type"] == "set_control" for m in later.told))
+    waiting(lambda: any(m.get("path", "").endswith("cube") for m in later.told))
     assert not any(m.get("path", "").endswith("ball") for m in later.told)
-
-
-def test_what_one_browser_moves_all_show_and_meshcat_knows(page, open_browser, waiting):
-    one, other = open_browser(page.ws_url), open_browser(page.ws_url)
-    waiting(lambda: len(other.told) >= 2)
-    one.send({"type": "slider", "name": "ahead", "value": 0.12})
-    one.send({"type": "button", "name": "Record (R)"})
-    waiting(lambda: page.meshcat.GetButtonClicks("Record (R)") == 1)
-    assert page.meshcat.GetSliderValue("ahead") == 0.12
-    waiting(lambda: other.told[-1]["type"] == "set_control_value")
-    assert other.told[-1]["value"] == 0.12
-    third = open_browser(page.ws_url)
-    waiting(lambda: any(m.get("name") == "ahead" for m in third.told))
-    assert next(m for m in third.told if m.get("name") == "ahead")["value"] == 0.12
-
-
-@pytest.mark.parametrize(("sent", "value"), [(9e9, 0.2), (-1e300, -0.2), (3, 0.2), (0.07, 0.07)])
-def test_a_slider_stays_within_what_it_shows(page, open_browser, waiting, sent, value):
-    browser = open_browser(page.ws_url)
-    browser.send({"type": "slider", "name": "ahead", "value": sent})
-    waiting(lambda: page.meshcat.GetSliderValue("ahead") == value)
-
-
-def test_a_game_pad_is_passed_on_within_its_range(page, open_browser, waiting):
-    browser = open_browser(page.ws_url)
-    pad = {"index": 0, "axes": [0.5, -40.0], "button_values": [2, 0.25, -1]}
-    browser.send({"type": "gamepad", "name": "", "gamepad": pad})
-    waiting(lambda: page.meshcat.GetGamepad().index == 0)
-    np.testing.assert_allclose(page.meshcat.GetGamepad().axes, [0.5, -1.0])
-    np.testing.assert_allclose(page.meshcat.GetGamepad().button_values, [1.0, 0.25, 0.0])
-    browser.send({"type": "gamepad", "name": "", "gamepad": {}})
-    waiting(lambda: not page.meshcat.GetGamepad().axes)
-
-
-def test_a_pad_lets_go_when_its_browser_goes(page, open_browser, waiting):
-    browser = open_browser(page.ws_url)
-    pad = {"index": 0, "axes": [0.5, -1.0], "button_values": []}
-    browser.send({"type": "gamepad", "name": "", "gamepad": pad})
-    waiting(lambda: list(page.meshcat.GetGamepad().axes) == [0.5, -1.0])
-    browser.close()
-    waiting(lambda: not page.meshcat.GetGamepad().axes)
 
 
 HOSTILE = [
     b"",
     b"\xc1",
-    b"\x00",
-    b"\xff" * 100,
     "a text",
-    "",
-    b"\x91" * 4000,
     b"\xdf\xff\xff\xff\xff",
-    b"x" * 5000,
     msgpack.packb({"type": "slider", "name": "ahead", "value": float("nan")}),
-    msgpack.packb({"type": "slider", "name": "ahead", "value": float("inf")}),
-    msgpack.packb({"type": "slider", "name": "ahead", "value": "0.1"}),
-    msgpack.packb({"type": "slider", "name": "ahead", "value": None}),
-    msgpack.packb({"type": "slider", "name": "ahead", "value": True}),
-    msgpack.packb({"type": "slider", "name": ["ahead"], "value": 0.1}),
-    msgpack.packb({"type": "slider", "name": "Record (R)", "value": 0.1}),
-    msgpack.packb({"type": "button", "name": "ahead"}),
     msgpack.packb({"type": "set_object", "path": "/x"}),
-    msgpack.packb({"type": ["button"], "name": "Record (R)"}),
-    msgpack.packb({"type": "gamepad", "name": "", "gamepad": {"index": 0, "axes": [1]}}),
-    msgpack.packb({"type": "gamepad", "gamepad": {"index": 0, "axes": "no", "button_values": []}}),
-    msgpack.packb({"type": "gamepad", "gamepad": {"index": 10**12}}),
-    msgpack.packb({"type": "gamepad", "gamepad": 5}),
-    msgpack.packb({"type": "button", "name": "Record (R)"}) + b"\x00",
-    msgpack.packb({1: 2}),
+    msgpack.packb({"type": "gamepad", "name": "", "gamepad": {"index": 10**12}}),
     msgpack.packb([]),
-    msgpack.packb(2**63),
 ]
 
 
-@pytest.mark.parametrize("message", HOSTILE)
-def test_a_bad_message_closes_its_own_connection_alone(page, open_browser, waiting, message):
-    good, bad = open_browser(page.ws_url), open_browser(page.ws_url)
-    bad.send(message)
-    waiting(lambda: bad.is_closed)
-    good.send({"type": "button", "name": "Record (R)"})
-    waiting(lambda: page.meshcat.GetButtonClicks("Record (R)") == 1)
-    assert page.meshcat.GetSliderValue("ahead") == 0.0
-    assert not good.is_closed
-
-
-@pytest.mark.parametrize(
-    "message",
-    [
-        {"type": "button", "name": "gone"},
-        {"type": "slider", "name": "gone", "value": 1.0},
-        {"type": "camera_pose", "camera_pose": [0.0] * 16, "is_perspective": True},
-    ],
-)
-def test_what_is_said_too_late_is_forgotten(page, open_browser, waiting, message):
-    browser = open_browser(page.ws_url)
-    browser.send(message)
-    browser.send({"type": "button", "name": "Record (R)"})
-    waiting(lambda: page.meshcat.GetButtonClicks("Record (R)") == 1)
-
-
-def test_mutated_messages_in_great_number_leave_the_page_as_it_is(page, open_browser, waiting):
-    """A sample of what `scripts/fuzz.py` does 100,000 times."""
+def test_meshcat_hears_nothing_of_what_browsers_say(page, open_browser, waiting):
+    """One byte that it does not expect would end the program."""
+    bad, good = open_browser(page.ws_url), open_browser(page.ws_url)
     dice = random.Random(15)
-    good = open_browser(page.ws_url)
-    bad = open_browser(page.ws_url)
-    for _ in range(1500):
-        value = struct.unpack("d", dice.randbytes(8))[0]
-        data = bytearray(msgpack.packb({"type": "slider", "name": "ahead", "value": value}))
-        for _ in range(dice.randrange(3)):
-            data[dice.randrange(len(data))] = dice.randrange(256)
-        if bad.is_closed:
-            bad.close()
-            bad = open_browser(page.ws_url)
-        try:
-            bad.send(bytes(data))
-        except Exception:  # Closed in between.
-            bad.is_closed = True
-    good.send({"type": "button", "name": "Record (R)"})
-    waiting(lambda: page.meshcat.GetButtonClicks("Record (R)") >= 1)
-    assert -0.2 <= page.meshcat.GetSliderValue("ahead") <= 0.2
+    for message in HOSTILE:
+        bad.send(message)
+    for _ in range(500):
+        bad.send(dice.randbytes(dice.randrange(1, 100)))
+    page.meshcat.SetObject("ball", Sphere(0.1))
+    page.meshcat.Flush()
+    for browser in (bad, good):
+        waiting(lambda told=browser.told: any(m.get("path", "").endswith("ball") for m in told))
+    assert not page.meshcat.GetGamepad().axes
+
+
+def test_a_message_that_is_too_long_closes_its_own_connection_alone(page, open_browser, waiting):
+    good, bad = open_browser(page.ws_url), open_browser(page.ws_url)
+    bad.send(b"x" * 5000)
+    waiting(lambda: bad.is_closed)
+    assert not good.is_closed
 
 
 @pytest.mark.parametrize(

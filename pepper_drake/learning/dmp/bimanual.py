@@ -31,9 +31,10 @@ from pepper_drake.files import path_inside, write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
-from pepper_drake.learning.dmp.obstacle_coupling import Coupling, get_coupling
+from pepper_drake.learning.dmp.obstacle_coupling import Coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.learning.dmp.primitive import DEFAULT_APPROXIMATOR, MovementPrimitive, Path3D
+from pepper_drake.learning.dmp.rollout_arguments import coupling_and_field
 from pepper_drake.learning.spring import NODES, advance, make_step
 from pepper_drake.short_repr import short_repr
 from pepper_drake.yaml_files import read_yaml
@@ -145,14 +146,9 @@ class BimanualPrimitive:
         )
         relative = self.relative.rollout(time_step, duration=duration, settle=settle)
         nominal = _told_as_hands(absolute, relative)
-        if obstacles is None:
+        chosen, field = coupling_and_field(coupling, obstacles)
+        if chosen is None or field is None:
             return nominal
-        field = (
-            obstacles
-            if isinstance(obstacles, PointCloudDistance)
-            else PointCloudDistance(obstacles)
-        )
-        chosen = get_coupling(coupling) if isinstance(coupling, str) else coupling
         return self._among(nominal, field, chosen, time_step)
 
     def save(self, folder: str | Path) -> None:

@@ -35,7 +35,7 @@ from pepper_drake.learning.dmp.blending import (
     powers,
 )
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
-from pepper_drake.learning.dmp.rollout_arguments import vector
+from pepper_drake.learning.dmp.rollout_arguments import check_seconds, vector
 from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
@@ -254,9 +254,7 @@ def plan_chain(
     """
     if not steps:
         raise InputError("a sequence needs at least one movement")
-    for label, value in (("time_step", time_step), ("blend", blend)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"{label}: {value} is not a positive number of seconds")
+    check_seconds(time_step=time_step, blend=blend)
     first = next((s.primitive for s in steps if s.primitive is not None), None)
     if first is None:
         raise InputError("a sequence of nothing but waiting: give it a movement")

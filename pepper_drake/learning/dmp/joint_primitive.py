@@ -33,7 +33,7 @@ from pepper_drake.learning.dmp.primitive import (
     MovementPrimitive,
 )
 from pepper_drake.learning.dmp.rollout import number_of_steps, undisturbed_motion
-from pepper_drake.learning.dmp.rollout_arguments import vector
+from pepper_drake.learning.dmp.rollout_arguments import check_seconds, vector
 from pepper_drake.learning.dmp.transformation import (
     MotionSample,
     TransformationModel,
@@ -225,9 +225,7 @@ class JointPrimitive:
             InputError: A value is not finite, not positive where it must be, or of another shape.
         """
         tau = self.duration if duration is None else float(duration)
-        for label, value in (("duration", tau), ("time_step", time_step)):
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{label}: {value} is not a positive number of seconds")
+        check_seconds(duration=tau, time_step=time_step)
         size = len(self.names)
         q0 = vector(start, self.start, size, "start")
         g = vector(goal, self.goal, size, "goal")

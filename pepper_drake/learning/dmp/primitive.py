@@ -35,6 +35,7 @@ from pepper_drake.learning.dmp.rollout import (
 )
 from pepper_drake.learning.dmp.rollout_arguments import (
     GoalMotion,
+    check_seconds,
     coupling_and_field,
     goal_function,
     quaternion,
@@ -61,18 +62,10 @@ _MOST_STEPS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Path3D:
-    """Result of a rollout.
+class Path3D(Motion):
+    """Result of a rollout: a `Motion` of D = 3 coordinates [m], and what goes with it.
 
     Attributes:
-        times: (N,) [s].
-        positions: (N, 3) [m].
-        velocities: (N, 3) [m/s].
-        accelerations: (N, 3) [m/s²].
-        phases: (N,).
-        taus: (N,) duration, as extended so far [s].
-        coupling: (N, 3) C_t [m], where there were obstacles or a moving goal.
-        distances: (N,) from the hand's centre to the nearest obstacle [m], where there were.
         rotations: (N, 4) unit quaternions w, x, y, z, where the primitive has an orientation.
         angular_velocities: (N, 3) [rad/s], expressed in the frame of the motion.
         joints: (N, J) nominal joints [rad], where the primitive has them.
@@ -80,14 +73,6 @@ class Path3D:
 
     __repr__ = short_repr
 
-    times: Array
-    positions: Array
-    velocities: Array
-    accelerations: Array
-    phases: Array
-    taus: Array
-    coupling: Array | None = None
-    distances: Array | None = None
     rotations: Array | None = None
     angular_velocities: Array | None = None
     joints: Array | None = None
@@ -432,9 +417,7 @@ class MovementPrimitive:
             time_step, settle = float(time_step), float(settle)
         except (TypeError, ValueError):
             raise InputError("duration, time_step and settle must be numbers") from None
-        for label, value in (("duration", tau), ("time_step", time_step)):
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{label}: {value} is not a positive number of seconds")
+        check_seconds(duration=tau, time_step=time_step)
         if not (np.isfinite(settle) and settle >= 0.0):
             raise InputError(f"settle: {settle} is negative or not finite; give it in tau")
         if tau * (1.0 + settle) / time_step > _MOST_STEPS:
@@ -451,7 +434,7 @@ class MovementPrimitive:
         goal_rotation: npt.ArrayLike | None,
         start_angular_velocity: npt.ArrayLike | None = None,
     ) -> Path3D:
-        path = _path(motion)
+        path = Path3D(**vars(motion))
         if self.orientation is not None:
             q0 = quaternion(start_rotation, self.orientation.start, "start_rotation")
             qg = quaternion(goal_rotation, self.orientation.goal, "goal_rotation")
@@ -464,19 +447,6 @@ class MovementPrimitive:
             joints = self.posture.at(relative_time_at(motion.phases, self.translation.alpha_x))
             path = replace(path, joints=joints)
         return path
-
-
-def _path(motion: Motion) -> Path3D:
-    return Path3D(
-        motion.times,
-        motion.positions,
-        motion.velocities,
-        motion.accelerations,
-        motion.phases,
-        motion.taus,
-        motion.coupling,
-        motion.distances,
-    )
 
 
 def motion_sample(demo: Demonstration) -> MotionSample:

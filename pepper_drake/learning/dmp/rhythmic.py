@@ -27,6 +27,7 @@ from pepper_drake.files import write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.dmp.primitive import Path3D
+from pepper_drake.learning.dmp.rollout_arguments import check_seconds
 from pepper_drake.learning.least_squares import ridge_solver
 from pepper_drake.learning.phase import ALPHA_Z
 from pepper_drake.learning.spring import NODES, acceleration, advance, make_step
@@ -165,9 +166,7 @@ class RhythmicPrimitive:
             InputError: Duration, period or time step is not positive.
         """
         turn = float(self.period if period is None else period)
-        for label, value in (("duration", duration), ("time_step", time_step), ("period", turn)):
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(f"{label}: {value} is not a positive number of seconds")
+        check_seconds(duration=duration, time_step=time_step, period=turn)
         middle = self.centre if centre is None else np.array(centre, dtype=float)
         if start is None:
             shape = replace(self, weights=amplitude * self.weights, centre=middle, period=turn)

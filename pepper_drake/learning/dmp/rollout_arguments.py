@@ -73,13 +73,27 @@ def goal_function(
     return goal_at
 
 
+def check_seconds(**values: float) -> None:
+    """Checks times by their names.
+
+    Raises:
+        InputError: One is not a positive number [s].
+    """
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"{name}: {value} is not a positive number of seconds")
+
+
+def field_of(obstacles: npt.ArrayLike | PointCloudDistance) -> PointCloudDistance:
+    """Returns the field of obstacles, made of points (P, 3) [m] where it is none yet."""
+    return obstacles if isinstance(obstacles, PointCloudDistance) else PointCloudDistance(obstacles)
+
+
 def coupling_and_field(
     coupling: str | Coupling, obstacles: npt.ArrayLike | PointCloudDistance | None
 ) -> tuple[Coupling | None, PointCloudDistance | None]:
     """Returns the coupling and the field of obstacles, None and None where there are none."""
     if obstacles is None:
         return None, None
-    field = (
-        obstacles if isinstance(obstacles, PointCloudDistance) else PointCloudDistance(obstacles)
-    )
-    return get_coupling(coupling) if isinstance(coupling, str) else coupling, field
+    chosen = get_coupling(coupling) if isinstance(coupling, str) else coupling
+    return chosen, field_of(obstacles)
