@@ -93,6 +93,10 @@ class StereoParameters:
         left_right: Largest disagreement of the matches from left and right [pixels].
         least_texture: Smallest standard deviation of grey in a block that can be matched.
         body_margin: By how much the robot's shapes are grown where they mask the image [m].
+        exchanged: Images are exchanged that match on more than this many times the pixels the other
+            way round, ...
+        few_matches: ... and on this large a share of all pixels more. It is asked only of images
+            that match on a smaller share.
     """
 
     nearest: float = 0.35
@@ -103,6 +107,8 @@ class StereoParameters:
     left_right: int = 1
     least_texture: float = 2.5
     body_margin: float = 0.01
+    exchanged: float = 3.0
+    few_matches: float = 0.02
 
     def __post_init__(self) -> None:
         self.check()
@@ -227,6 +233,25 @@ def rectify_images(
         cv2.remap(left, *rectification.left_maps, cv2.INTER_LINEAR),
         cv2.remap(right, *rectification.right_maps, cv2.INTER_LINEAR),
     )
+
+
+def are_exchanged(
+    left: npt.NDArray[np.uint8],
+    right: npt.NDArray[np.uint8],
+    rectification: Rectification,
+    parameters: StereoParameters,
+) -> bool:
+    """Tells whether two rectified images match only the other way round.
+
+    Args:
+        left: Rectified grey image (height, width).
+        right: Rectified grey image (height, width).
+        rectification: Of the two.
+        parameters: Of the matching.
+    """
+    matched = np.mean(match(left, right, rectification, parameters) > 0)
+    other_way = np.mean(match(right, left, rectification, parameters) > 0)
+    return bool(other_way > parameters.exchanged * matched + parameters.few_matches)
 
 
 def match(

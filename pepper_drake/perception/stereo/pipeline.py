@@ -7,11 +7,13 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
+from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.images import to_gray
 from pepper_drake.perception.mapping.solids import Solid
 from pepper_drake.perception.stereo.matching import (
     Rectification,
     StereoParameters,
+    are_exchanged,
     disparity_to_depth,
     match,
     rectify_images,
@@ -63,11 +65,21 @@ def compute_stereo_depth(
         poses: Pose X_WF of each solid's frame.
         parameters: Of the matching.
         segmentation: How the image is cut into things.
+
+    Raises:
+        InputError: If an image has another size than its camera, or the two are exchanged.
     """
     left, right = rectify_images(left, right, rectification)
     if left.ndim == 2:
         left = np.repeat(left[..., None], 3, axis=2)
-    disparity = match(to_gray(left), to_gray(right), rectification, parameters)
+    greys = to_gray(left), to_gray(right)
+    disparity = match(*greys, rectification, parameters)
+    if np.mean(disparity > 0) < parameters.few_matches and are_exchanged(
+        *greys, rectification, parameters
+    ):
+        raise InputError(
+            "stereo: the images match only the other way round; exchange left and right."
+        )
     things = segment_disparity(disparity, left[..., :3], segmentation)
     body = body_mask(solids, poses, X_WC, rectification.intrinsics, parameters.body_margin)
     depth = disparity_to_depth(disparity, rectification)

@@ -17,6 +17,8 @@ from pepper_drake.perception.stereo.matching import (
     rectify_images,
     rectify_pair,
 )
+from pepper_drake.perception.stereo.pipeline import compute_stereo_depth
+from pepper_drake.perception.stereo.segmentation import SegmentationParameters
 
 LEFT, RIGHT = make_stereo_cameras()
 RECTIFICATION = rectify(LEFT, RIGHT)
@@ -158,9 +160,14 @@ def test_a_calibrated_pair_is_rectified_with_its_full_rotation():
         assert rows[0] == pytest.approx(rows[1], abs=1.0)
 
 
-def test_left_and_right_exchanged_are_noticed():
+def test_left_and_right_exchanged_are_noticed(wall_pair):
+    (left, right), _, _ = wall_pair
     with pytest.raises(InputError, match="exchange"):
         rectify_pair(LEFT.intrinsics, RIGHT.intrinsics, RigidTransform([0.078, 0, 0]))
+    given = RECTIFICATION, RigidTransform(), [], [], StereoParameters(), SegmentationParameters()
+    assert np.mean(compute_stereo_depth(left, right, *given).disparity > 0) > 0.5
+    with pytest.raises(InputError, match="exchange left and right"):
+        compute_stereo_depth(right, left, *given)
 
 
 def test_images_of_another_size_than_the_calibration_are_refused():
