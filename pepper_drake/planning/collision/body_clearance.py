@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from pepper_drake.learning.dmp.point_cells import least_gaps
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.planning.collision.sphere_model import arm_link_names, make_link_spheres
@@ -69,7 +70,11 @@ class BodyClearance:
         return np.asarray(grid[np.unique(np.concatenate(within).astype(int))])
 
     def __call__(
-        self, base_poses: Vector, joint_position: Vector, field: PointCloudDistance
+        self,
+        base_poses: Vector,
+        joint_position: Vector,
+        field: PointCloudDistance,
+        within: float = np.inf,
     ) -> Vector:
         """Least distance (N,) [m] of the links to obstacles.
 
@@ -77,9 +82,18 @@ class BodyClearance:
             base_poses: x, y [m], yaw [rad] of the base in W (N, 3).
             joint_position: The joints (15,) [rad].
             field: The obstacles, in W.
+            within: Links that are farther away than this are infinitely far [m], which is much
+                faster to say.
+
+        Raises:
+            ValueError: A pose or a joint is not finite.
         """
         p_W = at_base_poses(self.centers(joint_position), base_poses)
-        return np.asarray((field.distance(p_W) - self._spheres.radii).min(axis=1))
+        if not np.isfinite(p_W).all():
+            raise ValueError("base poses and joints must be finite")
+        if field.cells is None:
+            return np.full(len(base_poses), np.inf)
+        return least_gaps(p_W, self._spheres.radii, field.cells, within)
 
 
 def at_base_poses(p_B: Vector, base_poses: Vector) -> Vector:
