@@ -8,8 +8,6 @@ from pydrake.common.value import Value
 from pydrake.perception import PointCloud
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import (
-    ConstantValueSource,
-    ConstantVectorSource,
     TrajectorySource,
     ZeroOrderHold,
 )
@@ -33,6 +31,7 @@ from pepper_drake.perception.goal.marker_params import MarkerParams
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import stereo_obstacle_parameters
+from pepper_drake.systems.constant import Constant
 from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into
@@ -316,15 +315,11 @@ class HeadPerception(Diagram):
         def constant(name: str, source: System) -> OutputPort:
             return builder.AddNamedSystem(name, source).get_output_port()
 
-        # A constant source depends on time, and with it each command that is computed of it.
-        zero = constant("zero", ZeroOrderHold(station.config.camera_period, 1))
-        builder.Connect(
-            constant("nothing", ConstantVectorSource([0.0])), zero.get_system().get_input_port()
-        )
-        one = constant("one", ConstantVectorSource([1.0]))
-        nothing = constant("no_obstacles", ConstantValueSource(Value(PointCloud())))
+        zero = constant("zero", Constant([0.0]))
+        one = constant("one", Constant([1.0]))
+        nothing = constant("no_obstacles", Constant(Value(PointCloud())))
         builder.ExportOutput(one, "goal_valid")
-        never_old = constant("fresh_images", ConstantVectorSource([0.0, 0.0]))
+        never_old = constant("fresh_images", Constant([0.0, 0.0]))
         builder.ExportOutput(never_old, "image_ages")
         for name in ("goal_age", "goal_gap", "cloud_age", "cloud_fault"):
             builder.ExportOutput(zero, name)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -119,10 +119,13 @@ class ControlModel:
         }
         self._body_index = self.position_indices(BODY_JOINTS)
         self._base_index = self.position_indices(JOINT_GROUPS["base"])
+        self._num_positions: int = self.plant.num_positions()
+        self._frame = cache(self.plant.GetFrameByName)
+        self._context: Context = self.plant.CreateDefaultContext()
 
     def create_context(self) -> Context:
         """A context of the plant, for `set_positions` and the calls on it."""
-        return self.plant.CreateDefaultContext()
+        return self._context.Clone()
 
     def make_collision_checker(self) -> SceneGraphCollisionChecker:
         """Pepper with itself; a checker owns its model, so each has a fresh one."""
@@ -144,7 +147,7 @@ class ControlModel:
 
     def positions(self, joint_position: Vector, base_pose: Vector) -> Vector:
         """Plant positions (18,) from `BODY_JOINTS` angles (15,) and the base's x, y, yaw."""
-        q = np.empty(self.plant.num_positions())
+        q = np.empty(self._num_positions)
         q[self._body_index] = joint_position
         q[self._base_index] = base_pose
         return q
@@ -153,10 +156,10 @@ class ControlModel:
         self, context: Context, frame_name: str, relative_to: str | None = None
     ) -> RigidTransform:
         """Pose of a frame in another (world when left out), X_RF."""
-        frame = self.plant.GetFrameByName(frame_name)
+        frame = self._frame(frame_name)
         if relative_to is None:
             return frame.CalcPoseInWorld(context)
-        return frame.CalcPose(context, self.plant.GetFrameByName(relative_to))
+        return frame.CalcPose(context, self._frame(relative_to))
 
     def command_limits(
         self, names: Sequence[str], *, speed_fraction: float = 1.0, acceleration: float = 10.0

@@ -9,6 +9,7 @@ from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import CONTROL_PERIOD
 from pepper_drake.models.scene import load_scene
+from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCache
 from pepper_drake.systems.robot.joint_command_interpolator import JointCommandInterpolator
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 
@@ -26,11 +27,12 @@ def counting(calls, system, original):
 @pytest.fixture(scope="module")
 def counted():
     """The whole loop without cameras after 20 control periods, and what was computed in them."""
-    calls = dict.fromkeys((SafetyMonitor, JointCommandInterpolator), 0)
+    calls = dict.fromkeys((SafetyMonitor, JointCommandInterpolator, ObstacleFieldCache), 0)
     with pytest.MonkeyPatch.context() as patch:
         for system, name in (
             (SafetyMonitor, "_calc_next"),
             (JointCommandInterpolator, "_calc_desired_state"),
+            (ObstacleFieldCache, "_calc"),
         ):
             patch.setattr(system, name, counting(calls, system, getattr(system, name)))
         scene = load_scene("free")
@@ -54,3 +56,8 @@ def test_the_servos_go_on_evenly_without_being_asked_at_each_step_of_the_physics
     reaching, calls = counted
     steps = round(20 * CONTROL_PERIOD / reaching.station.plant.time_step())
     assert calls[JointCommandInterpolator] < 0.8 * steps
+
+
+def test_obstacles_are_not_sorted_again_where_nothing_is_seen(counted):
+    _, calls = counted
+    assert calls[ObstacleFieldCache] == 0

@@ -130,6 +130,16 @@ def test_one_basis_function_and_more_than_samples_are_fine(name):
         assert np.isfinite(model(data.phases)).all()
 
 
+@pytest.mark.parametrize("normalized", [True, False])
+@pytest.mark.parametrize("slopes", [True, False])
+def test_few_phases_give_what_many_give(normalized, slopes):
+    basis = even_basis(7, 0.8, ALPHA_X, normalized, slopes)
+    weights = np.random.default_rng(0).normal(size=(basis.num_features, 3))
+    phases = phase_at(np.linspace(0.0, 1.5, 40), ALPHA_X)
+    few = np.concatenate([basis.combine(some, weights) for some in phases.reshape(10, 4)])
+    np.testing.assert_allclose(few, basis.features(phases) @ weights, atol=1e-12)
+
+
 def test_ridge_decides_only_what_data_leave_open():
     rng = np.random.default_rng(0)
     columns = rng.normal(size=(30, 4))

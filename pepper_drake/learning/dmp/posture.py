@@ -1,5 +1,6 @@
 """Nominal joints along a motion, as a function of its relative time."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
@@ -8,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.errors import InputError
-from pepper_drake.learning.approximators.gaussian_forcing import even_basis
+from pepper_drake.learning.approximators.gaussian_forcing import GaussianBasis, even_basis
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.least_squares import ridge_solver
 from pepper_drake.learning.phase import PHASE_RATIO, phase_at
@@ -16,6 +17,7 @@ from pepper_drake.learning.phase import PHASE_RATIO, phase_at
 Array = npt.NDArray[np.float64]
 
 _OVERLAP = 0.7
+_LAST_PHASE = math.exp(-PHASE_RATIO)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +34,8 @@ class PostureProfile:
 
     def at(self, relative_times: npt.ArrayLike) -> Array:
         """Returns joints (N, J) [rad] at relative times (N,); after 1 they stay."""
-        return self.basis(relative_times) @ self.weights
+        basis, phases = _basis(np.asarray(relative_times), len(self.weights) // 2)
+        return basis.combine(phases, self.weights) / phases[:, None]
 
     def basis(self, relative_times: npt.ArrayLike) -> Array:
         """Returns (N, 2 B): what the weights are multiplied with at relative times (N,)."""
@@ -70,7 +73,11 @@ def learn_posture(
 
 
 def _features(relative_times: Array, num_basis: int) -> Array:
-    # The basis of a forcing term, without its gate: even in time whatever alpha_x is.
-    basis = even_basis(num_basis, _OVERLAP, PHASE_RATIO, slopes=True)
-    phases = np.maximum(phase_at(relative_times, PHASE_RATIO), np.exp(-PHASE_RATIO))
+    basis, phases = _basis(relative_times, num_basis)
     return basis.features(phases) / phases[:, None]
+
+
+def _basis(relative_times: Array, num_basis: int) -> tuple[GaussianBasis, Array]:
+    """The basis of a forcing term, even in time whatever alpha_x is, and the gates (N,)."""
+    basis = even_basis(num_basis, _OVERLAP, PHASE_RATIO, slopes=True)
+    return basis, np.maximum(phase_at(relative_times, PHASE_RATIO), _LAST_PHASE)

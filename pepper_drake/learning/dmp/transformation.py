@@ -28,6 +28,7 @@ from pepper_drake.learning.spring import (
     NODES,
     acceleration,
     advance,
+    advance_one,
     forced_response_at,
     make_step,
     node_times,
@@ -211,6 +212,21 @@ class TransformationModel:
             time_step: [s].
             coupling: (..., D) C_t, held over the step; None means zero.
         """
+        parts = (state, *goal, forcing, coupling)
+        if state.ndim == 2 and isinstance(tau, float) and not any(map(_is_other, parts)):
+            # Copies: compiled anew it would be for arrays that may not be written or have gaps.
+            rest = np.zeros(state.shape[1])
+            one: Array = advance_one(
+                np.array(state),
+                np.array(goal.line),
+                rest if goal.lag is None else np.array(goal.lag),
+                np.array(forcing),
+                rest if coupling is None else np.array(coupling),
+                tau,
+                time_step,
+                self.alpha_z,
+            )
+            return one
         inputs = forcing if coupling is None else forcing + coupling[..., None, :]
         inputs = inputs / (tau * tau)
         if goal.lag is not None:
@@ -223,6 +239,11 @@ class TransformationModel:
     def goal_rate(self, tau: Scalar) -> Scalar:
         """Returns how fast the goal that the spring sees follows the goal [1/s]."""
         return self.alpha_z / (2.0 * tau)
+
+
+def _is_other(part: Array | None) -> bool:
+    """True for an array of anything but floats."""
+    return part is not None and part.dtype != np.float64
 
 
 def node_phases(phase: Scalar, decay: Scalar, time_step: float) -> Array:

@@ -3,7 +3,6 @@
 The depth image is thinned first and projected then: what is not projected costs nothing.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -14,7 +13,7 @@ from pydrake.perception import BaseField, Fields, PointCloud
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays, ray_lengths
-from pepper_drake.perception.mapping.solids import Solid, near_solids
+from pepper_drake.perception.mapping.solids import SolidSet
 from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float32]
@@ -290,21 +289,15 @@ def observe_surfaces(
     return SurfacePoints(p_W[above], normals @ R_WC.T)
 
 
-def remove_solids(
-    surface: SurfacePoints,
-    solids: Sequence[Solid],
-    poses: Sequence[RigidTransform],
-    margin: float,
-) -> SurfacePoints:
+def remove_solids(surface: SurfacePoints, solids: SolidSet, margin: float) -> SurfacePoints:
     """Removes the points in or near some solids, such as the goal object or the robot itself.
 
     Args:
         surface: The points.
-        solids: What to remove.
-        poses: Pose X_WF of each solid's frame F.
+        solids: What to remove, in W.
         margin: Distance up to which points belong to a solid [m].
     """
-    return surface.select(~near_solids(surface.positions, solids, poses, margin))
+    return surface.select(~solids.near(surface.positions, margin))
 
 
 def to_point_cloud(surface: SurfacePoints, X_FW: RigidTransform | None = None) -> PointCloud:

@@ -24,7 +24,7 @@ from pepper_drake.perception.mapping.depth_holes import (
     learn_blindness,
     learn_dropouts,
 )
-from pepper_drake.perception.mapping.solids import ExcludedSolids, near_solids
+from pepper_drake.perception.mapping.solids import ExcludedSolids
 from pepper_drake.perception.mapping.voxel_map import voxel_keys
 
 Points = npt.NDArray[np.floating]
@@ -212,7 +212,7 @@ def occluded_points(
         for tree, margin in trees:
             explained |= np.isfinite(tree.query(points, distance_upper_bound=margin)[0])
         for each in ignored:
-            explained |= near_solids(points, each.solids, each.poses, each.margin)
+            explained |= each.placed.near(points, each.margin)
         ahead = ahead[~explained.reshape(len(ahead), -1).any(axis=1)]
     if len(ahead) < parameters.least_rays:
         return nothing

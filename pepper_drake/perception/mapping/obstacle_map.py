@@ -24,7 +24,7 @@ from pepper_drake.perception.mapping.depth_validity import (
 )
 from pepper_drake.perception.mapping.dynamic_obstacles import ApproachParameters
 from pepper_drake.perception.mapping.near_field_occlusion import NearFieldParameters
-from pepper_drake.perception.mapping.solids import ExcludedSolids, near_solids
+from pepper_drake.perception.mapping.solids import ExcludedSolids
 from pepper_drake.perception.mapping.voxel_map import (
     VoxelMap,
     VoxelMapParameters,
@@ -98,16 +98,16 @@ def update_obstacles(
         )
     surface = observe_surfaces(depth, intrinsics, X_WC, parameters.cloud)
     for each in ignored:
-        surface = remove_solids(surface, each.solids, each.poses, each.margin)
+        surface = remove_solids(surface, each.placed, each.margin)
     voxels = add_points(voxels, surface, time, parameters.memory)
     spared = np.zeros(len(voxels), dtype=bool)
     gone = np.zeros(len(voxels), dtype=bool)
     for each in ignored:
-        near = near_solids(voxels.positions, each.solids, each.poses, each.margin)
+        near = each.placed.near(voxels.positions, each.margin)
         spared |= near
         if each.keep_known_voxels:
             depth_inside = -parameters.memory.voxel_size / 2
-            near[near] = near_solids(voxels.positions[near], each.solids, each.poses, depth_inside)
+            near[near] = each.placed.near(voxels.positions[near], depth_inside)
         gone |= near
     voxels, spared = voxels.select(~gone), spared[~gone]
     voxels = carve_free_space(voxels, depth, intrinsics, X_WC, time, parameters.memory, spared)

@@ -158,6 +158,11 @@ class ExcludedSolids:
 
     __repr__ = short_repr
 
+    @functools.cached_property
+    def placed(self) -> "SolidSet":
+        """The solids in W."""
+        return SolidSet.posed(self.solids, self.poses)
+
 
 class SolidSet:
     """Solids at fixed poses in a frame F: the one place where points are measured against solids.
@@ -346,10 +351,11 @@ class RobotSolids:
             self.solids += own
             self._bodies += [index] * len(own)
         self.num_positions: int = plant.num_positions()
+        self._context = plant.CreateDefaultContext()
 
     def poses(self, q: npt.NDArray[np.float64]) -> list[RigidTransform]:
         """Returns the pose X_WF of each solid's body at joint positions q (n,) of the plant."""
-        context = self._plant.CreateDefaultContext()
+        context = self._context.Clone()
         self._plant.SetPositions(context, q)
         unique = {
             index: self._plant.EvalBodyPoseInWorld(context, self._plant.get_body(index))

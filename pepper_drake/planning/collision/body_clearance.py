@@ -1,11 +1,13 @@
 """Clearance of the robot's body to the cloud for any pose of its base."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from pepper_drake.learning.dmp.point_cells import least_gaps
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.planning.collision.sphere_model import arm_link_names, make_link_spheres
@@ -36,6 +38,7 @@ class BodyClearance:
         self._spheres = make_link_spheres(model, tuple(links))
         self._frames = [model.plant.GetFrameByName(name) for name in self._spheres.link_names]
         self._context = model.create_context()
+        self._recent = lru_cache(maxsize=4)(self._centers)
 
     @property
     def radii(self) -> Vector:
@@ -43,15 +46,23 @@ class BodyClearance:
         return self._spheres.radii
 
     def centers(self, joint_position: Vector) -> Vector:
-        """Centres (S, 3) of the spheres in the base frame B for `BODY_JOINTS` angles (15,) [m]."""
+        """Centres (S, 3) of the spheres in the base frame B for `BODY_JOINTS` angles (15,) [m].
+
+        Not to be changed: who asks again for the same joints gets the same array.
+        """
+        return self._recent(np.asarray(joint_position, dtype=float).tobytes())
+
+    def _centers(self, joints: bytes) -> Vector:
         context = self._context.Clone()
-        positions = self._model.positions(joint_position, np.zeros(3))
+        positions = self._model.positions(np.frombuffer(joints), np.zeros(3))
         self._model.plant.SetPositions(context, positions)
         poses = [frame.CalcPoseInWorld(context) for frame in self._frames]
-        return self._spheres.place(
+        centers = self._spheres.place(
             np.array([X.rotation().matrix() for X in poses]),
             np.array([X.translation() for X in poses]),
         )
+        centers.setflags(write=False)
+        return centers
 
     def solid_points(self, joint_position: Vector, spacing: float) -> Vector:
         """Points (N, 3) of a grid in the base frame B that lie in the links [m].
@@ -69,7 +80,11 @@ class BodyClearance:
         return np.asarray(grid[np.unique(np.concatenate(within).astype(int))])
 
     def __call__(
-        self, base_poses: Vector, joint_position: Vector, field: PointCloudDistance
+        self,
+        base_poses: Vector,
+        joint_position: Vector,
+        field: PointCloudDistance,
+        within: float = np.inf,
     ) -> Vector:
         """Least distance (N,) [m] of the links to obstacles.
 
@@ -77,9 +92,18 @@ class BodyClearance:
             base_poses: x, y [m], yaw [rad] of the base in W (N, 3).
             joint_position: The joints (15,) [rad].
             field: The obstacles, in W.
+            within: Links that are farther away than this are infinitely far [m], which is much
+                faster to say.
+
+        Raises:
+            ValueError: A pose or a joint is not finite.
         """
+        if not (np.isfinite(base_poses).all() and np.isfinite(joint_position).all()):
+            raise ValueError("base poses and joints must be finite")
+        if field.cells is None:
+            return np.full(len(base_poses), np.inf)
         p_W = at_base_poses(self.centers(joint_position), base_poses)
-        return np.asarray((field.distance(p_W) - self._spheres.radii).min(axis=1))
+        return least_gaps(p_W, self._spheres.radii, field.cells, within)
 
 
 def at_base_poses(p_B: Vector, base_poses: Vector) -> Vector:

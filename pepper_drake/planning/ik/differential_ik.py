@@ -1,19 +1,12 @@
-"""Parameters of one arm's differential inverse kinematics, its limits and its reference."""
+"""Parameters of one arm's differential inverse kinematics, and its limits."""
 
 import math
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RigidTransform
 from pydrake.planning import JointLimits
 
-from pepper_drake.learning import rotations
 from pepper_drake.models.control_model import CONTROL_PERIOD, ControlModel, arm_joints
 from pepper_drake.models.pepper import coupled_limits, hand_frame
-
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass
@@ -65,38 +58,6 @@ class DifferentialIkParams:
 def hand_key(arm: str) -> str:
     """The hand's scoped frame name, the key of its pose on the bus `desired_cartesian_poses`."""
     return f"pepper::{hand_frame(arm)}"
-
-
-def feedforward_pose(
-    position: Vector, next_position: Vector, rotation: Vector, next_rotation: Vector, gain: float
-) -> RigidTransform:
-    """The pose to ask for so that the hand moves with its path and makes up for its error.
-
-    Drake's system asks for the velocity gain (X_asked - X) / dt. With
-
-        X_asked = X_next + (1 - gain) / gain (X_next - X_now)
-
-    that is the path's own velocity (X_next - X_now) / dt, and gain times the present error.
-
-    Args:
-        position: (3,) where the hand should be now [m], in T.
-        next_position: (3,) where it should be one tick later.
-        rotation: (4,) its orientation now, unit quaternion w, x, y, z.
-        next_rotation: (4,) the same one tick later.
-        gain: In (0, 1].
-    """
-    p, R = feedforward_poses(position, next_position, rotation, next_rotation, gain)
-    return RigidTransform(Quaternion(R), p)
-
-
-def feedforward_poses(
-    position: Vector, next_position: Vector, rotation: Vector, next_rotation: Vector, gain: float
-) -> tuple[Vector, Vector]:
-    """Feed-forward poses of many ticks at once: positions (..., 3) [m], rotations (..., 4)."""
-    lead = (1.0 - gain) / gain
-    turn = rotations.log_map(rotations.multiply(next_rotation, rotations.conjugate(rotation)))
-    asked = rotations.multiply(rotations.exp_map(lead * turn), next_rotation)
-    return next_position + lead * (next_position - position), rotations.normalize(asked)
 
 
 def arm_joint_limits(model: ControlModel, arm: str, params: DifferentialIkParams) -> JointLimits:

@@ -155,6 +155,7 @@ class BasePlacement:
         places: Vector,
         joint_position: Vector,
         field: PointCloudDistance,
+        within: float,
     ) -> Vector:
         """Least distance (N,) [m] of the body, its arms at rest, on the straight ways to places.
 
@@ -163,11 +164,12 @@ class BasePlacement:
             places: Where it may go (N, 3).
             joint_position: The joints on the way (15,) [rad].
             field: The obstacles, in W.
+            within: Beyond this distance it is infinite [m].
         """
         ways = [drive_poses(base_pose, place) for place in places]
         if not ways:
             return np.zeros(0)
-        clearances = self.resting_clearances(np.concatenate(ways), joint_position, field)
+        clearances = self.resting_clearances(np.concatenate(ways), joint_position, field, within)
         ends = np.cumsum([len(way) for way in ways])[:-1]
         return np.array([part.min() for part in np.split(clearances, ends)])
 
@@ -235,10 +237,12 @@ class BasePlacementPlanner:
         params, joints = self._evaluator.params, observation.joint_position
         if field is None:
             field = self._standing_field(observation)
-        room = self._places.body_clearances(places, joints, field)
-        free = room >= params.body_clearance - lost
-        drive = self._places.drive_clearances(observation.base_pose, places[free], joints, field)
-        free[free] = drive >= params.drive_clearance - lost
+        standing, driving = params.body_clearance - lost, params.drive_clearance - lost
+        free = self._places.body_clearances(places, joints, field, standing) >= standing
+        drive = self._places.drive_clearances(
+            observation.base_pose, places[free], joints, field, driving
+        )
+        free[free] = drive >= driving
         return free
 
     def _standing_field(self, observation: Observation) -> PointCloudDistance:

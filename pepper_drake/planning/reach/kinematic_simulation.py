@@ -10,7 +10,8 @@ from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel, arm_joints
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
 from pepper_drake.planning.ik.compiled_ik import CompiledIk
-from pepper_drake.planning.ik.differential_ik import DifferentialIkParams, feedforward_poses
+from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
+from pepper_drake.planning.ik.feedforward import feedforward_poses
 from pepper_drake.planning.reach.movement import Movement
 
 Vector = npt.NDArray[np.float64]

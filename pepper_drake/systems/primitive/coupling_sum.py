@@ -3,7 +3,7 @@
 from functools import partial
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context
+from pydrake.systems.framework import BasicVector, Context, InputPort
 
 from pepper_drake.systems.framework import LeafSystem
 
@@ -43,13 +43,12 @@ class CouplingSum(LeafSystem):
         for name, size in (("slowdown", 1), ("coupling", 3)):
             terms = [self.DeclareVectorInputPort(f"{name}_{k}", size) for k in range(count)]
             self.DeclareVectorOutputPort(
-                name, size, partial(self._calc, name, count), {term.ticket() for term in terms}
+                name, size, partial(self._calc, terms), {term.ticket() for term in terms}
             )
 
-    def _calc(self, name: str, count: int, context: Context, output: BasicVector) -> None:
+    def _calc(self, terms: list[InputPort], context: Context, output: BasicVector) -> None:
         total = np.zeros(output.size())
-        for k in range(count):
-            term = self.GetInputPort(f"{name}_{k}")
+        for term in terms:
             if term.HasValue(context):
                 total += term.Eval(context)
         output.SetFromVector(total)

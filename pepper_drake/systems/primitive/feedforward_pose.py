@@ -3,7 +3,7 @@
 from pydrake.common.value import Value
 from pydrake.systems.framework import BusValue, Context, InputPort, OutputPort
 
-from pepper_drake.planning.ik.differential_ik import feedforward_pose
+from pepper_drake.planning.ik.feedforward import feedforward_pose
 from pepper_drake.systems.framework import LeafSystem
 
 
@@ -50,8 +50,6 @@ class FeedforwardPose(LeafSystem):
         )
 
     def _calc_bus(self, context: Context, output: Value) -> None:
-        bus = BusValue()
         now, following, rotation, next_rotation = (port.Eval(context) for port in self._inputs)
         pose = feedforward_pose(now, following, rotation, next_rotation, self._gain)
-        bus.Set(self._key, Value(pose))
-        output.set_value(bus)
+        output.get_mutable_value().Set(self._key, Value(pose))

@@ -9,7 +9,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
 
-from pepper_drake.systems.framework import LeafSystem
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 Vector = npt.NDArray[np.float64]
 
@@ -71,22 +71,36 @@ class HandGoalPose(LeafSystem):
             "movement", Value[object](None)
         )
         self._object = self.DeclareDiscreteState(_numbers(RigidTransform()))
-        sources = {self.discrete_state_ticket(self._object), self.movement_input.ticket()}
+        self._goal = self.DeclareCacheEntry(
+            "goal",
+            ValueProducer(allocate=lambda: Value({}), calc=self._calc_goal),
+            prerequisites_of_calc={
+                self.discrete_state_ticket(self._object),
+                self.movement_input.ticket(),
+            },
+        )
         for name, size, part in (
             ("goal_position", 3, slice(0, 3)),
             ("goal_orientation", 4, slice(3, 7)),
         ):
             self.DeclareVectorOutputPort(
-                name, size, partial(self._calc_goal, part), prerequisites_of_calc=sources
+                name, size, partial(self._calc_part, part), {self._goal.ticket()}
             )
         self.DeclareInitializationDiscreteUpdateEvent(self._update)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
-    def _calc_goal(self, part: slice, context: Context, output: BasicVector) -> None:
-        p_TO, q_TO = np.split(context.get_discrete_state(self._object).value(), [3])
+    def _calc_goal(self, context: Context, value: Value) -> None:
+        """Computes X_TG, anew only where X_TO or X_OG is another: most ticks change neither."""
+        X_TO = context.get_discrete_state(self._object).value()
         X_OG = self.movement_input.Eval(context).X_OG
-        X_TG = RigidTransform(Quaternion(wxyz=q_TO), p_TO) @ X_OG
-        output.SetFromVector(_numbers(X_TG)[part])
+        known = value.get_mutable_value()
+        source = (X_TO.tobytes(), X_OG)
+        if known.get("source") != source:
+            known["source"] = source
+            known["goal"] = _numbers(RigidTransform(Quaternion(wxyz=X_TO[3:]), X_TO[:3]) @ X_OG)
+
+    def _calc_part(self, part: slice, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._goal.Eval(context)["goal"][part])
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         X_WT = self.torso_pose_input.Eval(context)

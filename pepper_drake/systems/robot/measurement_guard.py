@@ -45,7 +45,8 @@ class MeasurementGuard(LeafSystem):
         time_step: float = 0.02,
     ) -> None:
         super().__init__()
-        self._lower, self._upper = np.asarray(lower), np.asarray(upper)
+        # Finite limits: what is infinite is outside as what is not a number is.
+        self._lower, self._upper = np.nan_to_num(lower), np.nan_to_num(upper)
         first = np.atleast_1d(np.asarray(start, dtype=float))
         n = len(first)
         self._size, self._time_step = n, time_step
@@ -72,8 +73,7 @@ class MeasurementGuard(LeafSystem):
         )
 
     def _can_be(self, measured: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-        inside = (measured >= self._lower) & (measured <= self._upper)
-        return np.asarray(np.isfinite(measured) & inside)
+        return np.asarray((measured >= self._lower) & (measured <= self._upper))
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         state = context.get_discrete_state(self._state).value().copy()
@@ -86,8 +86,11 @@ class MeasurementGuard(LeafSystem):
 
     def _calc_measured(self, context: Context, output: BasicVector) -> None:
         measured = self.measured_input.Eval(context)
-        last = context.get_discrete_state(self._state).value()[: self._size]
-        output.SetFromVector(np.where(self._can_be(measured), measured, last))
+        can_be = self._can_be(measured)
+        if not can_be.all():
+            last = context.get_discrete_state(self._state).value()[: self._size]
+            measured = np.where(can_be, measured, last)
+        output.SetFromVector(measured)
 
 
 class MeasurementAges(LeafSystem):

@@ -201,7 +201,8 @@ class SafetyMonitor(LeafSystem):
             joint = -1.0
             if reason == StopReason.JOINTS_NOT_MEASURED:
                 joint = self._scalar(context, self.missing_joint_input, -1.0)
-            command = command.stopped(reason, int(joint))
+            if reason != StopReason.NONE:
+                command = command.stopped(reason, int(joint))
         limits = self._limits_back if command.reason == StopReason.JOINT_HELD else self._limits
         following.set_value(command.advanced(wish.copy(), limits, self._time_step))
 

@@ -48,6 +48,7 @@ class TrueClearance(LeafSystem):
         super().__init__()
         self._robot, self._obstacles = frozenset(robot), frozenset(obstacles)
         self._max_distance = max_distance
+        self._most_per_step = max_speed * time_step
         self.query_input: InputPort = self.DeclareAbstractInputPort("query", Value(QueryObject()))
         self._free_steps = max(int(max_distance / (max_speed * time_step)) - 1, 0)
         self._clearance = self.DeclareDiscreteState([max_distance])
@@ -60,14 +61,19 @@ class TrueClearance(LeafSystem):
         if remaining > 0:
             discrete_state.set_value(self._remaining, [remaining - 1])
             return
-        nearest = self._nearest(self.query_input.Eval(context))
+        query = self.query_input.Eval(context)
+        # Few pairs are within what was nearest and what it can have come nearer.
+        last = float(context.get_discrete_state(self._clearance).value()[0])
+        nearest = self._nearest(query, max(last, 0.0) + self._most_per_step)
+        if nearest is None:
+            nearest = self._nearest(query, self._max_distance)
         distance = self._max_distance if nearest is None else nearest.distance
         discrete_state.set_value(self._clearance, [distance])
         discrete_state.set_value(self._remaining, [self._free_steps if nearest is None else 0])
 
     def closest_pair(self, query: QueryObject) -> tuple[float, str]:
         """The least distance, m, and the names of the two shapes as "link - obstacle"."""
-        nearest = self._nearest(query)
+        nearest = self._nearest(query, self._max_distance)
         if nearest is None:
             return self._max_distance, ""
         pair = (nearest.id_A, nearest.id_B)
@@ -76,9 +82,9 @@ class TrueClearance(LeafSystem):
         names = (_full_name(inspector, geometry) for geometry in (link, obstacle))
         return nearest.distance, " - ".join(names)
 
-    def _nearest(self, query: QueryObject) -> SignedDistancePair | None:
-        """The nearest link and obstacle, if any are within the largest distance."""
-        pairs = query.ComputeSignedDistancePairwiseClosestPoints(self._max_distance)
+    def _nearest(self, query: QueryObject, within: float) -> SignedDistancePair | None:
+        """The nearest link and obstacle, if any are within a distance [m], or the largest."""
+        pairs = query.ComputeSignedDistancePairwiseClosestPoints(min(within, self._max_distance))
         # Most distant pairs are never asked what they are, which takes longer than to sort them.
         for pair in sorted(pairs, key=operator.attrgetter("distance")):
             ids = (pair.id_A, pair.id_B)

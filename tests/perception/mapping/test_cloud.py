@@ -15,7 +15,7 @@ from pepper_drake.perception.mapping.cloud import (
     thin_pixels,
     to_point_cloud,
 )
-from pepper_drake.perception.mapping.solids import Solid
+from pepper_drake.perception.mapping.solids import Solid, SolidSet
 
 CAMERA = CAMERA_DEPTH.intrinsics
 PARAMETERS = CloudParameters()
@@ -161,7 +161,7 @@ def test_solids_are_cut_out():
         depth, CAMERA, RigidTransform(RollPitchYaw(0, 0, 0), [0, 0, 1]), PARAMETERS
     )
     ball = Solid(Sphere(0.1), RigidTransform([0, 0, 2.0]))
-    left = remove_solids(surface, [ball], [RigidTransform()], 0.02)
+    left = remove_solids(surface, SolidSet([ball]), 0.02)
     distance = np.linalg.norm(left.positions - [0, 0, 2], axis=1)
     assert 0 < len(left.positions) < len(surface.positions)
     assert distance.min() > 0.12

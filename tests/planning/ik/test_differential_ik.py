@@ -8,9 +8,9 @@ from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.pepper import POSTURES, hand_frame
 from pepper_drake.planning.ik.differential_ik import (
     DifferentialIkParams,
-    feedforward_pose,
     hand_key,
 )
+from pepper_drake.planning.ik.feedforward import feedforward_pose
 from pepper_drake.systems.robot.arm_differential_ik import ArmDifferentialIk
 
 PARAMS = DifferentialIkParams()

@@ -1,7 +1,7 @@
 import numpy as np
 from pydrake.math import RollPitchYaw
 
-from pepper_drake.planning.ik.differential_ik import feedforward_pose
+from pepper_drake.planning.ik.feedforward import feedforward_pose
 from pepper_drake.systems.primitive.feedforward_pose import FeedforwardPose
 
 KEY = "pepper::r_hand_effector"
