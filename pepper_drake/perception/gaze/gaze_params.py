@@ -61,6 +61,10 @@ class GazeParams:
     of a second old."""
     rest_speed: float = 0.02
     """Speed below which an object is at rest, and may leave the image [m/s]."""
+    following_angle: float = 0.03
+    """Angle off an object's middle up to which the head does not follow it [rad]: more than the
+    slack of its joints, with which it would hunt, as what it sees moves by the slack when it
+    turns."""
     glance_angles: list[float] = field(
         default_factory=lambda: [-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75]
     )

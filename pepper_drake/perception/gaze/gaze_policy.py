@@ -138,6 +138,10 @@ def _shared_gaze(
     )
 
 
+def _is_near(aim: Vector, head: Vector, params: GazeParams) -> bool:
+    return bool(np.abs(aim - head).max() < params.following_angle)
+
+
 class GazePolicy:
     """Turns the head so that a camera keeps an object in its image.
 
@@ -219,6 +223,8 @@ class GazePolicy:
                 since = now.age - params.missed_age
                 swing = params.swing * np.sin(2 * np.pi * since / params.swing_period)
                 gaze = replace(gaze, head=clamp_head(gaze.head - [0.0, swing]))
+            elif np.allclose(state.velocity, 0.0) and _is_near(gaze.head, state.head, params):
+                gaze = replace(gaze, head=state.head)
             return gaze, replace(state, target=np.full(2, np.nan))
         place = tuple((params.place_grid * np.round(p_TP / params.place_grid)).tolist())
         shared = functools.partial(

@@ -228,3 +228,23 @@ def test_a_place_that_has_to_be_seen_is_glanced_at_and_the_goal_looked_at_again(
     bench.fix("look_at", np.full(3, np.nan))
     bench.run(6.0)
     assert shows(CAMERA_TOP, FAR.translation())
+
+
+@pytest.mark.parametrize(
+    ("following_angle", "hunts"), [(0.0, True), (LIMITS.following_angle, False)]
+)
+def test_head_with_slack_does_not_hunt(following_angle, hunts):
+    """Within its slack the head does not turn, and what it sees moves as its encoders do."""
+    slack, params = np.radians(1.0), GazeParams(following_angle=following_angle)
+    system = GazeController(secondary_camera=CAMERA_DEPTH, radius=0.042, params=params)
+    bench = Bench(FAR, system, head_position=[0.0, 0.0], velocity=[0.1, 0.0, 0.0])
+    links, heads, seen = np.zeros(2), [], [FAR.translation()] * 2
+    noise = np.random.default_rng(0).normal(scale=0.003, size=(40, 3))
+    for k in range(40):
+        head = bench.run(0.2 * k + 0.2).output("head_position_command")
+        links = np.clip(links, head - slack / 2, head + slack / 2)
+        p_CO = (X_WT @ camera_pose(CAMERA_TOP, links)).inverse() @ FAR.translation()
+        seen.append(X_WT @ camera_pose(CAMERA_TOP, head) @ p_CO + noise[k])
+        bench.fix("object_pose", RigidTransform(seen[k]))  # Images are late.
+        heads.append(head)
+    assert (np.ptp(heads[20:], axis=0).max() > 0.002) == hunts
