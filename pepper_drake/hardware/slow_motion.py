@@ -5,7 +5,6 @@ import numpy.typing as npt
 
 from pepper_drake.diagrams.calibration_run import CalibrationMotion
 from pepper_drake.models.control_model import CONTROL_PERIOD
-from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
 
 Vector = npt.NDArray[np.float64]
 
@@ -13,9 +12,8 @@ SLOW = 0.3
 """Largest speed of a joint [rad/s]."""
 STANDS = 0.3
 """Time for which the robot stands before and after [s]."""
-_PEAK = 1.875
-"""Largest speed of a minimum-jerk motion of unit length and time."""
-_SHORTEST = 0.5
+_RAMP = 0.5
+"""Time in which it gathers speed, and in which it brakes [s]."""
 _SAME = 0.02
 """Postures whose joints differ by less are one [rad]."""
 
@@ -24,10 +22,11 @@ def slow_motion(postures: Vector) -> CalibrationMotion:
     """Returns the motion along postures (N, 15) [rad], at rest at the first and the last."""
     steps = np.abs(np.diff(postures, axis=0)).max(axis=1)
     lengths = np.concatenate(([0.0], np.cumsum(steps)))
-    duration = max(_PEAK * float(lengths[-1]) / SLOW, _SHORTEST)
-    count = int(np.ceil(duration / CONTROL_PERIOD))
-    at = lengths[-1] * minimum_jerk(np.arange(count + 1) / count)
-    times = STANDS + CONTROL_PERIOD * np.arange(count + 1, dtype=np.float64)
+    count = max(int(np.ceil(lengths[-1] / (SLOW * CONTROL_PERIOD))), 1)
+    ramp = np.hanning(round(_RAMP / CONTROL_PERIOD) + 2)[1:-1]
+    ways = np.convolve(np.full(count, lengths[-1] / count), ramp / ramp.sum())
+    at = np.concatenate(([0.0], np.cumsum(ways)))
+    times = STANDS + CONTROL_PERIOD * np.arange(len(at), dtype=np.float64)
     rows = [np.interp(at, lengths, joint) for joint in postures.T]
     return CalibrationMotion(times, np.column_stack(rows), ())
 

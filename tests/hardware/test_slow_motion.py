@@ -21,7 +21,7 @@ def test_a_slow_motion_goes_along_all_postures_and_is_never_fast():
     speeds = np.abs(np.diff(motion.positions, axis=0)) / CONTROL_PERIOD
     assert 0.9 * SLOW < speeds.max() <= 1.001 * SLOW
     assert motion.times[0] == STANDS
-    np.testing.assert_array_equal(motion.positions[[0, -1]], postures[[0, 3]])
+    np.testing.assert_allclose(motion.positions[[0, -1]], postures[[0, 3]], atol=1e-12)
     assert np.abs(motion.positions - postures[1]).max(axis=1).min() < 0.01
 
 
