@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pepper_drake.robot_server.robot.robot_port import RobotPort
 from pepper_drake.robot_server.services.audio_device import AudioDevice, AudioRecorder
+from pepper_drake.robot_server.services.dcm import Dcm
 from pepper_drake.robot_server.services.dialog import Dialog
 from pepper_drake.robot_server.services.expression_watcher import ExpressionWatcher
 from pepper_drake.robot_server.services.extractors import quiet_extractors
@@ -178,6 +179,7 @@ class ServedPepper:
             Recharge(tell),
             Navigation(self.motion, self._timer, disk),
             Localization(self.motion),
+            Dcm(self.motion, leds, self._timer, say),
         ]
         install_keys(self.memory, self.motion)
         self.memory.compute({DEVICES + key: value for key, value in leds.keys().items()})

@@ -89,7 +89,7 @@ async def call(pepper, method, *arguments):
 def pixel(found, x, y):
     metres, width, height, (left, top), pixels = found
     row, column = int((top - y) / metres), int((x - left) / metres)
-    return np.array(pixels).reshape(height, width)[row, column]
+    return pixels.value.reshape(height, width)[row, column]
 
 
 def test_a_room_is_explored_kept_and_driven_through_around_what_stands_there(tmp_path):

@@ -11,11 +11,13 @@ import numpy as np
 from scipy import spatial
 
 from pepper_drake.errors import InputError
+from pepper_drake.naoqi.wire import Typed
 from pepper_drake.robot_server.robot.floor_map import (
     CELL,
     EXTENT,
     FloorMap,
     LaserScan,
+    Mask,
     Vector,
     composed,
     inverted,
@@ -132,14 +134,15 @@ class Navigation(Module):
         away = np.linalg.norm(places, axis=1)
         places, away = places[away <= farthest], away[away <= farthest]
         hits = scan.ends[scan.hits]
-        room = (
-            np.full(len(places), np.inf) if not len(hits) else spatial.KDTree(hits).query(places)[0]
-        )
-        is_free = room >= radius
-        best = np.argmin(np.where(is_free, away, np.inf)) if is_free.any() else np.argmax(room)
+        room = np.full(len(places), np.inf)
+        if len(hits):
+            room = np.asarray(spatial.KDTree(hits).query(places)[0])
+        is_free: Mask = room >= radius
+        found = bool(is_free.any())
+        best = int(np.argmin(np.where(is_free, away, np.inf)) if found else np.argmax(room))
         x, y = transformed(self._moves.state.base_pose, places[best][None])[0]
-        found = min(float(room[best]), radius)
-        return [_DONE if is_free.any() else _FAILED, found, [float(x), float(y)]]
+        there = [float(x), float(y)]
+        return [_DONE if found else _FAILED, min(float(room[best]), radius), there]
 
     get_free_zone = find_free_zone
 
@@ -194,8 +197,8 @@ class Navigation(Module):
         rows, columns = known.log_odds.shape
         x, y = known.origin
         top_left = [float(x), float(y + rows * CELL)]
-        percent = await asyncio.to_thread(lambda: known.percent().ravel().tolist())
-        return [CELL, columns, rows, top_left, percent]
+        percent = await asyncio.to_thread(known.percent)
+        return [CELL, columns, rows, top_left, Typed("[m]", percent.ravel())]
 
     async def start_localization(self) -> None:
         """Finds the robot in the map, near where it takes itself to be."""
