@@ -10,7 +10,7 @@ from pepper_drake.robot_server.services.dialog import Dialog
 from pepper_drake.robot_server.services.expression_watcher import ExpressionWatcher
 from pepper_drake.robot_server.services.extractors import quiet_extractors
 from pepper_drake.robot_server.services.leds import Leds
-from pepper_drake.robot_server.services.localization import Localization
+from pepper_drake.robot_server.services.localization import Localization, VisualCompass
 from pepper_drake.robot_server.services.log_manager import LogManager
 from pepper_drake.robot_server.services.media_services import (
     AnimationPlayer,
@@ -179,6 +179,7 @@ class ServedPepper:
             Recharge(tell),
             Navigation(self.motion, self._timer, disk),
             Localization(self.motion),
+            VisualCompass(self.motion, say),
             Dcm(self.motion, leds, self._timer, say),
         ]
         install_keys(self.memory, self.motion)

@@ -402,5 +402,8 @@ def test_a_home_is_learned_and_found_again():
         np.testing.assert_allclose(pose, [0.3, 0.1, 0.5], atol=0.01)
         assert pepper.call("ALLocalization.isInCurrentHome") is True
         assert pepper.call("ALLocalization.load", "garden") == 3
+        assert await go("ALVisualCompass.moveStraightTo", -0.1) is True
+        there = [0.3 - 0.1 * math.cos(0.5), 0.1 - 0.1 * math.sin(0.5), 0.5]
+        np.testing.assert_allclose(pepper.robot.state().base_pose, there, atol=0.01)
 
     virtual(scenario)

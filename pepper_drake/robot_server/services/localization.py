@@ -1,16 +1,18 @@
-"""ALLocalization: places beside a home that was learned, by odometry alone.
+"""ALLocalization and ALVisualCompass: places beside a home, and straight ways, by odometry alone.
 
-A robot recognises its home by panoramas. The served one takes its odometry for true, which it is
-as long as nobody carries it.
+A robot recognises its home by panoramas and its direction by a picture. The served one takes its
+odometry for true, which it is as long as nobody carries it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from pepper_drake.robot_server.robot.floor_map import Vector, composed, inverted
+from pepper_drake.robot_server.services.extractors import Looker
+from pepper_drake.robot_server.services.kept_settings import keep_settings
 from pepper_drake.robot_server.services.motion_arguments import numbers
 from pepper_drake.robot_server.services.waiting import Module
 from pepper_drake.robot_server.wire.service import Caller
@@ -99,3 +101,29 @@ class Localization(Module):
     def stop_all(self) -> None:
         """Brakes."""
         self._moves.stop_move()
+
+
+class VisualCompass(Looker):
+    """ALVisualCompass: its moves; it compares no pictures."""
+
+    def __init__(self, moves: Any, log: Callable[[str], None]) -> None:
+        """Makes it.
+
+        Args:
+            moves: ALMotion.
+            log: Told when the first client subscribes.
+        """
+        super().__init__("ALVisualCompass", log, "VisualCompass/Deviation", "deviations")
+        self._moves = moves
+        self.move_to = moves.move_to
+        keep_settings(self, {"enable_reference_refresh": ("is_reference_refreshed", True)})
+        keep_settings(self, {"set_current_image_as_reference": ("get_reference", [])}, True)
+
+    @with_caller
+    async def move_straight_to(self, caller: Caller, x: float) -> bool:
+        """Drives ahead [m]; returns whether it got there."""
+        return bool(await self._moves.move_to(caller, x, 0.0, 0.0))
+
+    async def wait_until_target_reached(self) -> None:
+        """Returns when the base rests."""
+        await self._moves.wait_until_move_is_finished()
