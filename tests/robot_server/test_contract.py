@@ -338,10 +338,10 @@ def test_what_is_wrong_is_answered_with_the_method_and_a_sentence_and_moves_noth
 def test_what_is_not_served_says_so_and_is_logged_once():
     async def scenario(pepper):
         for _ in range(2):
-            with pytest.raises(ServiceError, match=r"^ALRecharge::adjustDockingPosition: not sim"):
-                pepper.call("ALRecharge.adjustDockingPosition")
-        told = [line for line in pepper.lines if "Recharge" in line]
-        assert told == ["ALRecharge::adjustDockingPosition was asked for and is not simulated"]
+            with pytest.raises(ServiceError, match=r"^ALWorldRepresentation::getRootName: not s"):
+                pepper.call("ALWorldRepresentation.getRootName")
+        told = [line for line in pepper.lines if "World" in line]
+        assert told == ["ALWorldRepresentation::getRootName was asked for and is not simulated"]
 
     virtual(scenario)
 

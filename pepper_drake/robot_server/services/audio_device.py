@@ -26,7 +26,7 @@ _REGISTERED = 10.0
 
 @dataclass(frozen=True)
 class _Hearing:
-    """What a module wants: samples a second, and which channels (0: all four, else one)."""
+    """A module's wish: samples a second, and which channels (0: all four, else one)."""
 
     rate: int = 48000
     channels: int = 0
