@@ -66,7 +66,7 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--show",
         metavar="NAME|FILE",
-        help="a person shows the limp arm a movement, then presses the chest button: a script that "
+        help="a person shows a limp arm a movement, then presses the chest button: a script that "
         f"ships ({', '.join(GUIDES)}) or a YAML file, as record.py --guide takes",
     )
     parser.add_argument(

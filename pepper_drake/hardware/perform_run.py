@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.systems.analysis import Simulator
 
-from pepper_drake.diagrams.calibration_run import CalibrationDrive, CalibrationMotion
+from pepper_drake.diagrams.calibration_run import CalibrationMotion
 from pepper_drake.diagrams.reproduction import Reproduction, ReproductionParams
 from pepper_drake.diagrams.reproduction_simulation import (
     LONGEST,
@@ -20,6 +20,7 @@ from pepper_drake.diagrams.reproduction_simulation import (
 from pepper_drake.errors import PepperDrakeError
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.robot_run import HardwareRun, RobotRun
+from pepper_drake.hardware.slow_motion import slow_motion
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
@@ -27,16 +28,9 @@ from pepper_drake.models.control_model import (
     arm_joints,
     shared_control_model,
 )
-from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
 
 Vector = npt.NDArray[np.float64]
 
-SLOW = 0.3
-"""Largest speed with which the arm goes to where the movement starts [rad/s]."""
-_PEAK = 1.875
-"""Largest speed of a minimum-jerk motion of unit length and time."""
-_STANDS = 0.3
-"""Time for which it stands before that and after [s]."""
 _SHORTEST = 0.1
 """Time below which a movement has not begun [s]."""
 _AT_START = 0.05
@@ -73,10 +67,7 @@ def perform_with_robot(
         there = robot.joints | {name: wanted[name] for name in arm_joints(arm)}
         motion = motion_to(robot.joints, there)
         run.say(f"the {arm} arm goes to where the movement starts, in {motion.times[-1]:.1f} s")
-        drive = CalibrationDrive(robot.station(), motion)
-        simulator = Simulator(drive)
-        clock = simulator.get_context()
-        robot.advance(drive, lambda: clock.get_time() > motion.times[-1] + _STANDS, simulator)
+        robot.go_along(motion)
         if robot.fault is None and not robot.is_stopped:
             off = max(abs(robot.joints[name] - there[name]) for name in arm_joints(arm))
             if off > _AT_START:
@@ -131,8 +122,4 @@ def motion_to(here: Mapping[str, float], there: Mapping[str, float]) -> Calibrat
             "the arm would touch the body on its way to where the movement starts: lead it nearer "
             "to that by hand, and begin again"
         )
-    duration = max(_PEAK * float(np.abs(end - begin).max()) / SLOW, 0.5)
-    steps = int(np.ceil(duration / CONTROL_PERIOD))
-    share = minimum_jerk(np.arange(steps + 1) / steps)[:, None]
-    times = _STANDS + CONTROL_PERIOD * np.arange(steps + 1, dtype=np.float64)
-    return CalibrationMotion(times, begin + share * (end - begin), ())
+    return slow_motion(np.array([begin, end]))

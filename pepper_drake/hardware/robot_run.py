@@ -11,15 +11,22 @@ import numpy.typing as npt
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
+from pepper_drake.diagrams.calibration_run import CalibrationDrive, CalibrationMotion
 from pepper_drake.hardware.dead_man import KEYBOARD
 from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.link_fault import HANDED_OVER, LINK_FAULTS, LinkFault
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.paced_run import DiagramClock, Pacing, run_paced
 from pepper_drake.hardware.preflight import PreflightOptions
+from pepper_drake.hardware.slow_motion import STANDS, slow_motion, way_back
 from pepper_drake.hardware.station import HardwareStation
 from pepper_drake.hardware.transport import RobotAccess
-from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
+from pepper_drake.models.control_model import (
+    BODY_JOINTS,
+    arm_joints,
+    body_indices,
+    shared_control_model,
+)
 from pepper_drake.models.robot_calibration import RobotCalibration
 
 Vector = npt.NDArray[np.float64]
@@ -53,7 +60,9 @@ class HardwareRun:
 class RobotRun:
     """A robot that is led; a context manager that hands it over, whatever happens inside.
 
-    A second Ctrl-C, a KeyboardInterrupt, leaves the arm as it is, stiff.
+    After a run that ended in order the arm first goes back the way that it came in the last
+    `advance`: over a table it cannot be lowered. A second Ctrl-C, a KeyboardInterrupt, leaves the
+    arm as it is, stiff.
 
     Attributes:
         link: The link.
@@ -81,6 +90,7 @@ class RobotRun:
         )
         self.fault: LinkFault | None = None
         self.is_stopped = self.was_slowed = False
+        self._way: list[Vector] = []
 
     def __enter__(self) -> Self:
         """Checks the robot and begins to measure.
@@ -116,7 +126,10 @@ class RobotRun:
             self.link.close()
 
     def _end(self, kind: type[BaseException] | None) -> None:
-        say, fault = self._run.say, self.fault
+        say = self._run.say
+        if kind is None and not self._run.holds:
+            self._go_back()
+        fault = self.fault
         if fault is not None:
             self.fault = fault = self.link.last_fault() or fault
             say(f"{fault.word}: {fault}")
@@ -130,6 +143,32 @@ class RobotRun:
             left = self.link.last_fault()
             self.fault = self.fault or left
             say(f"the {self._arm} arm was left stiff" + (f": {left}" if left else ""))
+
+    def _go_back(self) -> None:
+        """Takes the arm back the way that it came, unless something went wrong."""
+        if self.fault is not None or self.is_stopped or not self._way:
+            return
+        arm = body_indices(arm_joints(self._arm))
+        back = way_back(np.array(self._way)[:, arm])
+        if len(back) < 3:  # It is there.
+            return
+        postures = np.tile(list(self.joints.values()), (len(back), 1))
+        postures[:, arm] = back
+        motion = slow_motion(postures)
+        say = self._run.say
+        say(f"the {self._arm} arm goes back the way that it came, in {motion.times[-1]:.1f} s")
+        self.go_along(motion)
+        if self.fault is not None and self.fault.word == "dead_man":
+            # The run was over; whoever lets go now spoils nothing of it.
+            say(f"{self.fault.word}: {self.fault}")
+            self.fault = None
+
+    def go_along(self, motion: CalibrationMotion) -> None:
+        """Leads the robot along a motion of its joints, without looking; see `advance`."""
+        drive = CalibrationDrive(self.station(), motion)
+        simulator = Simulator(drive)
+        clock = simulator.get_context()
+        self.advance(drive, lambda: clock.get_time() > motion.times[-1] + STANDS, simulator)
 
     @property
     def joints(self) -> dict[str, float]:
@@ -160,6 +199,7 @@ class RobotRun:
             How the time was kept; `fault` and `is_stopped` tell how it ended.
         """
         self._wait_for_key()
+        self._way = []
 
         def ends() -> bool:
             try:
@@ -167,7 +207,9 @@ class RobotRun:
             except LinkFault as fault:
                 self.fault = fault
                 return True
-            if not self.was_slowed and self.link.state()["slowed"]:
+            state = self.link.state()
+            self._way.append(np.array(state["positions"]))
+            if not self.was_slowed and state["slowed"]:
                 self.was_slowed = True
                 self._run.say(f"arm_slowed: {LINK_FAULTS['arm_slowed']}")
             self.is_stopped = self.is_stopped or self._run.should_stop()

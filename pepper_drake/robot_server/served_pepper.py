@@ -4,16 +4,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pepper_drake.robot_server.robot.robot_port import RobotPort
+from pepper_drake.robot_server.services.audio_device import AudioDevice, AudioRecorder
+from pepper_drake.robot_server.services.dcm import Dcm
 from pepper_drake.robot_server.services.dialog import Dialog
 from pepper_drake.robot_server.services.expression_watcher import ExpressionWatcher
 from pepper_drake.robot_server.services.extractors import quiet_extractors
 from pepper_drake.robot_server.services.leds import Leds
+from pepper_drake.robot_server.services.localization import Localization, VisualCompass
 from pepper_drake.robot_server.services.log_manager import LogManager
 from pepper_drake.robot_server.services.media_services import (
     AnimationPlayer,
-    AudioDevice,
     AudioPlayer,
-    AudioRecorder,
     Notifications,
     Tablet,
 )
@@ -149,7 +150,7 @@ class ServedPepper:
             Dialog(say),
             Tablet(say),
             AudioPlayer(say),
-            AudioDevice(say),
+            AudioDevice(say, self._timer, lambda: self.finder),
             AudioRecorder(say),
             AnimationPlayer(say),
             VideoRecorder(self.video, disk, self._timer),
@@ -177,6 +178,9 @@ class ServedPepper:
             Laser(),
             Recharge(tell),
             Navigation(self.motion, self._timer, disk),
+            Localization(self.motion),
+            VisualCompass(self.motion, say),
+            Dcm(self.motion, leds, self._timer, say),
         ]
         install_keys(self.memory, self.motion)
         self.memory.compute({DEVICES + key: value for key, value in leds.keys().items()})

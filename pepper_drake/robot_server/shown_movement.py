@@ -22,19 +22,26 @@ _PRESSED = 0.2
 async def show_when_limp(
     script: GuideScript, robot: SimulatedRobot, motion: Motion, say: Callable[[str], None]
 ) -> None:
-    """Leads the arm along a script each time that it has gone limp, until cancelled.
+    """Leads an arm along a script each time that it has gone limp, until cancelled.
 
     Args:
-        script: The movement; its posture is not looked at, the arm is led from where it hangs.
+        script: The movement, mirrored for the other arm; its posture is not looked at, the arm is
+            led from where it hangs.
         robot: The robot.
         motion: Its ALMotion.
         say: Takes a line for people.
     """
-    names = list(arm_joints(script.arm))
-    kinematics = arm_kinematics(shared_control_model(), script.arm)
-    rows = [JOINTS.index(name) for name in names]
+    scripts = (script, script.mirrored())
+
+    def limp() -> list[GuideScript]:
+        return [s for s in scripts if not any(motion.get_stiffnesses(list(arm_joints(s.arm))))]
+
     while True:
-        await _until(lambda: max(motion.get_stiffnesses(names)) == 0.0)
+        await _until(lambda: bool(limp()))
+        script = limp()[0]
+        names = list(arm_joints(script.arm))
+        kinematics = arm_kinematics(shared_control_model(), script.arm)
+        rows = [JOINTS.index(name) for name in names]
         say(f'the {script.arm} arm is limp: it is shown the movement "{script.name}"')
         begin = robot.state()
         path = GuidePath(
@@ -53,7 +60,7 @@ async def show_when_limp(
             robot.touch("ChestBoard/Button")
             await _sleep(robot, _PRESSED)
         say("the movement was shown, and the chest button pressed")
-        await _until(lambda: min(motion.get_stiffnesses(names)) > 0.0)
+        await _until(lambda: not limp())
 
 
 @contextmanager

@@ -200,7 +200,10 @@ def test_an_arm_that_the_robot_slows_is_told_once():
     source.AddSystem(ConstantVectorSource([0.0]))
     diagram, states = source.Build(), iter([False, True, True, False, True])
     run = RobotRun(HardwareRun(RobotAccess("tcp://127.0.0.1:1"), say=said.append), "right")
-    run.link = SimpleNamespace(check=lambda: None, state=lambda: {"slowed": next(states)})
+    here = np.zeros(len(BODY_JOINTS))
+    run.link = SimpleNamespace(
+        check=lambda: None, state=lambda: {"slowed": next(states, True), "positions": here}
+    )
     run.clock = DiagramClock(time.monotonic, time.sleep)
     run.advance(diagram, lambda: run.was_slowed and len(said) > 0)
     assert run.was_slowed

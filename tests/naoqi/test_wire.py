@@ -103,6 +103,13 @@ def test_an_array_goes_out_as_raw_bytes():
     assert decode("m", encode("m", [image])) == [image.tobytes()]
 
 
+def test_an_array_of_whole_numbers_goes_out_as_a_dynamic_list_at_once():
+    array = np.array([0, 50, -100, 2**31 - 1])
+    assert encode("m", Typed("[m]", array)) == encode("m", array.tolist())
+    with pytest.raises(WireError):
+        encode("m", Typed("[m]", np.array([0.5])))
+
+
 def test_a_message_is_its_header_and_payload():
     message = Message(MessageType.CALL, 3, 1, 1, 100, b"abc")
     data = message.to_bytes()

@@ -110,6 +110,7 @@ _MOTION = [
     ("setStiffnesses", "Body", 1.0),
     ("setStiffnesses", ["HeadYaw", "LArm"], [0.9] * 7),
     ("setStiffnesses", ["Head", "RArm"], 1.0),
+    ("setStiffnesses", ["Head", "RArm"], [0.9, 1.0]),
     ("getStiffnesses", "Body"),
     ("getStiffnesses", ["HeadYaw"]),
     ("openHand", "RHand"),
@@ -337,10 +338,10 @@ def test_what_is_wrong_is_answered_with_the_method_and_a_sentence_and_moves_noth
 def test_what_is_not_served_says_so_and_is_logged_once():
     async def scenario(pepper):
         for _ in range(2):
-            with pytest.raises(ServiceError, match=r"^ALVisualCompass::moveTo: not simulated$"):
-                pepper.call("ALVisualCompass.moveTo", 1.0, 0.0, 0.0)
-        told = [line for line in pepper.lines if "VisualCompass" in line]
-        assert told == ["ALVisualCompass::moveTo was asked for and is not simulated"]
+            with pytest.raises(ServiceError, match=r"^ALWorldRepresentation::getRootName: not s"):
+                pepper.call("ALWorldRepresentation.getRootName")
+        told = [line for line in pepper.lines if "World" in line]
+        assert told == ["ALWorldRepresentation::getRootName was asked for and is not simulated"]
 
     virtual(scenario)
 

@@ -89,7 +89,7 @@ async def call(pepper, method, *arguments):
 def pixel(found, x, y):
     metres, width, height, (left, top), pixels = found
     row, column = int((top - y) / metres), int((x - left) / metres)
-    return np.array(pixels).reshape(height, width)[row, column]
+    return pixels.value.reshape(height, width)[row, column]
 
 
 def test_a_room_is_explored_kept_and_driven_through_around_what_stands_there(tmp_path):
@@ -334,3 +334,76 @@ def test_no_way_leads_through_a_wall_or_the_unknown():
     assert known.path((0.0, 0.0), (-1.0, 0.0)) is None  # Nobody looked there.
     assert known.path((0.0, 0.0), (100.0, 0.0)) is None
     assert known.path((0.0, 0.0), (1e300, 0.0)) is None
+
+
+def test_the_nearest_free_zone_is_found_beside_a_pillar():
+    async def scenario(pepper):
+        await put_into(pepper, sensors(PILLAR))
+
+        async def find(radius, farthest):
+            call = pepper.start("ALNavigation.findFreeZone", radius, farthest)
+            await pepper.finish(call)
+            return call.result()
+
+        error, found, place = await find(0.6, 0.5)
+        assert (error, found, place) == (0, 0.6, [0.0, 0.0])
+        error, found, place = await find(1.0, 0.5)
+        assert (error, found) == (0, 1.0)
+        assert from_pillar(place) > 0.9  # A ray sees the pillar's face somewhere, not its edges.
+        error, found, _ = await find(3.0, 0.5)
+        assert error == 1
+        assert found < 3.0
+
+    virtual(scenario)
+
+
+def test_a_trajectory_of_lines_and_a_circle_is_driven():
+    line = ["Holonomic", ["Line", [0.4, 0.0]], 0.5, 5.0]
+    back = ["Holonomic", ["Line", [-0.4, 0.0]], -0.5, 5.0]
+    half = ["Holonomic", ["Circle", [0.0, 0.2], math.pi], math.pi, 8.0]
+
+    async def scenario(pepper):
+        async def drive(trajectory):
+            call = pepper.start("ALNavigation.moveAlong", trajectory)
+            await pepper.finish(call)
+            assert call.result() is True
+            return np.array(pepper.robot.state().base_pose)
+
+        np.testing.assert_allclose(await drive(line), [0.4, 0.0, 0.5], atol=0.01)
+        there = np.array([0.4, 0.0]) - 0.4 * np.array([math.cos(0.5), math.sin(0.5)])
+        np.testing.assert_allclose(await drive(back), [*there, 0.0], atol=0.01)
+        pose = await drive(["Composed", half, half])
+        np.testing.assert_allclose(pose[:2], there, atol=0.03)
+        assert abs(math.remainder(pose[2], 2 * math.pi)) < 0.05
+        for wrong in ([], ["Line", [1.0, 0.0]], ["Holonomic", ["Line", [1.0]], 0.0, 5.0], 3):
+            with pytest.raises(ServiceError, match=r"^ALNavigation::moveAlong: "):
+                await pepper.call("ALNavigation.moveAlong", wrong)
+
+    virtual(scenario)
+
+
+def test_a_home_is_learned_and_found_again():
+    async def scenario(pepper):
+        async def go(method, *arguments):
+            call = pepper.start(method, *arguments)
+            await pepper.finish(call)
+            return call.result()
+
+        assert await go("ALLocalization.goToHome") == 1
+        assert pepper.call("ALLocalization.getMessageFromErrorCode", 1) == "no home was learned"
+        await go("ALMotion.moveTo", 0.3, 0.1, 0.5)
+        assert pepper.call("ALLocalization.learnHome") == 0
+        assert await go("ALLocalization.goToPosition", [0.4, 0.0, 0.2]) == 0
+        position = pepper.call("ALLocalization.getRobotPosition", False)
+        np.testing.assert_allclose(position, [0.4, 0.0, 0.2], atol=0.01)
+        assert pepper.call("ALLocalization.save", "kitchen") == 0
+        assert await go("ALLocalization.goToHome") == 0
+        pose = pepper.robot.state().base_pose
+        np.testing.assert_allclose(pose, [0.3, 0.1, 0.5], atol=0.01)
+        assert pepper.call("ALLocalization.isInCurrentHome") is True
+        assert pepper.call("ALLocalization.load", "garden") == 3
+        assert await go("ALVisualCompass.moveStraightTo", -0.1) is True
+        there = [0.3 - 0.1 * math.cos(0.5), 0.1 - 0.1 * math.sin(0.5), 0.5]
+        np.testing.assert_allclose(pepper.robot.state().base_pose, there, atol=0.01)
+
+    virtual(scenario)

@@ -146,3 +146,36 @@ def test_lights_take_the_time_of_their_change():
         assert pepper.call("ALLeds.getIntensity", "FaceLeds") == 0.0
 
     virtual(scenario)
+
+
+def test_devices_are_led_by_their_keys():
+    """As programs light the chest, switch lasers on and move joints below ALMotion."""
+    light, joint = "ChestBoard/Led/Red/Actuator/Value", "HeadYaw/Position/Actuator/Value"
+    laser = "Device/SubDeviceList/Platform/LaserSensor/Front/Reg/OperationMode/Actuator/Value"
+
+    async def scenario(pepper):
+        def time(seconds):
+            return pepper.call("DCM.getTime", round(1000 * seconds))
+
+        def brightness():
+            return pepper.call("ALMemory.getData", "Device/SubDeviceList/" + light)
+
+        pepper.call("DCM.createAlias", ["Red", [light]])
+        pepper.call("DCM.set", ["Red", "ClearAll", [[0.0, time(1)], [1.0, time(2)]]])
+        pepper.call("DCM.set", [laser, "Merge", [[1.0, time(0)]]])
+        pepper.call("DCM.createAlias", ["Head", [joint, "HeadYaw/Hardness/Actuator/Value"]])
+        values = [[[0.5, time(1)]], [[1.0, time(0)]]]
+        pepper.call("DCM.setAlias", ["Head", "ClearAll", "time-mixed", values])
+        await pepper.run(0.5)
+        assert brightness() == pytest.approx(0.5, abs=0.05)
+        assert pepper.angle("HeadYaw") == pytest.approx(0.25, abs=0.03)
+        await pepper.run(0.5)
+        assert brightness() == pytest.approx(0.0, abs=0.05)
+        await pepper.run(1.0)
+        assert brightness() == pytest.approx(1.0, abs=0.05)
+        assert pepper.angle("HeadYaw") == pytest.approx(0.5)
+        for wrong in (["Red", "Now", [[1.0, 0]]], ["Nose/Actuator", "Merge", [[1.0, 0]]], ["Red"]):
+            with pytest.raises(ServiceError, match=r"^DCM::set: "):
+                pepper.call("DCM.set", wrong)
+
+    virtual(scenario)

@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -112,6 +113,45 @@ def test_the_vocabulary_of_a_listener_is_not_changed():
         pepper.call("ALSpeechRecognition.subscribe", "me")
         with pytest.raises(ServiceError, match="pause it first"):
             pepper.call("ALSpeechRecognition.setVocabulary", ["yes"], False)
+
+    virtual(scenario)
+
+
+class Hearer:
+    """A client's module that keeps what it hears."""
+
+    def __init__(self):
+        self.heard = []
+
+    async def call(self, method, *arguments):
+        self.heard.append((method, *arguments))
+
+
+@pytest.mark.parametrize(
+    ("preferences", "channels", "rate"), [(None, 4, 48000), ((16000, 3, 0), 1, 16000)]
+)
+def test_a_module_that_subscribed_hears_a_quiet_room(preferences, channels, rate):
+    async def scenario(pepper):
+        hearer, modules = Hearer(), {}
+        pepper.pepper.finder = SimpleNamespace(find=modules.get)
+        if preferences is not None:
+            pepper.call("ALAudioDevice.setClientPreferences", "me", *preferences)
+        pepper.call("ALAudioDevice.subscribe", "me")
+        await pepper.run(0.3)
+        modules["me"] = hearer  # Some programs register only then.
+        await pepper.run(2.0)
+        begin = hearer.heard[0][3]
+        seconds = pepper.robot.now - begin[0] - 1e-6 * begin[1]
+        samples = sum(buffer[2] for buffer in hearer.heard)
+        assert samples / rate == pytest.approx(seconds, rel=0.2)
+        for method, count, each, _, sound in hearer.heard:
+            assert (method, count) == ("processRemote", channels)
+            assert len(sound) == 2 * channels * each
+            assert 0 < np.abs(np.frombuffer(sound, "<i2")).max() < 10
+        pepper.call("ALAudioDevice.unsubscribe", "me")
+        heard = len(hearer.heard)
+        await pepper.run(0.5)
+        assert len(hearer.heard) == heard
 
     virtual(scenario)
 

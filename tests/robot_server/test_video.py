@@ -227,3 +227,19 @@ def test_who_waits_for_an_image_may_give_up():
             call.result()
 
     virtual(scenario)
+
+
+def test_a_parameter_is_set_for_each_camera_of_a_subscription():
+    async def scenario(pepper):
+        two = [[0, 1], [1, 1], [11, 11], 5]
+        handle = pepper.call("ALVideoDevice.subscribeCameras", "me", *two)
+        assert pepper.call("ALVideoDevice.setCamerasParameter", handle, 22, 2) == [True, True]
+        assert pepper.call("ALVideoDevice.setCamerasParameter", handle, 22, [1, 99]) == [
+            True,
+            False,
+        ]
+        assert pepper.call("ALVideoDevice.getCamerasParameter", handle, 22) == [1, 2]
+        with pytest.raises(ServiceError, match="2 integers"):
+            pepper.call("ALVideoDevice.setCamerasParameter", handle, 22, [1])
+
+    virtual(scenario)

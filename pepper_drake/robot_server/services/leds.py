@@ -1,5 +1,6 @@
 """ALLeds: the lights of eyes, ears and chest, each with an intensity that fades with time."""
 
+import asyncio
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -95,10 +96,32 @@ class Leds(Module):
         self._log = log
         self._groups = _first_groups()
         self._lights = {light: _Fade() for light in self._groups["AllLeds"]}
+        self._played: dict[str, asyncio.Task[None]] = {}
 
     def keys(self) -> dict[str, Callable[[], float]]:
         """Returns what computes the intensity of each light, by its name among the devices."""
         return {light: partial(self._intensity, light) for light in self._lights}
+
+    def lead(self, light: str, keys: Sequence[tuple[float, float]]) -> bool:
+        """Leads a light of `keys` through intensities, each at its time from now [s].
+
+        Returns whether there is such a light.
+        """
+        if light not in self._lights:
+            return False
+
+        async def play() -> None:
+            before = 0.0
+            for intensity, time in keys:
+                self._begin([light], intensity, time - before)
+                await self._timer.sleep(time - before)
+                before = time
+
+        played = self._played.pop(light, None)
+        if played is not None:
+            played.cancel()
+        self._played[light] = asyncio.get_running_loop().create_task(play())
+        return True
 
     async def fade(self, name: str, intensity: float, duration: float) -> None:
         """Changes an intensity, from 0 to 1, within a time [s]."""

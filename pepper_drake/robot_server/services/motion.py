@@ -47,6 +47,7 @@ from pepper_drake.robot_server.services.motion_arguments import (
     joint_names,
     lists_each,
     one_each,
+    one_for_each_chain,
 )
 from pepper_drake.robot_server.services.motion_base import BaseMoves
 from pepper_drake.robot_server.services.motion_settings import MotionSettings
@@ -160,6 +161,7 @@ class Motion(BaseMoves, MotionSettings, Module):
 
     def set_stiffnesses(self, names: Any, stiffnesses: Any) -> None:
         """Sets stiffnesses from 0 to 1; those of the lower body stay."""
+        stiffnesses = one_for_each_chain(names, stiffnesses)
         for name, value in one_each(names, stiffnesses, "stiffnesses").items():
             if name in STIFFNESS_CHAINS:
                 self.joints.set_stiffness(name, value)

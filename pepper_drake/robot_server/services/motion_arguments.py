@@ -63,6 +63,15 @@ def one_each(names: Any, values: Any, what: str) -> dict[str, float]:
     }
 
 
+def one_for_each_chain(names: Any, values: Any) -> Any:
+    """Returns values as `one_each` takes them, where one was given for each of several chains."""
+    if not (isinstance(names, list | tuple) and isinstance(values, list | tuple)):
+        return values
+    if len(names) != len(values):
+        return values
+    return [v for name, v in zip(names, values, strict=True) for _ in joint_names(name)]
+
+
 def lists_each(
     names: Any, values: Any, times: Any, what: str
 ) -> dict[str, tuple[list[float], list[float]]]:

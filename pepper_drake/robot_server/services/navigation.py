@@ -8,17 +8,21 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
+from scipy import spatial
 
 from pepper_drake.errors import InputError
+from pepper_drake.naoqi.wire import Typed
 from pepper_drake.robot_server.robot.floor_map import (
     CELL,
     EXTENT,
     FloorMap,
     LaserScan,
+    Mask,
     Vector,
     composed,
     inverted,
     read_floor_map,
+    transformed,
     write_floor_map,
 )
 from pepper_drake.robot_server.robot.range_sensors import PERIOD, laser_scan
@@ -38,7 +42,10 @@ _MOST_WAYS = 8
 _WORST_MATCH = 2 * CELL
 """Mean distance of what the lasers see from the map beyond which the robot is not found in it."""
 _EXPLORING, _IN_MAP, _STRAIGHT = "explore", "navigateToInMap", "navigateTo"
-_DRIVES = (_EXPLORING, _IN_MAP, _STRAIGHT)
+_ALONG = "moveAlong"
+_DRIVES = (_EXPLORING, _IN_MAP, _STRAIGHT, _ALONG)
+_CIRCLE_POINTS = 16
+"""Places to pass through on a circle."""
 _NOT_LOCALIZED = "the robot is not localized; startLocalization does it"
 
 Look = Callable[[], Awaitable[FloorMap]]
@@ -86,6 +93,58 @@ class Navigation(Module):
     def stop_navigate_to(self) -> None:
         """Brakes."""
         self._moves.stop_move()
+
+    @with_caller
+    async def move_along(self, caller: Caller, trajectory: Any) -> bool:
+        """Moves along a trajectory; returns whether it got to its end.
+
+        Args:
+            caller: Who calls.
+            trajectory: `["Holonomic", path, theta, seconds]`, or `["Composed", ...]` of several,
+                each from where the one before ended. A path is `["Line", [x, y]]`,
+                `["Circle", [x, y], angle]` around a centre, or `["Composed", ...]` [m, rad].
+        """
+        parts = _moves_along(trajectory)
+
+        async def drive() -> int:
+            for points, seconds in parts:
+                if not await self._moves.move_to(caller, points, seconds):
+                    return _FAILED
+            return _DONE
+
+        return await self._run(_ALONG, drive()) == _DONE
+
+    async def find_free_zone(self, radius: float, farthest: float) -> list[Any]:
+        """Looks for a place around which nothing stands; what the lasers miss counts as nothing.
+
+        Args:
+            radius: Of the free circle [m].
+            farthest: Its largest distance from the base [m].
+
+        Returns:
+            0, or 1 if there is none; the radius that was found [m]; x and y of the nearest such
+            place, else of the freest, in the world [m].
+        """
+        number(radius, "the radius")
+        if not 0.0 <= number(farthest, "the distance") <= EXTENT:
+            raise ValueError(f"the distance is {farthest:g} m; it must be in [0, {EXTENT:g}]")
+        scan = await self._look()
+        steps = CELL * np.arange(-np.floor(farthest / CELL), np.floor(farthest / CELL) + 1)
+        places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        away = np.linalg.norm(places, axis=1)
+        places, away = places[away <= farthest], away[away <= farthest]
+        hits = scan.ends[scan.hits]
+        room = np.full(len(places), np.inf)
+        if len(hits):
+            room = np.asarray(spatial.KDTree(hits).query(places)[0])
+        is_free: Mask = room >= radius
+        found = bool(is_free.any())
+        best = int(np.argmin(np.where(is_free, away, np.inf)) if found else np.argmax(room))
+        x, y = transformed(self._moves.state.base_pose, places[best][None])[0]
+        there = [float(x), float(y)]
+        return [_DONE if found else _FAILED, min(float(room[best]), radius), there]
+
+    get_free_zone = find_free_zone
 
     @with_caller
     async def explore(self, caller: Caller, radius: float) -> int:
@@ -138,8 +197,8 @@ class Navigation(Module):
         rows, columns = known.log_odds.shape
         x, y = known.origin
         top_left = [float(x), float(y + rows * CELL)]
-        percent = await asyncio.to_thread(lambda: known.percent().ravel().tolist())
-        return [CELL, columns, rows, top_left, percent]
+        percent = await asyncio.to_thread(known.percent)
+        return [CELL, columns, rows, top_left, Typed("[m]", percent.ravel())]
 
     async def start_localization(self) -> None:
         """Finds the robot in the map, near where it takes itself to be."""
@@ -325,6 +384,46 @@ class Navigation(Module):
             return False
         self._set_pose(pose, base_pose)
         return True
+
+
+def _moves_along(trajectory: Any) -> list[tuple[list[list[float]], float]]:
+    """Returns the places to pass through and the time of each part of a trajectory [m, rad, s].
+
+    Raises:
+        ValueError: It is no trajectory.
+    """
+    kind, *parts = trajectory if isinstance(trajectory, list | tuple) and trajectory else ("",)
+    if kind == "Composed" and parts:
+        return [move for part in parts for move in _moves_along(part)]
+    if kind != "Holonomic" or len(parts) != 3:
+        raise ValueError(
+            'a trajectory is ["Holonomic", path, theta, seconds] or "Composed" of them'
+        )
+    path, theta, seconds = parts
+    places = _places(path, np.zeros(2))
+    turn = number(theta, "theta")
+    points = [[x, y, turn * (k + 1) / len(places)] for k, (x, y) in enumerate(places)]
+    if not number(seconds, "the time") > 0.0:
+        raise ValueError(f"the time is {seconds:g} s; it must be above 0")
+    return [(points, float(seconds))]
+
+
+def _places(path: Any, start: Vector) -> list[list[float]]:
+    """Returns the places (2,) to pass through on a path from a start, all in one frame [m]."""
+    kind, *parts = path if isinstance(path, list | tuple) and path else ("",)
+    if kind == "Line" and len(parts) == 1:
+        return [(start + numbers(parts[0], 2, "the end of a line")).tolist()]
+    if kind == "Circle" and len(parts) == 2:
+        center = np.array(numbers(parts[0], 2, "the centre of a circle"))
+        turns = number(parts[1], "the angle") * np.arange(1, _CIRCLE_POINTS + 1) / _CIRCLE_POINTS
+        around = [transformed((0.0, 0.0, turn), -center[None])[0] for turn in turns]
+        return [(start + center + place).tolist() for place in around]
+    if kind != "Composed" or not parts:
+        raise ValueError('a path is ["Line", [x, y]], ["Circle", [x, y], angle] or "Composed"')
+    places: list[list[float]] = []
+    for part in parts:
+        places += _places(part, np.array(places[-1]) if places else start)
+    return places
 
 
 def _as_told(error: InputError, told: str, place: Path) -> str:

@@ -288,6 +288,10 @@ class RobotModel(Module):
             "</ModulePreference>"
         )
 
+    def get_microphone_config(self) -> int:
+        """Returns which microphones the head has: 1, as assumed of Pepper's; 0 is older ones."""
+        return 1
+
     def has_arms(self) -> bool:
         """Returns whether the robot has arms."""
         return True

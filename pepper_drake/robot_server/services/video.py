@@ -261,6 +261,23 @@ class Video(CameraFacts, Module):
         """Sets the parameters of a subscription's camera to what they are at first."""
         return self.set_all_parameters_to_default(self._first(handle).camera)
 
+    def get_cameras_parameter(self, handle: str, parameter: int) -> list[int]:
+        """Returns a parameter of each of a subscription's cameras."""
+        return [self.get_parameter(c, parameter) for c in self.get_active_cameras(handle)]
+
+    def set_cameras_parameter(self, handle: str, parameter: int, values: Any) -> list[bool]:
+        """Sets a parameter, to a value for each camera or one for all; returns of each whether."""
+        cameras = self.get_active_cameras(handle)
+        each = list(values) if isinstance(values, list | tuple) else [values] * len(cameras)
+        if len(each) != len(cameras) or not all(map(_whole, each)):
+            raise ValueError(f"{len(cameras)} integers are needed, one for each camera")
+        return [self.set_parameter(c, parameter, v) for c, v in zip(cameras, each, strict=True)]
+
+    def set_cameras_parameter_to_default(self, handle: str, parameter: int) -> list[bool]:
+        """Sets a parameter of each camera to what it is at first."""
+        cameras = self.get_active_cameras(handle)
+        return [self.set_parameter_to_default(camera, parameter) for camera in cameras]
+
     def get_camera_parameter_range(self, handle: str, parameter: int) -> list[int]:
         """Returns the least and largest value of a parameter."""
         return self.get_parameter_range(self._first(handle).camera, parameter)
