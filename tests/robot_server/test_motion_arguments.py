@@ -89,6 +89,7 @@ def test_keys_in_every_shape(names, angles, times, expected):
         (_HEAD, [[1], [0], [2]], [[1], [3]], "2 joints, but 3 angles"),
         ("HeadYaw", [1, 2], [2, 1], "above 0 and increase"),
         ("HeadYaw", 1, -1, "above 0 and increase"),
+        ("HeadYaw", 1, 1e12, "takes 1e.12 s, but at most 3600"),
         ("HeadYaw", [], 1, "empty"),
         (_HEAD, [[], [1]], 1, "of a joint are empty"),
         ("HeadYaw", "1", 1, "must be a list"),

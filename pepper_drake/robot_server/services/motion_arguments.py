@@ -11,6 +11,9 @@ from typing import Any
 from pepper_drake.naoqi.constants import BODY, GROUPS, WHEELS
 from pepper_drake.robot_server.robot.time_laws import BezierKey, Handle
 
+LONGEST_MOTION = 3600.0
+"""Longest motion along timed keys [s]: its path is made as a whole when it starts."""
+
 
 def joint_names(names: Any) -> list[str]:
     """Returns the joints and wheels that names stand for, in order.
@@ -181,9 +184,14 @@ def settings(config: Any) -> dict[str, float]:
 
 
 def check_times(joint: str, times: Sequence[float]) -> None:
-    """Raises ValueError unless times are positive and increase."""
+    """Raises ValueError unless times [s] are positive, increase, and end within an hour."""
     if any(b <= a for a, b in zip([0.0, *times], times, strict=False)):
         raise ValueError(f"the times of {joint} must be above 0 and increase")
+    if times and times[-1] > LONGEST_MOTION:
+        raise ValueError(
+            f"the motion of {joint} takes {times[-1]:g} s, but at most {LONGEST_MOTION:g}; are the"
+            " times seconds?"
+        )
 
 
 def _bezier_key(point: Any) -> BezierKey:
