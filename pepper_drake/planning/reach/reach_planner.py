@@ -133,7 +133,7 @@ class ReachPlanner:
         return remaining_clearance(self._evaluator, plan, observation)
 
     def stale_space(
-        self, plan: ReachPlan, observation: Observation, new_obstacle: Vector, hanging: Vector
+        self, plan: ReachPlan, observation: Observation, new_obstacle: Vector, movable: Vector
     ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
         params, space = self.params.unseen, observation.space
@@ -144,11 +144,10 @@ class ReachPlanner:
         duration = stride * plan.time_step
         centers = self._evaluator.kinematics.sphere_centers_at(soon[::stride])
         place, first = StaleSpace().place, len(centers)
-        may_move = np.concatenate((new_obstacle, hanging))
         if space is not None:
             lately = replace(params, oldest=params.recent)
             unseen = self._unseen(
-                soon, plan.time_step, observation, space, lately, duration, may_move
+                soon, plan.time_step, observation, space, lately, duration, movable
             )
             if unseen.regions:
                 first = min(unseen.first)
@@ -167,7 +166,7 @@ class ReachPlanner:
         steps = np.linalg.norm(np.diff(centers[: first + 2], axis=0), axis=2)
         fastest = float(steps.max(initial=0.0)) / duration
         # Beside what may move the arm counts as there as soon as it is under way there.
-        under_way = max(first - int(len(may_move) > 0), 0)
+        under_way = max(first - int(len(movable) > 0), 0)
         time = under_way * duration if first < len(centers) else np.inf
         return StaleSpace(place, time, fastest, distance)
 

@@ -65,7 +65,10 @@ class ReachReplanner:
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
         if is_under_way:
-            stale = self.planner.stale_space(reach, observation, new, state.hanging)
+            # What came and is predicted nowhere else stands.
+            moving = new if len(observation.predicted_cloud) else new[:0]
+            movable = np.concatenate((moving, state.hanging))
+            stale = self.planner.stale_space(reach, observation, new, movable)
             stale = stale._replace(time=state.performed + stale.time)
             state = replace(state, look_at=stale.place, stale=stale)
         elif not state.braking:

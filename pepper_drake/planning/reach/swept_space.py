@@ -65,8 +65,8 @@ class UnseenSpaceParams:
     hidden_margin: float = 0.03
     """Distance around what hides something at which a depth camera measures nothing either [m]."""
     beside_movable: float = 0.3
-    """Distance from a thing that came, or hangs in the air, and so may move, within which nothing
-    that is out of view counts as known once the arm moves [m]: it covers that in 1 s."""
+    """Distance from a thing that moves, or hangs in the air and so may, within which nothing that
+    is out of view counts as known once the arm moves [m]: it covers that in 1 s."""
     drive: bool = False
     """True if what the robot passes on its drive has to be known free, too, and what is hidden
     below a thing that it saw counts as standing on the floor."""

@@ -149,7 +149,7 @@ class ScriptedPlanner:
         plan: ReachPlan,
         observation: Observation,
         new_obstacle: npt.NDArray[np.float64],
-        hanging: npt.NDArray[np.float64],
+        movable: npt.NDArray[np.float64],
     ) -> StaleSpace:
         return self.stale_after_a_visit if len(new_obstacle) else self.stale
 
