@@ -338,13 +338,13 @@ def last_seen_of_things(
     """
     if not len(points):
         return times
-    labels = _thing_labels(points, parameters.gap)
+    labels = thing_labels(points, parameters.gap)
     latest = np.full(labels.max() + 1, -np.inf)
     np.maximum.at(latest, labels, times)
     return np.asarray(latest[labels])
 
 
-def _thing_labels(points: Points, gap: float) -> npt.NDArray[np.int32]:
+def thing_labels(points: Points, gap: float) -> npt.NDArray[np.int32]:
     """The number (N,) of the thing that each point belongs to."""
     one, other = cKDTree(points).query_pairs(gap, output_type="ndarray").T
     near = coo_array((np.ones(len(one), np.int8), (one, other)), (len(points), len(points)))
@@ -355,6 +355,6 @@ def _clusters(points: Points, parameters: ApproachParameters) -> list[npt.NDArra
     """The indices of the points of each thing, without those of too few."""
     if len(points) < parameters.least_points:
         return []
-    labels = _thing_labels(points, parameters.gap)
+    labels = thing_labels(points, parameters.gap)
     sizes = np.bincount(labels)
     return [np.flatnonzero(labels == k) for k in np.flatnonzero(sizes >= parameters.least_points)]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame, thing_labels
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters, voxel_keys
 from pepper_drake.short_repr import short_repr
 
@@ -126,6 +126,30 @@ class SeenSpace:
             hidden.append(below)
             below = below - [0.0, 0.0, spacing]
         return np.concatenate(hidden) if hidden else np.zeros((0, 3))
+
+    def hanging(self, p_W: Points, gap: float, above: float, least: int) -> npt.NDArray[np.bool_]:
+        """Tells which seen places (N, 3) are on things that hang in the air, as an arm does.
+
+        Nothing else moves of itself. Right below the lowest part that is seen of such a thing an
+        image looked through; what stands on a table, or whose lower part is hidden, does not count.
+
+        Args:
+            p_W: Where something was seen [m].
+            gap: Points of one thing have neighbours nearer than this [m].
+            above: How far below the lowest part there is space [m].
+            least: Things of fewer points do not count.
+        """
+        p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
+        hangs = np.zeros(len(p_W), dtype=bool)
+        if not len(p_W):
+            return hangs
+        labels = thing_labels(p_W, gap)
+        for thing in np.flatnonzero(np.bincount(labels) >= least):
+            points = p_W[labels == thing]
+            lowest = points[points[:, 2] < points[:, 2].min() + gap]
+            state, _ = self.states(lowest - [0.0, 0.0, above], 0.0)
+            hangs[labels == thing] = np.mean(state == SpaceState.FREE) > 0.5
+        return hangs
 
     def _free_age(self, p_W: Points, time: float, longest: float) -> npt.NDArray[np.float64]:
         """Time (N,) since images no older than `longest` [s] looked through places (N, 3) [s]."""

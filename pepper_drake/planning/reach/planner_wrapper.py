@@ -79,13 +79,17 @@ class PlannerWrapper:
         )
 
     def stale_space(
-        self, plan: ReachPlan, observation: Observation, new_obstacle: npt.NDArray[np.float64]
+        self,
+        plan: ReachPlan,
+        observation: Observation,
+        new_obstacle: npt.NDArray[np.float64],
+        movable: npt.NDArray[np.float64],
     ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
         return self._answer(
             "stale_space",
             observation,
-            lambda asked: self.planner.stale_space(plan, asked, new_obstacle),
+            lambda asked: self.planner.stale_space(plan, asked, new_obstacle, movable),
         )
 
     def _answer(self, name: str, observation: Observation, ask: Callable[[Observation], T]) -> T:

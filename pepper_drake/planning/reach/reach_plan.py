@@ -204,7 +204,7 @@ class Planner(Protocol):
         ...
 
     def stale_space(
-        self, plan: ReachPlan, observation: Observation, new_obstacle: Vector
+        self, plan: ReachPlan, observation: Observation, new_obstacle: Vector, movable: Vector
     ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately.
 
@@ -212,6 +212,7 @@ class Planner(Protocol):
             plan: What is performed.
             observation: What is known.
             new_obstacle: (N, 3) points of an obstacle that came since the arm started, in W [m].
+            movable: (M, 3) points of what moves, or hung in the air then and so may move [m].
         """
         ...
 

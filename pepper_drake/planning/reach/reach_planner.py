@@ -133,7 +133,7 @@ class ReachPlanner:
         return remaining_clearance(self._evaluator, plan, observation)
 
     def stale_space(
-        self, plan: ReachPlan, observation: Observation, new_obstacle: Vector
+        self, plan: ReachPlan, observation: Observation, new_obstacle: Vector, movable: Vector
     ) -> StaleSpace:
         """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
         params, space = self.params.unseen, observation.space
@@ -146,7 +146,9 @@ class ReachPlanner:
         place, first = StaleSpace().place, len(centers)
         if space is not None:
             lately = replace(params, oldest=params.recent)
-            unseen = self._unseen(soon, plan.time_step, observation, space, lately, stride=duration)
+            unseen = self._unseen(
+                soon, plan.time_step, observation, space, lately, duration, movable
+            )
             if unseen.regions:
                 first = min(unseen.first)
                 x, y, z = unseen.regions[unseen.first.index(first)].mean(axis=0)
@@ -163,7 +165,9 @@ class ReachPlanner:
             return StaleSpace()
         steps = np.linalg.norm(np.diff(centers[: first + 2], axis=0), axis=2)
         fastest = float(steps.max(initial=0.0)) / duration
-        time = first * duration if first < len(centers) else np.inf
+        # Beside what may move the arm counts as there as soon as it is under way there.
+        under_way = max(first - int(len(movable) > 0), 0)
+        time = under_way * duration if first < len(centers) else np.inf
         return StaleSpace(place, time, fastest, distance)
 
     def simulate_taught(self, observation: Observation) -> ReachPlan:
@@ -223,6 +227,7 @@ class ReachPlanner:
         space: SeenSpace,
         params: UnseenSpaceParams,
         stride: float = 0.0,
+        movable: Vector | None = None,
     ) -> UnseenSpace:
         """Unseen space that the arm sweeps along a path (N, 5) [rad] of a time step [s]."""
         X_WT = self._evaluator.scenes.torso_pose(observation)
@@ -235,6 +240,7 @@ class ReachPlanner:
             params,
             self._body_spheres(self._body, observation, X_WT),
             stride=stride,
+            movable=movable,
         )
 
     def _body_spheres(

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
+import numpy.typing as npt
 
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.movement_origin import Origin
@@ -78,6 +79,7 @@ class ReachState:
             sought in vain [s].
         planned_with: The observation that the movement was planned with.
         started_with: The observation that the first movement was planned with.
+        hanging: (N, 3) points near the goal of things that hung in the air then, in W [m].
         waits_with: The observation with which the arm retreated or last sought a detour.
         suspended_plan: While the arm has retreated: the plan that is taken up again later.
         arrived: When the base last arrived where it was sent [s].
@@ -111,6 +113,7 @@ class ReachState:
     checked: float = np.nan
     planned_with: Observation | None = None
     started_with: Observation | None = None
+    hanging: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     waits_with: Observation | None = None
     suspended_plan: ReachPlan | None = None
     arrived: float = np.nan
@@ -189,6 +192,7 @@ class ReachState:
         self, plan: ReachPlan, time: float, suspended_plan: ReachPlan | None = None
     ) -> "ReachState":
         """Returns the state of an arm that goes over to another plan."""
+        retreats_on = None not in (suspended_plan, self.suspended_plan)
         return replace(
             self,
             plan=plan,
@@ -197,7 +201,7 @@ class ReachState:
             still_since=np.nan,
             speed=1.0,
             performed=0.0,
-            stale=StaleSpace(),
+            stale=self.stale if retreats_on else StaleSpace(),
             braking=False,
             suspended_plan=suspended_plan,
             pending=(),

@@ -118,7 +118,11 @@ class _Supervision(DriveSupervision):
         if result.effect == Effect.CHECK:
             if plan.status == PlanStatus.CLEAR:
                 seen = result.observation
-                return replace(state, plan=plan, planned_with=seen, started_with=seen)
+                assert seen is not None
+                hanging = self._replanner.hanging(seen)
+                return replace(
+                    state, plan=plan, planned_with=seen, started_with=seen, hanging=hanging
+                )
             if plan.status == PlanStatus.NOT_SEEN and not self._looked_long(state):
                 x, y, z = plan.unseen.mean(axis=0)
                 return replace(state, plan=None, look_at=(x, y, z))

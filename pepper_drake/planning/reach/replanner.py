@@ -13,6 +13,7 @@ from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
+from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.trajectories.retreat import (
     dilate_new_points,
     extrude_new_points_down,
@@ -64,9 +65,14 @@ class ReachReplanner:
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
         if is_under_way:
-            stale = self.planner.stale_space(reach, observation, new)
+            # What came and is predicted nowhere else stands.
+            moving = new if len(observation.predicted_cloud) else new[:0]
+            movable = np.concatenate((moving, state.hanging))
+            stale = self.planner.stale_space(reach, observation, new, movable)
             stale = stale._replace(time=state.performed + stale.time)
             state = replace(state, look_at=stale.place, stale=stale)
+        elif not state.braking:
+            state = replace(state, stale=self._passed_on_retreat(plan, observation, new))
         is_free = rest.least >= self._enough(reach)
         if is_free and is_under_way and not state.braking:
             return state
@@ -101,6 +107,33 @@ class ReachReplanner:
         params = self.planner.params.new_obstacle
         new = new_points(observation.cloud, began.cloud_tree, observation.p_WO, params)
         return new if len(new) >= params.fewest else new[:0]
+
+    def hanging(self, observation: Observation) -> Vector:
+        """Returns the points (N, 3) of things near the goal that hang in the air, in W [m]."""
+        space, params = observation.space, self.planner.params.new_obstacle
+        near = np.linalg.norm(observation.cloud - observation.p_WO, axis=1) < params.near
+        if space is None or not near.any():
+            return np.zeros((0, 3))
+        cloud = observation.cloud[near]
+        hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.fewest)
+        return cloud[hangs]
+
+    def _passed_on_retreat(
+        self, plan: ReachPlan, observation: Observation, new: Vector
+    ) -> StaleSpace:
+        """Returns the distance to new points (N, 3) [m] that a retreat does not leave yet.
+
+        A retreat goes back where the arm came from, and no slower than it can as long as it leaves
+        what came. Past it the arm is as slow as on any other movement: the part of it that is
+        nearest to the arm is often hidden by the arm.
+        """
+        if not len(new):
+            return StaleSpace()
+        rest = self.planner.remaining_clearance(plan, observation.with_cloud(new))
+        soon = rest.distances[rest.times <= self.planner.params.new_obstacle.left_within]
+        if soon[-1] > soon[0]:
+            return StaleSpace()
+        return self.planner.stale_space(plan, observation, new, new[:0])._replace(time=np.inf)
 
     def _enough(self, plan: ReachPlan) -> float:
         """Returns the clearance below which a movement is planned anew [m]."""

@@ -64,6 +64,9 @@ class UnseenSpaceParams:
     """Share of half the image, along its border, in which a depth camera often measures nothing."""
     hidden_margin: float = 0.03
     """Distance around what hides something at which a depth camera measures nothing either [m]."""
+    beside_movable: float = 0.3
+    """Distance from a thing that moves, or hangs in the air and so may, within which nothing that
+    is out of view counts as known once the arm moves [m]: it covers that in 1 s."""
     drive: bool = False
     """True if what the robot passes on its drive has to be known free, too, and what is hidden
     below a thing that it saw counts as standing on the floor."""
@@ -102,10 +105,12 @@ def unseen_space(
     body: tuple[Vector, Vector] | None = None,
     *,
     stride: float = 0.0,
+    movable: Vector | None = None,
 ) -> UnseenSpace:
     """Finds what of an arm movement's swept space was not seen.
 
-    The sweep is that of the centres of the arm's spheres, upper arm to hand.
+    The sweep is that of the centres of the arm's spheres, upper arm to hand; if something may move,
+    that of their foremost points.
 
     Args:
         kinematics: Of the arm.
@@ -118,10 +123,18 @@ def unseen_space(
             what is behind it [m].
         stride: Time between the configurations, if it is to have been seen so lately when the arm
             passes [s].
+        movable: (M, 3) points on things that may move, in W [m]: near them nothing is taken for
+            clear because it is out of view.
     """
     centers = kinematics.sphere_centers_at(joint_path)
     radii = np.broadcast_to(kinematics.spheres.radii, centers.shape[:2]).ravel()
     p_T = centers.reshape(-1, 3)
+    if movable is not None and len(movable):
+        steps = np.diff(centers, axis=0, append=centers[-1:])
+        steps[1:][-1:] = steps[-2:-1]  # At its end it would have gone on as before.
+        steps = steps.reshape(-1, 3)
+        lengths = np.maximum(np.linalg.norm(steps, axis=1), 1e-9)
+        p_T = p_T + (radii / lengths)[:, None] * steps
     distance, _ = cKDTree(centers[0]).query(p_T)
     index = np.repeat(np.arange(len(centers)), centers.shape[1])
     away = distance > radii + params.own_margin
@@ -131,7 +144,9 @@ def unseen_space(
     if body is not None:
         hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
     oldest = np.asarray(params.oldest - stride * index, dtype=float)
-    return _unseen_places(p_W, index, oldest, X_WT, hiding, space, time, params, params.least_cells)
+    return _unseen_places(
+        p_W, index, oldest, X_WT, hiding, space, time, params, params.least_cells, movable
+    )
 
 
 def unseen_drive_space(
@@ -186,6 +201,7 @@ def _unseen_places(
     time: float,
     params: UnseenSpaceParams,
     least_cells: int,
+    movable: Vector | None = None,
 ) -> UnseenSpace:
     """Unseen space of places (N, 3) of configurations (N,), seen at most (N,) [s] ago."""
     unseen = np.flatnonzero(space.unseen(p_W, time, oldest=oldest))
@@ -205,6 +221,9 @@ def _unseen_places(
             margin=params.hidden_margin,
         )
         shown &= _is_before_floor(p_W[unseen], X_WT, params.background)
+        if movable is not None and len(movable):
+            near = cKDTree(movable).query(p_W[unseen], distance_upper_bound=params.beside_movable)
+            shown |= np.isfinite(near[0])
         out_of_view = float(np.count_nonzero(~shown)) * params.cell**3
         unseen = unseen[shown]
     regions = [unseen[cells] for cells in _large_regions(p_W[unseen], params.cell, least_cells)]

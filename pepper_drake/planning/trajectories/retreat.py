@@ -69,6 +69,13 @@ class NewObstacleParams:
     where it is too near to be measured it is known as well as that."""
     moving_side: float = 0.05
     """The same where something moves [m]: the part nearest to the camera is not measured."""
+    hanging_above: float = 0.05
+    """Height of free space below something that hangs in the air, and so may move [m]."""
+    hanging_gap: float = 0.03
+    """Points of such a thing have neighbours nearer than this [m]."""
+    left_within: float = 0.2
+    """Time within which a retreat that is not slowed down gains distance from new points [s]: an
+    image's period."""
 
     def check(self) -> None:
         """Raises InputError for a step that is not positive."""

@@ -157,3 +157,13 @@ def test_below_what_was_seen_is_unknown_down_to_where_an_image_looked_through():
 
 def test_nothing_is_below_nothing():
     assert seen((image(), 1.0, HOME)).hidden_below(np.zeros((0, 3)), 0.03).shape == (0, 3)
+
+
+def test_only_what_an_image_looked_through_below_hangs_in_the_air():
+    space = seen((image(), 1.0, HOME))
+    board = np.array([[-0.2 - 0.01 * k, 0.0, 1.8] for k in range(20)])
+    behind = board + [0.0, 0.0, 0.2]
+    hangs = space.hanging(np.concatenate((board, behind)), 0.03, 0.05, 10)
+    np.testing.assert_array_equal(hangs, [True] * 20 + [False] * 20)
+    assert not space.hanging(board, 0.03, 0.05, 21).any()
+    assert space.hanging(np.zeros((0, 3)), 0.03, 0.05, 10).shape == (0,)

@@ -86,6 +86,7 @@ class ScriptedPlanner:
         back: Answer to `plan_retreat`.
         ahead: Least distance of the rest of a path, from `ahead_from` on [m].
         ahead_from: Time from now at which the path is as near as that [s].
+        distances: Distances by time from now, in place of these two.
         stale: Space on the path that was not seen lately.
         stale_after_a_visit: The same once something came in the way.
         asked: Name and observation of each question.
@@ -100,6 +101,7 @@ class ScriptedPlanner:
     )
     ahead: float = 0.02
     ahead_from: float = 1.0
+    distances: dict[float, float] = field(default_factory=dict)
     stale: StaleSpace = field(default_factory=StaleSpace)
     stale_after_a_visit: StaleSpace = field(default_factory=StaleSpace)
     asked: list[tuple[str, Observation]] = field(default_factory=list)
@@ -133,6 +135,9 @@ class ScriptedPlanner:
 
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
         self.asked.append(("remaining_clearance", observation))
+        if self.distances:
+            times = np.array(list(self.distances))
+            return RemainingClearance(times, np.array(list(self.distances.values())))
         far = max(self.ahead, 0.1)
         return RemainingClearance(
             np.array([0.0, self.ahead_from]),
@@ -140,7 +145,11 @@ class ScriptedPlanner:
         )
 
     def stale_space(
-        self, plan: ReachPlan, observation: Observation, new_obstacle: npt.NDArray[np.float64]
+        self,
+        plan: ReachPlan,
+        observation: Observation,
+        new_obstacle: npt.NDArray[np.float64],
+        movable: npt.NDArray[np.float64],
     ) -> StaleSpace:
         return self.stale_after_a_visit if len(new_obstacle) else self.stale
 

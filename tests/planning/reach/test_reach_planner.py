@@ -342,18 +342,18 @@ def test_on_its_way_the_arm_names_a_place_ahead_that_was_not_seen_lately(planner
         space = replace(space, views=(*space.views, frame))
     arm = ArmState(plan.joint_path[middle], np.zeros(5))
     seen = replace(at_the_table, arm=arm, space=space, time=10.2)
-    soon = planner.stale_space(plan, seen, NOBODY)
+    soon = planner.stale_space(plan, seen, NOBODY, NOBODY)
     params = planner.params.unseen
     # Images of now are too old when the arm passes later.
     assert soon.time >= params.recent - 0.2 - params.stride
-    assert planner.stale_space(plan, replace(seen, time=10.5), NOBODY).time < soon.time
+    assert planner.stale_space(plan, replace(seen, time=10.5), NOBODY, NOBODY).time < soon.time
 
-    late = planner.stale_space(plan, replace(seen, time=12.0), NOBODY)
+    late = planner.stale_space(plan, replace(seen, time=12.0), NOBODY, NOBODY)
     assert late.time <= 3 * params.stride
     assert late.fastest > 0.1
     hand = arm_kinematics(MODEL, "right").hand_pose(arm.position).translation()
     come = (X_WT @ (hand + [0.25, 0.0, 0.0]))[None]
-    distance = planner.stale_space(plan, seen, come).distance
+    distance = planner.stale_space(plan, seen, come, NOBODY).distance
     assert 0.05 < distance < 0.25
     ahead = round(planner.params.unseen.ahead / plan.time_step)
     passed = arm_kinematics(MODEL, "right").sphere_centers_at(
@@ -361,7 +361,7 @@ def test_on_its_way_the_arm_names_a_place_ahead_that_was_not_seen_lately(planner
     )
     passed_W = passed.reshape(-1, 3) @ X_WT.rotation().matrix().T + X_WT.translation()
     assert np.linalg.norm(passed_W - late.place, axis=1).min() < 0.05
-    assert np.isinf(planner.stale_space(plan, at_the_table, NOBODY).time)
+    assert np.isinf(planner.stale_space(plan, at_the_table, NOBODY, NOBODY).time)
 
 
 def test_on_its_way_the_arm_is_told_when_there_is_no_way_on(planner, at_the_table):

@@ -84,3 +84,17 @@ def test_near_what_came_the_arm_is_as_slow_as_a_touch_may_be():
     one.set(cloud=np.concatenate((CLOUD, BESIDE + 0.005 * np.eye(3).repeat(4, axis=0))))
     one.advance(0.5)
     assert one.state.speed == pytest.approx(PARAMS.touch_speed / near.fastest)
+
+
+@pytest.mark.parametrize(("ahead", "slow"), [(0.02, True), (0.12, False)])
+def test_a_retreat_is_slow_only_while_it_does_not_leave_what_came(ahead, slow):
+    one = on_its_way(ahead=0.0, detour=NO_DETOUR)
+    one.set(cloud=np.concatenate((CLOUD, BESIDE + 0.005 * np.eye(3).repeat(4, axis=0))))
+    one.look().advance(0.3)
+    assert one.state.suspended_plan is not None
+    one.planner.stale_after_a_visit = StaleSpace(time=0.0, fastest=0.5, distance=0.05)
+    # The distance to what came, now and after so long on the way back.
+    one.planner.distances = {0.0: 0.02, 0.1: ahead}
+    stale = one.look().state.stale
+    assert stale.time == np.inf  # It goes where it was, seen lately or not.
+    assert stale.distance == (0.05 if slow else np.inf)

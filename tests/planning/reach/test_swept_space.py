@@ -12,6 +12,7 @@ from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
+from pepper_drake.planning.reach.separation import SeparationParams, StaleSpace, speed_share
 from pepper_drake.planning.reach.swept_space import (
     UnseenSpaceParams,
     unseen_drive_space,
@@ -38,8 +39,8 @@ class Seen:
         return ((p_T > self.lower) & (p_T < self.upper)).all(axis=1)
 
 
-def find(space, params=STRICT, path=PATH, time=1.0):
-    return unseen_space(KINEMATICS, path, X_WT, space, time, params)
+def find(space, params=STRICT, path=PATH, time=1.0, movable=None):
+    return unseen_space(KINEMATICS, path, X_WT, space, time, params, movable=movable)
 
 
 def looked_through(heads, time=1.0):
@@ -75,6 +76,19 @@ def test_what_was_looked_through_is_known_and_what_is_out_of_view_is_reported():
     assert unseen.regions == ()
     assert 1e-4 < out_of_view < 0.02
     assert len(find(space, STRICT).region) * STRICT.cell**3 == pytest.approx(out_of_view, rel=0.3)
+
+
+def test_beside_what_may_move_space_out_of_view_is_not_clear_and_limits_the_pace():
+    space, params = looked_through([(-0.3, 0.4), (-0.9, 0.4), (-0.6, 0.1)]), UnseenSpaceParams()
+    hand = KINEMATICS.sphere_centers_at(PATH[len(PATH) // 2 :])[0, -1]
+    thing = (X_WT @ (hand + [0.1, -0.1, 0.0]))[None]
+    found = find(space, params, movable=thing)
+    assert len(found.region) >= params.least_cells
+    assert np.linalg.norm(found.region - thing, axis=1).max() < params.beside_movable
+    soon = StaleSpace(time=params.stride * min(found.first), fastest=0.5)
+    assert speed_share(soon, SeparationParams()) < 1.0
+    far = thing + [0.0, 0.0, 2.0 * params.beside_movable]
+    assert find(space, params, movable=far).regions == ()
 
 
 def test_what_was_seen_too_long_ago_is_not_known():
