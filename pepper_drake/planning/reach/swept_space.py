@@ -131,7 +131,8 @@ def unseen_space(
     p_T = centers.reshape(-1, 3)
     if movable is not None and len(movable):
         steps = np.diff(centers, axis=0, append=centers[-1:])
-        steps[1:][-1:] = steps[-2:-1]  # At its end it would have gone on as before.
+        if len(steps) > 1:
+            steps[-1] = steps[-2]  # At its end it would have gone on as before.
         steps = steps.reshape(-1, 3)
         lengths = np.maximum(np.linalg.norm(steps, axis=1), 1e-9)
         p_T = p_T + (radii / lengths)[:, None] * steps
