@@ -168,15 +168,14 @@ def make_parser() -> ArgumentParser:
         "--unvetted",  # Its name in release 0.1.
         action="store_true",
         dest="unvetted",
-        help="start whatever is in the way, and do not stop before it: the coupling alone, as the "
-        "report has it",
+        help="start whatever is in the way, and do not stop for it: the coupling alone avoids it, "
+        "as in the report",
     )
     parser.add_argument(
         "--accept-unknown",
         action="store_true",
-        help="go even where the arm, or the robot on its drive, would pass space that the depth "
-        "camera has not seen; without it such space is looked at first, and refused if it stays "
-        "unseen",
+        help="let arm and base pass space that the depth camera has not seen; otherwise Pepper "
+        "looks there first, and does not go if it stays unseen",
     )
     parser.add_argument(
         "--push",
@@ -191,12 +190,12 @@ def make_parser() -> ArgumentParser:
         type=float,
         default=1.5,
         metavar="S",
-        help="when, after the arm has started (default: %(default)s s)",
+        help="when to push, after the arm has started (default: %(default)s s)",
     )
     parser.add_argument(
         "--gentle",
         action="store_true",
-        help="move so slowly that no point of the arm is faster than 250 mm/s",
+        help="move so slowly that no point of the arm exceeds 250 mm/s",
     )
     parser.add_argument(
         "--live", action="store_true", help="show it in a browser in real time, and stay open"

@@ -213,7 +213,7 @@ def parse() -> argparse.Namespace:
         type=float,
         nargs=3,
         metavar=("X", "Y", "Z"),
-        help="of the hand in the torso frame [m] (default: the movement's own)",
+        help="goal of the hand in the torso frame [m] (default: the movement's own)",
     )
     parser.add_argument(
         "--push",
@@ -223,16 +223,24 @@ def parse() -> argparse.Namespace:
         help="force on the hand, ahead, left and up [N]",
     )
     parser.add_argument(
-        "--push-at", type=float, default=1.5, metavar="S", help="its start (default: %(default)s s)"
+        "--push-at",
+        type=float,
+        default=1.5,
+        metavar="S",
+        help="when to push (default: %(default)s s)",
     )
     parser.add_argument(
-        "--push-for", type=float, default=0.5, metavar="S", help="how long (default: %(default)s s)"
+        "--push-for",
+        type=float,
+        default=0.5,
+        metavar="S",
+        help="for how long (default: %(default)s s)",
     )
     parser.add_argument(
         "--stiffness",
         type=float,
         metavar="S",
-        help="of the arm, as NAOqi has it, from 0 (limp) to 1 (default: the scenario's, "
+        help="stiffness of the arm, as NAOqi has it, from 0 (limp) to 1 (default: the scenario's, "
         f"{ComplianceConfig.stiffness:g})",
     )
     parser.add_argument(

@@ -82,7 +82,8 @@ def make_parser(
         action="append",
         default=[],
         metavar="FILE.py:NAME",
-        help="an approximator, a coupling or a planner of your own that a file names; it is run",
+        help="allow code of your own that a stored file names (approximator, coupling, planner) to "
+        "be run",
     )
     return parser
 
