@@ -48,8 +48,12 @@ class MovementReport:
     withdrawn_seconds: float = 0.0
     """Time for which it withdrew, and waited there."""
 
-    def lines(self) -> list[str]:
-        """Returns lines for the terminal: which movement it was, and what the coupling did."""
+    def lines(self, *, coupled: bool = True) -> list[str]:
+        """Returns lines for the terminal: which movement it was, and what the coupling did.
+
+        Args:
+            coupled: Whether there was a coupling that could act.
+        """
         if not self.kind:
             return []
         kinds = {
@@ -67,7 +71,9 @@ class MovementReport:
                 f"  from taught path  {1000 * self.mean_deviation:6.1f} mm on average,"
                 f" {1000 * self.largest_deviation:.1f} mm at most"
             )
-        if self.coupled_seconds > 0.0:
+        if not coupled:
+            lines.append("  coupling          none: it was left out")
+        elif self.coupled_seconds > 0.0:
             lines.append(
                 f"  coupling          {self.largest_coupling:6.2f} m/s² at most,"
                 f" for {self.coupled_seconds:.1f} s"

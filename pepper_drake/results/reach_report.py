@@ -137,7 +137,7 @@ class ReachReport:
     def summary(self) -> str:
         """A few lines for the terminal."""
         lines = [f"{self.outcome}" + (f": {self.message}" if self.message else "")]
-        lines.extend(self.movement.lines())
+        lines.extend(self.movement.lines(coupled=self.coupling != "none"))
         if self.final_position_error is not None:
             lines.append(
                 f"  hand to goal      {1000 * self.final_position_error:6.1f} mm"

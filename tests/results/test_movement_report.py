@@ -62,6 +62,7 @@ def test_waiting_and_retreats_are_counted():
         "zero: no obstacle",
     ):
         assert said in words
+    assert "none: it was left out" in "\n".join(movement.lines(coupled=False))
 
 
 def test_an_arm_that_did_not_start_performed_nothing():
