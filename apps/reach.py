@@ -35,6 +35,7 @@ from pepper_drake import cli
 from pepper_drake.cli_robot import add_robot_options
 from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
+from pepper_drake.compiled import announce_compilation
 from pepper_drake.diagrams.factory import (
     prepare_scene,
 )
@@ -301,6 +302,8 @@ def _exit(options: Namespace) -> None:
 def reach(options: Namespace) -> int:
     """Reaches once, in simulation, and writes the results."""
     scenario = chosen_scenario(options)
+    if not options.quiet:
+        announce_compilation()
     reaching = build_reaching(scenario)
     with open_meshcat(page=options.live, host=options.host) as (meshcat, page):
         if page is not None:

@@ -43,6 +43,7 @@ from pepper_drake.cli_robot import (
     chosen_faults,
 )
 from pepper_drake.cli_scenario import add_scenario_options, scenario_of
+from pepper_drake.compiled import announce_compilation
 from pepper_drake.diagrams.robot_signals import STATION_SIGNALS
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.files import write_atomically
@@ -268,6 +269,8 @@ def main() -> int:
         return teach_on_robot(options)
     script = load_script(options.script) if options.script is not None else None
     cli.quiet_libraries()
+    if not options.quiet:
+        announce_compilation()
     shown = script is None or options.watch
     if not shown and options.host is not None:
         raise InputError("--host: there is no page; give --watch, too")
