@@ -247,7 +247,7 @@ def gate(options: Namespace) -> int:
         raise InputError("--update-baseline has no reason; say in a sentence why numbers change")
     baseline = Baseline.load(options.baseline) if reason is None else None
     options.output.mkdir(parents=True, exist_ok=True)
-    hidden = options.quiet or not sys.stderr.isatty()
+    hidden = not cli.shows_progress(options)
     with tqdm(total=len(gate_tasks()), unit="run", disable=hidden) as bar:
         measured = measure_gate(options.output, jobs=options.jobs, progress=lambda _: bar.update())
     if not options.quiet:
@@ -277,7 +277,7 @@ def main() -> int:
     tasks = make_tasks(options)
     keep_scenario(scenario, options.output, has_runs=(options.output / "results").exists())
     cluster = dask_cluster(options.dask) if options.dask else contextlib.nullcontext()
-    hidden = options.quiet or not sys.stderr.isatty()
+    hidden = not cli.shows_progress(options)
     with cluster as executor, tqdm(total=len(tasks), unit="run", disable=hidden) as bar:
 
         def show(result: MethodResult) -> None:

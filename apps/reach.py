@@ -302,7 +302,7 @@ def _exit(options: Namespace) -> None:
 def reach(options: Namespace) -> int:
     """Reaches once, in simulation, and writes the results."""
     scenario = chosen_scenario(options)
-    if not options.quiet:
+    if cli.shows_progress(options):
         announce_compilation()
     reaching = build_reaching(scenario)
     with open_meshcat(page=options.live, host=options.host) as (meshcat, page):
@@ -316,7 +316,7 @@ def reach(options: Namespace) -> int:
                     meshcat=meshcat if drawn else None,
                     record=not options.no_recording,
                     realtime=options.live,
-                    progress=not options.quiet and sys.stderr.isatty(),
+                    progress=cli.shows_progress(options),
                     should_stop=should_stop,
                     keep=lambda result: keep_result(result, options.output / INTERRUPTED),
                 ),

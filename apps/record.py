@@ -37,6 +37,7 @@ from pepper_drake.cli import (
     parse,
     quiet_libraries,
     run,
+    shows_progress,
     stop_on_interrupt,
 )
 from pepper_drake.diagrams.marker_teaching import record_marker
@@ -178,7 +179,7 @@ def record(arguments: argparse.Namespace) -> int:
                 should_stop=should_stop,
                 meshcat=meshcat,
                 realtime=arguments.live,
-                progress=not arguments.quiet,
+                progress=shows_progress(arguments),
             )
             arm, recording, seen = perform(arguments, options)
         page = meshcat.StaticHtml()

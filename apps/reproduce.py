@@ -31,6 +31,7 @@ from pepper_drake.cli import (
     make_parser,
     quiet_libraries,
     run,
+    shows_progress,
     stop_on_interrupt,
 )
 from pepper_drake.cli_scenario import add_scenario_options, check_robot_takes, scenario_of
@@ -120,7 +121,7 @@ def main() -> int:
                     params=params,
                     meshcat=meshcat,
                     realtime=arguments.live,
-                    progress=not arguments.quiet,
+                    progress=shows_progress(arguments),
                     should_stop=should_stop,
                     keep=keep,
                 ),

@@ -31,7 +31,6 @@ Exit code 0: done; 1: the script did not get what it waits for; 2: bad input.
 
 import contextlib
 import json
-import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from dataclasses import replace
 
@@ -235,7 +234,7 @@ def run_script(show: LiveApp, script: LiveScript, options: Namespace) -> str:
         total=len(script.steps),
         unit=" step",
         leave=False,
-        disable=options.quiet or not sys.stderr.isatty(),
+        disable=not cli.shows_progress(options),
     ) as progress:
 
         def tell(line: str) -> None:
@@ -269,7 +268,7 @@ def main() -> int:
         return teach_on_robot(options)
     script = load_script(options.script) if options.script is not None else None
     cli.quiet_libraries()
-    if not options.quiet:
+    if cli.shows_progress(options):
         announce_compilation()
     shown = script is None or options.watch
     if not shown and options.host is not None:

@@ -121,6 +121,11 @@ def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
     return options
 
 
+def shows_progress(options: argparse.Namespace) -> bool:
+    """Tells whether a progress bar is shown: in a terminal, unless it is to be quiet."""
+    return not options.quiet and sys.stderr.isatty()
+
+
 def run(main: Callable[[], int]) -> None:
     """Runs an app's `main` and exits with its code; errors a user can mend become one line.
 

@@ -26,8 +26,7 @@ def compiled(function: F) -> F:
 
 def announce_compilation() -> None:
     """Tells in the terminal that functions are compiled, once they are: nothing moves meanwhile."""
-    if sys.stderr.isatty():
-        event.register("numba:compile", _Announcement())
+    event.register("numba:compile", _Announcement())
 
 
 class _Announcement(event.Listener):

@@ -146,7 +146,7 @@ def _load_reproduction(folder: Path) -> Motion:
         },
         figures=_report_figures(report)
         | {
-            "whole run [s]": float(times[-1]),
+            "whole run takes [s]": float(times[-1]),
             "hand path length [m]": float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum()),
         },
     )
@@ -186,10 +186,10 @@ def _run_figures(log: ReachLog, report: dict[str, Any]) -> dict[str, str | float
     movement = measure_movement(log)
     figures = _report_figures(report) | {"movement": movement.kind.replace("_", " ")}
     if movement.largest_deviation is not None:
-        figures["farthest from as taught [mm]"] = 1000 * movement.largest_deviation
-    figures["whole run [s]"] = float(log.time_s[-1])
+        figures["largest distance from taught path [mm]"] = 1000 * movement.largest_deviation
+    figures["whole run takes [s]"] = float(log.time_s[-1])
     if len(hand) > 1:
-        figures["arm moves [s]"] = float(times[-1] - times[0])
+        figures["arm moves for [s]"] = float(times[-1] - times[0])
         figures["hand path length [m]"] = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
     return figures
 
@@ -244,7 +244,7 @@ def _load_demonstration(path: Path, name: str) -> Motion:
         shown_T=demo.positions,
         figures={
             "outcome": "demonstration",
-            "arm moves [s]": demo.duration,
+            "arm moves for [s]": demo.duration,
             "hand path length [m]": demo.path_length,
         },
     )
@@ -268,7 +268,7 @@ def _load_primitive(path: Path) -> Motion:
         shown_T=rollout.positions,
         figures={
             "outcome": "primitive",
-            "arm moves [s]": float(rollout.times[-1]),
+            "arm moves for [s]": float(rollout.times[-1]),
             "hand path length [m]": float(way),
         },
     )
