@@ -7,7 +7,7 @@ import numpy as np
 from pepper_drake.playback.bodies import Frames
 from pepper_drake.playback.motion import Vector
 
-FARTHEST = "largest distance from the first [mm]"
+FARTHEST = "from the first, max [mm]"
 """The figure that compares two hand paths: the largest distance from the first motion's path."""
 
 _DECIMALS = {"mm": 1, "deg": 1}

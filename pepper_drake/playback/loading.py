@@ -186,7 +186,7 @@ def _run_figures(log: ReachLog, report: dict[str, Any]) -> dict[str, str | float
     movement = measure_movement(log)
     figures = _report_figures(report) | {"movement": movement.kind.replace("_", " ")}
     if movement.largest_deviation is not None:
-        figures["largest distance from taught path [mm]"] = 1000 * movement.largest_deviation
+        figures["from taught path, max [mm]"] = 1000 * movement.largest_deviation
     figures["whole run takes [s]"] = float(log.time_s[-1])
     if len(hand) > 1:
         figures["arm moves for [s]"] = float(times[-1] - times[0])

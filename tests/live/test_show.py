@@ -18,7 +18,7 @@ from pepper_drake.live.session import Mode
 from pepper_drake.live.show import LiveApp
 from pepper_drake.web.viser_page import ViserPage
 
-LARGE, SMALL = {"width": 1366, "height": 768}, {"width": 400, "height": 300}
+WINDOW = {"width": 1366, "height": 768}
 
 
 @pytest.fixture
@@ -214,7 +214,7 @@ def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, 
     simulation, session = app.session.simulation, app.session
     with sync_playwright() as playwright:
         browser = launch(playwright)
-        pg = browser.new_page(viewport=LARGE)
+        pg = browser.new_page(viewport=WINDOW)
         pg.set_default_timeout(90_000)
         pg.goto(page.url)
         step_until(app, lambda: page.server.get_clients(), 90.0)
@@ -257,15 +257,18 @@ def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, 
         for button in ("Next: Reach (G)", *BUTTONS):
             expect(pg.get_by_role("button", name=button, exact=True)).to_be_in_viewport(ratio=1)
         press("Reach")
-        # A small window meanwhile: without a graphics card most of the time is the browser's.
-        pg.set_viewport_size(SMALL)
+        step_until(app, lambda: session.mode == Mode.REACHING)
+        pg.screenshot(path=kept / "reaching.png")
+        # Nobody looks on meanwhile: without a graphics card drawing takes most of the time.
+        pg.goto("about:blank")
         step_until(app, lambda: session.status.startswith("At the goal"), 300.0)
-        pg.set_viewport_size(LARGE)
+        pg.goto(page.url)
         pg.get_by_text("At the goal").wait_for()
         pg.get_by_role("alert").get_by_role("button").click()  # That there is no graphics card.
         expect(pg.get_by_role("alert")).to_have_count(0)
         pg.screenshot(path=kept / "reached.png")
         (kept / "reached.txt").write_text(app.page.status)
+        step_until(app, lambda: page.server.get_clients())
         pg.get_by_role("tab", name="Scene").click()
         press("Add ball")
         step_until(app, lambda: simulation.offset("spare_ball").any())
