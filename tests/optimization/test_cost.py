@@ -165,7 +165,7 @@ def test_a_cost_of_ones_own(tmp_path, primitive):
         parse_cost(f"{path}:value")
     path = tmp_path / "broken.py"
     path.write_text("1 / 0\n")
-    with pytest.raises(InputError, match=r"broken.py: ZeroDivisionError"):
+    with pytest.raises(InputError, match=r"broken\.py, line 1: ZeroDivisionError"):
         parse_cost(f"{path}:any")
 
 
