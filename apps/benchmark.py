@@ -3,7 +3,7 @@
   benchmark.py --scenes 20                    random scenes 0 to 19, all methods
   benchmark.py --scenes 300 --seed 1000 --methods d,f --jobs 2
   benchmark.py --scenes 50 --moving           with an obstacle that moves during the reach
-  benchmark.py --scenes 50 --family bin,pickets    so many scenes of each family; or: all
+  benchmark.py --scenes 50 --family bin,pickets    50 scenes of each family; or: all
   benchmark.py --methods d,own.py:plan        a planner of your own beside ours
   benchmark.py --scene table --scenes 20      one scene, twenty seeds of the noise
   benchmark.py --replay d:17                  one run again, to look at: recording.html
@@ -69,14 +69,14 @@ def make_parser() -> ArgumentParser:
         "--family",
         type=_families,
         metavar="NAME,...",
-        help="so many random scenes of each family: "
+        help="random scenes of these families, --scenes of each: "
         f"{', '.join(FAMILIES)}; {_TABLE}, the default, is a table with loose objects; or all",
     )
     parser.add_argument(
         "--methods",
         default=",".join(method.letter for method in METHODS),
         metavar="a,b,...",
-        help="which methods (default: %(default)s)",
+        help="methods to compare, as listed below (default: %(default)s)",
     )
     parser.add_argument(
         "--moving", action="store_true", help="one obstacle moves while the arm is on its way"
@@ -104,14 +104,15 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--gate",
         action="store_true",
-        help="some minutes of seeded runs of ours; what is worse than the baseline fails",
+        help="run our methods on fixed seeds, some minutes, and fail if anything is worse than the "
+        "baseline",
     )
     parser.add_argument(
         "--baseline",
         type=Path,
         default=_BASELINE,
         metavar="FILE",
-        help="of --gate (default: benchmarks/baseline.json of the repository)",
+        help="file for --gate (default: benchmarks/baseline.json of the repository)",
     )
     parser.add_argument(
         "--update-baseline",
@@ -120,7 +121,7 @@ def make_parser() -> ArgumentParser:
     )
     add_scenario_options(parser, NUMBERS)
     parser.add_argument(
-        "--replay", metavar="METHOD:SEED", help="run one again and record it, as d:17"
+        "--replay", metavar="METHOD:SEED", help="run one again and record it, as in d:17"
     )
     return parser
 
@@ -246,7 +247,7 @@ def gate(options: Namespace) -> int:
         raise InputError("--update-baseline has no reason; say in a sentence why numbers change")
     baseline = Baseline.load(options.baseline) if reason is None else None
     options.output.mkdir(parents=True, exist_ok=True)
-    hidden = options.quiet or not sys.stderr.isatty()
+    hidden = not cli.shows_progress(options)
     with tqdm(total=len(gate_tasks()), unit="run", disable=hidden) as bar:
         measured = measure_gate(options.output, jobs=options.jobs, progress=lambda _: bar.update())
     if not options.quiet:
@@ -276,7 +277,7 @@ def main() -> int:
     tasks = make_tasks(options)
     keep_scenario(scenario, options.output, has_runs=(options.output / "results").exists())
     cluster = dask_cluster(options.dask) if options.dask else contextlib.nullcontext()
-    hidden = options.quiet or not sys.stderr.isatty()
+    hidden = not cli.shows_progress(options)
     with cluster as executor, tqdm(total=len(tasks), unit="run", disable=hidden) as bar:
 
         def show(result: MethodResult) -> None:

@@ -17,7 +17,6 @@ Results: calibration.yaml, calibration.json; simulated, also scenario.yaml. Exit
 """
 
 import json
-import sys
 from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -151,7 +150,7 @@ def main() -> int:
             total=params.postures,
             unit=" posture",
             leave=False,
-            disable=options.quiet or not sys.stderr.isatty(),
+            disable=not cli.shows_progress(options),
         ) as bar,
     ):
         if is_robot:

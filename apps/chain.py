@@ -20,7 +20,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from pepper_drake.cli import EXIT_DONE, EXIT_FAILED, make_parser, quiet_libraries, run
+from pepper_drake.cli import (
+    EXIT_DONE,
+    EXIT_FAILED,
+    make_parser,
+    quiet_libraries,
+    run,
+    shows_progress,
+)
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.demonstrations.check import examine
@@ -190,7 +197,9 @@ def perform(arguments: argparse.Namespace, report: dict[str, object], chain: Pat
 
     quiet_libraries()
     primitive = make_primitive(chain, arguments.arm)
-    result = reproduce(primitive, arguments.arm, ReproductionOptions(progress=not arguments.quiet))
+    result = reproduce(
+        primitive, arguments.arm, ReproductionOptions(progress=shows_progress(arguments))
+    )
     assert result is not None  # Nothing asks it to stop.
     failed = result.final_position_error > REACHED
     report.update(

@@ -10,7 +10,7 @@ from dataclasses import asdict
 
 from tqdm import tqdm
 
-from pepper_drake.cli import EXIT_DONE, make_parser, parse, run
+from pepper_drake.cli import EXIT_DONE, make_parser, parse, run, shows_progress
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import (
     REPORT_NUM_BASIS,
@@ -62,7 +62,7 @@ def main() -> int:
         demonstrations = example_demonstrations(seed=arguments.seed)
 
     total = len(names) * len(nums_basis) * len(demonstrations)
-    with tqdm(total=total, unit="fit", disable=arguments.quiet) as bar:
+    with tqdm(total=total, unit="fit", disable=not shows_progress(arguments)) as bar:
         rows = compare(demonstrations, names, nums_basis, progress=bar.update)
 
     shown = demonstrations[0]

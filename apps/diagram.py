@@ -97,8 +97,7 @@ def main() -> int:
         save_diagram_picture(graph, type(diagram).__name__, folder / picture)
         if program is None:
             lines.append(
-                "Every port is not drawn: that takes the program dot (Debian/Ubuntu package "
-                "graphviz)"
+                "The picture of every port needs the program dot (Debian/Ubuntu package graphviz)"
             )
         else:
             command = [program, "-Tsvg", str(folder / dot), "-o", str(folder / ports)]

@@ -15,7 +15,6 @@ ended by an exception; 2: bad input.
 """
 
 import json
-import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Generator, Sequence
 from concurrent.futures import as_completed
@@ -120,7 +119,7 @@ def main() -> int:
     keep_scenario(scenario, options.output, has_runs=path.exists())
     done = load_results(path) if path.exists() else {}
     missing = [case for case in cases if case not in done]
-    hide = options.quiet or not sys.stderr.isatty()
+    hide = not cli.shows_progress(options)
     with (
         cli.stop_on_interrupt() as should_stop,
         closing(run_missing(missing, scenario, options.jobs)) as results_as_they_come,

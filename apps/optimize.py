@@ -347,7 +347,7 @@ def run_search(options: Namespace, problem: Problem, evaluate: MovementRollouts)
         total=options.updates * options.samples,
         initial=history.rollouts,
         unit=" rollouts",
-        disable=options.quiet or rating > 0.0,
+        disable=not cli.shows_progress(options) or rating > 0.0,
     )
     interrupted = False
     keeper = HistoryKeeper(options.output / INTERRUPTED / HISTORY, history)
@@ -393,7 +393,11 @@ def run_comparison(options: Namespace, problem: Problem) -> int:
     if options.decay is None:
         options.decay = decay_over(options.updates)
     methods = {name: method_settings(options, name) for name in METHODS}
-    with tqdm(total=len(methods) * options.seeds, unit=" searches", disable=options.quiet) as bar:
+    with tqdm(
+        total=len(methods) * options.seeds,
+        unit=" searches",
+        disable=not cli.shows_progress(options),
+    ) as bar:
         comparison = compare_methods(
             problem,
             methods,

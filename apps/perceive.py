@@ -21,7 +21,6 @@ A camera file is ROS camera_info YAML, an OpenCV FileStorage, or NAOqi's camera 
 import dataclasses
 import functools
 import json
-import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
@@ -290,7 +289,7 @@ def _perceive_own(options: Namespace) -> int:
 
 
 def _look_at_marker(study: PerceptionEvaluation, options: Namespace) -> list[GoalSample]:
-    hidden = options.quiet or not sys.stderr.isatty()
+    hidden = not cli.shows_progress(options)
     samples = []
     for camera in (CAMERA_TOP, CAMERA_BOTTOM):
         for distance in tqdm(_DISTANCES, desc=camera.name, unit="distance", disable=hidden):

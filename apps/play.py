@@ -12,7 +12,6 @@ The window stays when the app has ended, and what is played next appears in it; 
 it. Keys in the window: space plays and pauses, the arrows step, - and + change the speed.
 """
 
-import sys
 import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
@@ -105,7 +104,7 @@ def write_files(options: Namespace) -> "list[Frames]":
     if options.video is not None:
         from pepper_drake.playback.video import write_video
 
-        hidden = options.quiet or not sys.stderr.isatty()
+        hidden = not cli.shows_progress(options)
         write_video(runs, folder / options.video, progress=not hidden)
     return runs
 

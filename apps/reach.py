@@ -35,6 +35,7 @@ from pepper_drake import cli
 from pepper_drake.cli_robot import add_robot_options
 from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
+from pepper_drake.compiled import announce_compilation
 from pepper_drake.diagrams.factory import (
     prepare_scene,
 )
@@ -165,15 +166,14 @@ def make_parser() -> ArgumentParser:
         "--unvetted",  # Its name in release 0.1.
         action="store_true",
         dest="unvetted",
-        help="start whatever is in the way, and do not stop before it: the coupling alone, as the "
-        "report has it",
+        help="start whatever is in the way, and do not stop for it: the coupling alone avoids it, "
+        "as in the report",
     )
     parser.add_argument(
         "--accept-unknown",
         action="store_true",
-        help="go even where the arm, or the robot on its drive, would pass space that the depth "
-        "camera has not seen; without it such space is looked at first, and refused if it stays "
-        "unseen",
+        help="let arm and base pass space that the depth camera has not seen; otherwise Pepper "
+        "looks there first, and does not go if it stays unseen",
     )
     parser.add_argument(
         "--push",
@@ -188,12 +188,12 @@ def make_parser() -> ArgumentParser:
         type=float,
         default=1.5,
         metavar="S",
-        help="when, after the arm has started (default: %(default)s s)",
+        help="when to push, after the arm has started (default: %(default)s s)",
     )
     parser.add_argument(
         "--gentle",
         action="store_true",
-        help="move so slowly that no point of the arm is faster than 250 mm/s",
+        help="move so slowly that no point of the arm exceeds 250 mm/s",
     )
     parser.add_argument(
         "--live", action="store_true", help="show it in a browser in real time, and stay open"
@@ -299,6 +299,8 @@ def _exit(options: Namespace) -> None:
 def reach(options: Namespace) -> int:
     """Reaches once, in simulation, and writes the results."""
     scenario = chosen_scenario(options)
+    if cli.shows_progress(options):
+        announce_compilation()
     reaching = build_reaching(scenario)
     with open_meshcat(page=options.live, host=options.host) as (meshcat, page):
         if page is not None:
@@ -311,7 +313,7 @@ def reach(options: Namespace) -> int:
                     meshcat=meshcat if drawn else None,
                     record=not options.no_recording,
                     realtime=options.live,
-                    progress=not options.quiet and sys.stderr.isatty(),
+                    progress=cli.shows_progress(options),
                     should_stop=should_stop,
                     keep=lambda result: keep_result(result, options.output / INTERRUPTED),
                 ),

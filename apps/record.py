@@ -8,8 +8,8 @@
 
 Writes a folder with translation.txt, rotation.txt and joints.csv (the demonstration), report.json
 and recording.html (a stand-alone page that shows the motion). What is recorded is on the disk
-within a second: Ctrl-C ends in order and keeps it; after a crash the folder can be used as it is,
-and --recover makes it a finished demonstration.
+within a second. Ctrl-C ends the recording and keeps it; after a crash the folder can be used as it
+is, and --recover makes it a finished demonstration.
 
   record.py --guide reach                     the script that ships
   record.py --guide my_guide.yaml --arm left  a script of your own, mirrored for the left arm
@@ -39,6 +39,7 @@ from pepper_drake.cli import (
     parse,
     quiet_libraries,
     run,
+    shows_progress,
     stop_on_interrupt,
 )
 from pepper_drake.diagrams.marker_teaching import record_marker
@@ -188,7 +189,7 @@ def record(arguments: argparse.Namespace) -> int:
                 should_stop=should_stop,
                 meshcat=meshcat,
                 realtime=arguments.live,
-                progress=not arguments.quiet,
+                progress=shows_progress(arguments),
             )
             arm, recording, seen = perform(arguments, options)
         page = meshcat.StaticHtml()

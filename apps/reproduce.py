@@ -31,6 +31,7 @@ from pepper_drake.cli import (
     make_parser,
     quiet_libraries,
     run,
+    shows_progress,
     stop_on_interrupt,
 )
 from pepper_drake.cli_scenario import add_scenario_options, check_robot_takes, scenario_of
@@ -120,7 +121,7 @@ def main() -> int:
                     params=params,
                     meshcat=meshcat,
                     realtime=arguments.live,
-                    progress=not arguments.quiet,
+                    progress=shows_progress(arguments),
                     should_stop=should_stop,
                     keep=keep,
                 ),
@@ -213,7 +214,7 @@ def parse() -> argparse.Namespace:
         type=float,
         nargs=3,
         metavar=("X", "Y", "Z"),
-        help="of the hand in the torso frame [m] (default: the movement's own)",
+        help="goal of the hand in the torso frame [m] (default: the movement's own)",
     )
     parser.add_argument(
         "--push",
@@ -223,16 +224,24 @@ def parse() -> argparse.Namespace:
         help="force on the hand, ahead, left and up [N]",
     )
     parser.add_argument(
-        "--push-at", type=float, default=1.5, metavar="S", help="its start (default: %(default)s s)"
+        "--push-at",
+        type=float,
+        default=1.5,
+        metavar="S",
+        help="when to push (default: %(default)s s)",
     )
     parser.add_argument(
-        "--push-for", type=float, default=0.5, metavar="S", help="how long (default: %(default)s s)"
+        "--push-for",
+        type=float,
+        default=0.5,
+        metavar="S",
+        help="for how long (default: %(default)s s)",
     )
     parser.add_argument(
         "--stiffness",
         type=float,
         metavar="S",
-        help="of the arm, as NAOqi has it, from 0 (limp) to 1 (default: the scenario's, "
+        help="stiffness of the arm, as NAOqi has it, from 0 (limp) to 1 (default: the scenario's, "
         f"{ComplianceConfig.stiffness:g})",
     )
     parser.add_argument(

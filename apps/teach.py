@@ -31,7 +31,6 @@ Exit code 0: done; 1: the script did not get what it waits for; 2: bad input.
 
 import contextlib
 import json
-import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from dataclasses import replace
 
@@ -43,6 +42,7 @@ from pepper_drake.cli_robot import (
     chosen_faults,
 )
 from pepper_drake.cli_scenario import add_scenario_options, scenario_of
+from pepper_drake.compiled import announce_compilation
 from pepper_drake.diagrams.robot_signals import STATION_SIGNALS
 from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.files import write_atomically
@@ -234,7 +234,7 @@ def run_script(show: LiveApp, script: LiveScript, options: Namespace) -> str:
         total=len(script.steps),
         unit=" step",
         leave=False,
-        disable=options.quiet or not sys.stderr.isatty(),
+        disable=not cli.shows_progress(options),
     ) as progress:
 
         def tell(line: str) -> None:
@@ -268,6 +268,8 @@ def main() -> int:
         return teach_on_robot(options)
     script = load_script(options.script) if options.script is not None else None
     cli.quiet_libraries()
+    if cli.shows_progress(options):
+        announce_compilation()
     shown = script is None or options.watch
     if not shown and options.host is not None:
         raise InputError("--host: there is no page; give --watch, too")

@@ -82,7 +82,8 @@ def make_parser(
         action="append",
         default=[],
         metavar="FILE.py:NAME",
-        help="an approximator, a coupling or a planner of your own that a file names; it is run",
+        help="allow code of your own that a stored file names (approximator, coupling, planner) to "
+        "be run",
     )
     return parser
 
@@ -118,6 +119,11 @@ def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
         for text in options.code:
             register_code(text)
     return options
+
+
+def shows_progress(options: argparse.Namespace) -> bool:
+    """Tells whether a progress bar is shown: in a terminal, unless it is to be quiet."""
+    return not options.quiet and sys.stderr.isatty()
 
 
 def run(main: Callable[[], int]) -> None:

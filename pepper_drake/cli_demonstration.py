@@ -16,14 +16,14 @@ def add_import_options(parser: ArgumentParser) -> None:
     """Adds the options of `ImportOptions`."""
     group = parser.add_argument_group("what the file does not say")
     add = group.add_argument
-    add("--unit", choices=tuple(LENGTHS), help="of lengths (default: as the file says, else m)")
-    add("--angle", choices=tuple(ANGLES), help="of angles (default: as the file says, else rad)")
-    add("--time", choices=tuple(TIMES), help="of times (default: as the file says, else s)")
-    add("--rate", type=float, metavar="HZ", help="samples a second, where there are no times")
+    add("--unit", choices=tuple(LENGTHS), help="unit of lengths (default: the file's, else m)")
+    add("--angle", choices=tuple(ANGLES), help="unit of angles (default: the file's, else rad)")
+    add("--time", choices=tuple(TIMES), help="unit of times (default: the file's, else s)")
+    add("--rate", type=float, metavar="HZ", help="samples per second, where the file has no times")
     add("--quaternion", choices=QUATERNIONS, help="order of a quaternion's columns")
-    add("--frame", choices=FRAMES, help="of positions; base_footprint is the floor's")
+    add("--frame", choices=FRAMES, help="frame of positions; base_footprint: on the floor")
     add("--up", choices=("y", "z"), help="axis that points up; y becomes z")
-    add("--arm", choices=("left", "right"), help="which moves, where both are recorded")
+    add("--arm", choices=("left", "right"), help="the arm to take, where both are recorded")
     add(
         "--plane",
         type=float,
@@ -38,9 +38,17 @@ def add_import_options(parser: ArgumentParser) -> None:
         metavar=("X", "Y", "Z"),
         help="where the motion starts in the torso frame [m]: it is shifted there",
     )
-    add("--track", metavar="NAME", help="which motion of a file with several: its name or number")
+    add(
+        "--track",
+        metavar="NAME",
+        help="the motion to take from a file with several: its name or number",
+    )
     add("--drop-outliers", action="store_true", help="leave out samples that jump away and back")
-    add("--clip-joints", action="store_true", help="joints beyond a limit stop at it, as on NAOqi")
+    add(
+        "--clip-joints",
+        action="store_true",
+        help="clip joint angles to their limits, as NAOqi does",
+    )
 
 
 def import_options(arguments: Namespace) -> ImportOptions:

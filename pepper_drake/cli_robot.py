@@ -29,12 +29,12 @@ def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> Non
             else ""
         )
         + "worn: joints with slack, encoders with offsets, cameras slightly misaligned, "
-        "wheels that slip, commands that come late, as the seed draws them (default: %(default)s)",
+        "wheels that slip, commands that come late, all drawn from the seed (default: %(default)s)",
     )
     parser.add_argument(
         "--calibration",
         metavar="FILE",
-        help="what calibrate.py found of this robot's encoders and cameras: calibration.yaml; "
+        help="the calibration.yaml that calibrate.py made of this robot; "
         "{seed} in the name stands for the seed",
     )
     parser.add_argument(
@@ -42,9 +42,9 @@ def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> Non
         action="append",
         default=[],
         metavar="SIGNAL:KIND@START[+DURATION]",
-        help="let a signal fail, as in depth:stuck@4+2 or encoders:garbage@reach; may be given "
-        f"more than once. Signals: {', '.join(SIGNALS)}. Kinds: {', '.join(KINDS)}. Start and "
-        'duration in s; "reach": when the arm starts',
+        help="inject a fault into a signal, as in depth:stuck@4+2 or encoders:garbage@reach; may "
+        f"be given more than once. Signals: {', '.join(SIGNALS)}. Kinds: {', '.join(KINDS)}. Start "
+        'and duration in s; "reach": when the arm starts',
     )
 
 

@@ -55,7 +55,7 @@ def add_scenario_options(parser: ArgumentParser, parts: Sequence[str] = ()) -> N
         parts: Fields of a scenario that count in this app, such as `NUMBERS`; all if left out.
     """
     parser.set_defaults(scenario_parts=tuple(parts))
-    what = f"its {', '.join(parts)}" if parts else "scene, robot and every tuned number"
+    what = f"numbers of {', '.join(parts)}" if parts else "scene, robot and every tuned number"
     example = "planner.clearance.want=0.02"
     if parts and "planner" not in parts:
         example = "station.noise=false" if "station" in parts else f"{parts[0]}=VALUE"
@@ -63,8 +63,8 @@ def add_scenario_options(parser: ArgumentParser, parts: Sequence[str] = ()) -> N
         "--scenario",
         type=Path,
         metavar="FILE",
-        help=f"{what}, as a YAML file such as a run's scenario.yaml; "
-        "what it leaves out keeps its default, and other options come on top",
+        help=f"{what}: a YAML file such as a run's scenario.yaml; what it leaves out keeps its "
+        "default, and other options overrule it",
     )
     parser.add_argument(
         "--set",

@@ -1,9 +1,11 @@
 """Compilation of numerical functions by numba."""
 
+import sys
 from collections.abc import Callable
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from numba import njit
+from numba.core import event
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -20,3 +22,22 @@ def compiled(function: F) -> F:
         return cast(F, njit(cache=True)(function))
     except RuntimeError:  # "cannot cache function ...: no locator available".
         return cast(F, njit(function))
+
+
+def announce_compilation() -> None:
+    """Tells in the terminal that functions are compiled, once they are: nothing moves meanwhile."""
+    event.register("numba:compile", _Announcement())
+
+
+class _Announcement(event.Listener):
+    """A sentence when the first function is compiled, and is not just read from its cache."""
+
+    def on_start(self, event_: Any) -> None:
+        event.unregister("numba:compile", self)
+        print(
+            "Compiling numerical functions for this computer; later runs find them ready.",
+            file=sys.stderr,
+        )
+
+    def on_end(self, event_: Any) -> None:
+        """Does nothing."""

@@ -22,6 +22,6 @@ def registered(kind: str, name: str, known: Mapping[str, T]) -> T:
     if name not in known:
         mend = f"use one of {', '.join(known)}"
         if ".py:" in name:
-            mend = "it is code of somebody's own: name its file with --code FILE.py:NAME"
+            mend = "files do not run code by themselves; name its file with --code FILE.py:NAME"
         raise InputError(f"{kind}: '{name}' is unknown; {mend}")
     return known[name]

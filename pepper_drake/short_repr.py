@@ -1,6 +1,8 @@
-"""Views of objects of many numbers: a line of text, and in a notebook a figure."""
+"""Views of objects of many numbers: a line of text, a signature, and in a notebook a figure."""
 
 import importlib
+import inspect
+import re
 from dataclasses import MISSING, Field, fields, is_dataclass
 from typing import Any
 
@@ -28,6 +30,44 @@ def short_repr(self: Any) -> str:
     if len(shown) < len(parts):
         shown = [*shown, f"… {len(parts) - len(shown)} more"]
     return f"{type(self).__name__}({', '.join(shown)})"
+
+
+class _BareName:
+    """An annotation that `help()` prints as it stands."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+
+    def __repr__(self) -> str:
+        return self._text
+
+
+def shortened(function: Any) -> inspect.Signature:
+    """Returns the signature of a constructor for `help()`, without `self`.
+
+    Types stand by name without their modules, and are left out where the default tells them.
+    """
+    parameters = list(inspect.signature(function).parameters.values())[1:]
+    return inspect.Signature([_without_modules(parameter) for parameter in parameters])
+
+
+class _ShortSignature:
+    """Computes a dataclass's signature when it is asked for."""
+
+    def __get__(self, instance: Any, owner: Any) -> inspect.Signature:
+        return shortened(owner.__init__)
+
+
+def _without_modules(parameter: inspect.Parameter) -> inspect.Parameter:
+    if isinstance(parameter.default, bool | int | float | str):
+        return parameter.replace(annotation=parameter.empty)  # The default tells the type.
+    kind = parameter.annotation
+    text = kind if isinstance(kind, str) else inspect.formatannotation(kind)
+    return parameter.replace(annotation=_BareName(re.sub(r"(\w+\.)+", "", text)))
+
+
+short_signature = _ShortSignature()
+"""Signature by `shortened`. Use it in a dataclass: `__signature__ = short_signature`."""
 
 
 def figure_view(self: Any) -> str:

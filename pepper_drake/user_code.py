@@ -10,6 +10,7 @@ import importlib.util
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
 from pepper_drake.errors import InputError
@@ -47,9 +48,11 @@ def _load(path: Path, name: str) -> Any:
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        raise InputError(f"{path}: {type(error).__name__}: {error}") from None
+        lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == str(path)]
+        where = f", line {lines[-1]}" if lines else ""
+        raise InputError(f"{path}{where}: {type(error).__name__}: {error}") from None
     if not hasattr(module, name):
-        raise InputError(f"{path}: has no {name}")
+        raise InputError(f"{path} defines no {name or 'name'}; write FILE.py:NAME")
     return getattr(module, name)
 
 
@@ -76,7 +79,7 @@ def register_code(text: str) -> str:
         register_coupling(known_as, part if isinstance(part, type) else lambda: part)
     else:
         raise InputError(
-            f"{text} is none of: an Approximator, a subclass of ReachPlanner, a coupling with "
-            f"{', '.join(_COUPLING)}"
+            f"{text} has to be an Approximator object, a subclass of ReachPlanner, or a coupling: "
+            f"a class or an object with the methods {', '.join(_COUPLING)}"
         )
     return known_as

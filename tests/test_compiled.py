@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from numba.core.caching import CacheImpl
 
-from pepper_drake.compiled import compiled
+from pepper_drake.compiled import announce_compilation, compiled
 from pepper_drake.learning.spring import advance_all
 
 PACKAGE = Path(__file__).parents[1] / "pepper_drake"
@@ -25,6 +25,13 @@ def half(x):
 def test_it_is_compiled_where_no_folder_can_be_written_to(monkeypatch):
     monkeypatch.setattr(CacheImpl, "_locator_classes", [])
     assert compiled(half)(3.0) == pytest.approx(1.5)
+
+
+def test_compilation_is_announced_once_to_who_waits(capsys):
+    announce_compilation()
+    for factor in (2.0, 3.0):
+        compiled(lambda x, by=factor: by * x)(1.0)
+    assert capsys.readouterr().err.count("Compiling numerical functions") == 1
 
 
 def test_it_is_kept_where_a_folder_can_be_written_to():

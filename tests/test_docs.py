@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from pictures import PICTURES
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -159,6 +160,20 @@ def test_options_are_found_where_they_are_named():
 def test_links_lead_somewhere(path):
     for link in re.findall(r"\]\(([^)#]+)", path.read_text()):
         assert link.startswith("https://") or (path.parent / link).exists(), link
+
+
+def test_each_picture_is_shown_and_made_by_a_command():
+    shown = {
+        str((path.parent / link).resolve().relative_to(ROOT))
+        for path in [ROOT / "README.md", *PAGES]
+        for link in re.findall(r"!\[[^]]+\]\(([^)]+)\)", path.read_text())
+    }
+    kept = {
+        str(path.relative_to(ROOT))
+        for kind in ("png", "svg", "gif", "jpg")
+        for path in DOCS.rglob(f"*.{kind}")
+    }
+    assert kept == shown == {*PICTURES, "docs/benchmark.png"}
 
 
 def test_the_places_that_a_change_is_made_in_are_there():

@@ -5,6 +5,7 @@ import runpy
 from pathlib import Path
 
 import pytest
+from pictures import is_like
 
 GALLERY = Path(__file__).parents[1] / "docs" / "gallery"
 EXAMPLES = sorted(GALLERY.glob("*.py"))
@@ -15,6 +16,7 @@ def test_an_example_draws_its_picture(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(path), run_name="__main__")
     assert [made.name for made in tmp_path.iterdir()] == [f"{path.stem}.png"]
+    assert is_like(tmp_path / f"{path.stem}.png", path.with_suffix(".png"))
 
 
 def test_each_stands_on_the_page_with_picture_and_source():

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from pictures import is_like
 
 from pepper_drake import cli
 
@@ -109,6 +110,8 @@ def test_the_tutorial_runs_and_shows_what_is_printed(tmp_path, monkeypatch):
         ):
             lines = output.splitlines()
             assert any(same_but_for_digits(shown, line) for line in lines), (shown, lines)
+    for made in ("learned/learn.png", "smooth/paths.png"):
+        assert is_like(tmp_path / "out" / made, TUTORIAL.parent / "tutorial" / Path(made).name)
     for block in BLOCKS:
         for app, arguments in APP_COMMAND.findall(block.text):
             for option in re.findall(r"--[a-z-]+", arguments):

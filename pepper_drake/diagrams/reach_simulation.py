@@ -34,7 +34,7 @@ from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
 from pepper_drake.planning.reach.task_sequence import SequenceState
 from pepper_drake.results.folder import whole_results
-from pepper_drake.results.performance import measure_performance
+from pepper_drake.results.movement_report import measure_movement
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
 from pepper_drake.systems.framework import Diagram, build
@@ -341,11 +341,11 @@ class ReachSimulation:
         report.final_position_error, report.final_orientation_error = pose_error(X_WH, X_WG)
         report.final_axis_error = float(log.axis_error_rad[-1])
         report.axis_tolerance = scene.goal.pre_grasp.tolerance
-        report.performance = measure_performance(log)
+        report.movement = measure_movement(log)
         if self._is_over:
             started = int(np.argmax(log.time_s >= progress.started))
             explain_adaptation(
-                report.performance,
+                report.movement,
                 reaching,
                 self._planned_with,
                 root.Clone(),

@@ -11,7 +11,7 @@ from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import PlanStatus
-from pepper_drake.results.performance import ADAPTED, PerformanceReport
+from pepper_drake.results.movement_report import ADAPTED, MovementReport
 
 Vector = npt.NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def taught_path(
 
 
 def explain_adaptation(
-    report: PerformanceReport,
+    report: MovementReport,
     reaching: Reaching,
     observation: Observation | None,
     root: Context,
@@ -66,7 +66,7 @@ def explain_adaptation(
     """Fills in why a movement was not performed as taught: what it would have met.
 
     Args:
-        report: Of the performance.
+        report: Of the same reach.
         reaching: The diagram.
         observation: What was known when the movement was planned.
         root: A context of the root diagram that may be changed.
@@ -80,8 +80,8 @@ def explain_adaptation(
     report.taught_message = plan.message
     if plan.status == PlanStatus.CLEAR:
         report.taught_message = (
-            f"the arm would pass what was seen at {1000 * plan.clearance:.1f} mm, less than the "
-            f"{1000 * want:.1f} mm that are wanted"
+            f"the arm would come within {1000 * plan.clearance:.1f} mm of what was seen, nearer "
+            f"than the {1000 * want:.1f} mm that it keeps where it can"
         )
         if plan.clearance >= want:
             report.taught_message = (

@@ -1,4 +1,4 @@
-"""The dead man's key: a robot moves only while a person holds the space bar or a pad's button."""
+"""The dead man's switch: a robot moves only while a person holds the space bar or a pad button."""
 
 import contextlib
 import os
@@ -46,8 +46,8 @@ class SpaceBar:
             tty.setcbreak(self._file, termios.TCSANOW)
         except (OSError, termios.error):
             raise InputError(
-                "nobody can hold the dead man's key, as there is no terminal: start this in one, "
-                "give --pad /dev/input/js0 to hold a button, or --unattended to do without"
+                "there is no terminal for a dead man's switch, the held space bar: start in one, "
+                "or give --pad /dev/input/js0 to hold a button, or --unattended to do without"
             ) from None
         self._until = -1.0
 

@@ -21,7 +21,7 @@ LINK_FAULTS: dict[str, str] = {
     "arm_stalled": "the arm does not follow its commands",
     "stiffness_lost": "the arm's motors went limp",
     "taken_over": "another program commands the arm",
-    "dead_man": "the dead man's key was let go",
+    "dead_man": "the dead man's switch was let go",
     "planner_silent": "no command came in time",
     "loop_late": "this computer is too slow to command the robot in time",
     "state_stale": "the robot's measurements are too old to act upon",

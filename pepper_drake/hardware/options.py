@@ -24,7 +24,7 @@ def add_link_options(parser: ArgumentParser, *, required: bool = False, moves: b
             "--robot",
             metavar="ADDRESS",
             required=True,
-            help="address of a Pepper, as tcp://192.168.1.10:9559, or of apps/serve_naoqi.py",
+            help="address of a Pepper or of serve_naoqi.py, as tcp://192.168.1.10:9559",
         )
     else:
         parser.add_argument(
@@ -38,7 +38,7 @@ def add_link_options(parser: ArgumentParser, *, required: bool = False, moves: b
             type=clock_rate,
             default=1.0,
             metavar="RATE",
-            help="for a served robot on a slow machine: as serve_naoqi.py --rate (default: 1)",
+            help="for a served robot on a slow machine: the --rate of serve_naoqi.py (default: 1)",
         )
     parser.add_argument(
         "--password-file",
@@ -55,7 +55,7 @@ def add_link_options(parser: ArgumentParser, *, required: bool = False, moves: b
     parser.add_argument(
         "--disable-life",
         action="store_true",
-        help="switch the robot's autonomous life off where it is on, which would move the arms",
+        help="switch off the robot's autonomous life, which would move its arms",
     )
     if not moves:
         return
@@ -69,7 +69,7 @@ def add_link_options(parser: ArgumentParser, *, required: bool = False, moves: b
     key.add_argument(
         "--unattended",
         action="store_true",
-        help="run without a dead man's key: the robot moves although nobody holds one",
+        help="run without a dead man's switch: the robot moves although nobody holds a key",
     )
     parser.add_argument(
         "--arm-protection",
@@ -91,8 +91,8 @@ def add_robot_address(parser: ArgumentParser) -> None:
         "--robot",
         default="ideal",
         metavar="ADDRESS",
-        help="with --station naoqi the address of a Pepper, as tcp://192.168.1.10:9559, or of "
-        "apps/serve_naoqi.py",
+        help="with --station naoqi: address of a Pepper or of serve_naoqi.py, as "
+        "tcp://192.168.1.10:9559",
     )
 
 

@@ -70,7 +70,7 @@ class HardwareReport(ReachReport):
     def summary(self) -> str:
         """A few lines for the terminal: what a robot knows of itself."""
         lines = [f"{self.outcome}" + (f": {self.message}" if self.message else "")]
-        lines.extend(self.performance.lines())
+        lines.extend(self.movement.lines(coupled=self.coupling != "none"))
         if self.believed_position_error is not None:
             error = 1000 * self.believed_position_error
             lines.append(f"  hand to goal      {error:6.1f} mm   (as the robot sees both)")

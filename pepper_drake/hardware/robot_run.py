@@ -220,7 +220,7 @@ class RobotRun:
         return run_paced(simulator, self.clock, ends)
 
     def _wait_for_key(self) -> None:
-        """Waits until the dead man's key is held."""
+        """Waits until the dead man's switch is held."""
         if not self._config.dead_man:
             return
         key = "the space bar" if self._config.dead_man == KEYBOARD else "a button of the pad"

@@ -15,7 +15,7 @@ def hardware_run(options: Namespace, should_stop: Callable[[], bool]) -> Hardwar
     """Returns how the robot is led that the options name.
 
     Raises:
-        InputError: There is no address, or nobody can hold the dead man's key.
+        InputError: There is no address, or nobody can hold the dead man's switch.
     """
     dead_man = "" if options.unattended else options.pad or KEYBOARD
     key = dead_man_key(dead_man)

@@ -7,7 +7,7 @@ _DRAWN = (
     ("#1ea050", "━", "green path", "prediction: what was learned, to the goal, without obstacles"),
     ("#73bff2", "■", "pale hand", "ghost: the demonstration that is played back"),
     ("#1e5ae6", "━", "blue path", "the hand while it reaches"),
-    ("#aa32c8", "━", "violet path", "the same once the goal has moved"),
+    ("#aa32c8", "━", "violet path", "its path since the goal moved"),
     ("#e04020", "●", "dots", "obstacles as Pepper sees them: red is near the hand, blue is far"),
     ("#e6321e", "➜", "red arrow", "coupling: how the obstacles push the hand"),
 )

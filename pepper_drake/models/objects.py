@@ -33,6 +33,8 @@ from pepper_drake.short_repr import short_repr
 
 GOAL_OBJECT = "goal_object"
 """Name of the goal object's body, whose frame is O."""
+SOLID = "solid"
+"""Name of the one shape of an obstacle that touches others."""
 
 _PLATE_THICKNESS = 0.003
 _FRICTION = CoulombFriction(0.6, 0.5)
@@ -136,7 +138,7 @@ def _add_floor(plant: MultibodyPlant) -> None:
 def _register_obstacle(plant: MultibodyPlant, body: RigidBody, obstacle: Obstacle) -> None:
     X = RigidTransform()
     friction = _SLIPPERY if obstacle.path else _FRICTION
-    plant.RegisterCollisionGeometry(body, X, obstacle.solid(), "solid", friction)
+    plant.RegisterCollisionGeometry(body, X, obstacle.solid(), SOLID, friction)
     if obstacle.shape == "mesh":
         visual: Shape = Mesh(mesh_path(obstacle.mesh), obstacle.size[0])
     else:

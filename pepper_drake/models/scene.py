@@ -21,7 +21,7 @@ from pepper_drake.models.pepper import (
 )
 from pepper_drake.models.shapes import PlacedShape, convex_hull, distances, mesh_path, overlaps
 from pepper_drake.models.typed_yaml import line_of_field, load_yaml, save_yaml
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 SCENES_DIR = MODELS_DIR / "scenes"
 SCENES = ("table", "shelf", "clutter", "free", "teach")
@@ -196,6 +196,7 @@ class Scene:
     hand_marker: HandMarker | None = None  # None for none.
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
     def check(self) -> None:
         """Raises InputError, in one sentence that names the field, if the scene makes no sense."""

@@ -101,7 +101,7 @@ class CostFunction:
 def _function(path: Path, name: str) -> Any:
     function = load_object(f"{path}:{name}")
     if not callable(function):
-        raise InputError(f"{path}: has no function {name}")
+        raise InputError(f"{path} defines no function {name}; write FILE.py:FUNCTION")
     return function
 
 

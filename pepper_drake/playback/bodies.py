@@ -70,7 +70,7 @@ class Frames:
         yaw: Where Pepper faces when the arm starts, from W's x axis [rad].
         bodies: All bodies that can be seen.
         hand_W: (K, 3) the hand's path from when the arm starts.
-        shown_W: (M, 3) the demonstrated way, from where the hand starts.
+        shown_W: (M, 3) the demonstrated path, from where the hand starts.
         cloud_W: (P, 3) the obstacles as they were seen.
     """
 

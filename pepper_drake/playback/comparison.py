@@ -7,8 +7,8 @@ import numpy as np
 from pepper_drake.playback.bodies import Frames
 from pepper_drake.playback.motion import Vector
 
-FARTHEST = "farthest from the first [mm]"
-"""The figure that compares two ways: how far a hand was at most from the first motion's way."""
+FARTHEST = "from the first, max [mm]"
+"""The figure that compares two hand paths: the largest distance from the first motion's path."""
 
 _DECIMALS = {"mm": 1, "deg": 1}
 
@@ -28,9 +28,9 @@ def compare(runs: Sequence[Frames]) -> dict[str, list[str]]:
     return {name: texts for name, texts in rows.items() if any(texts)}
 
 
-def farthest(way: Vector, reference: Vector) -> float:
-    """Returns the largest distance of a way's points (K, 3) from a reference way (L, 3) [m]."""
-    apart = np.linalg.norm(way[:, None, :] - reference[None, :, :], axis=2)
+def farthest(path: Vector, reference: Vector) -> float:
+    """Returns the largest distance of a path's points (K, 3) from a reference path (L, 3) [m]."""
+    apart = np.linalg.norm(path[:, None, :] - reference[None, :, :], axis=2)
     return float(apart.min(axis=1).max())
 
 

@@ -1,4 +1,4 @@
-"""Motions as commands to meshcat's viewer: shapes, ways, clouds, one animation, a control bar."""
+"""Motions as commands to meshcat's viewer: shapes, hand paths, clouds, animation, control bar."""
 
 import json
 from collections.abc import Sequence
@@ -28,8 +28,8 @@ RUN_COLORS = ("#1668b0", "#d9601a", "#2f8f46", "#8a4fb0", "#c23a4b", "#0f8f96", 
 
 _GHOST_OPACITY = 0.38
 _GHOST_TINT = 0.6  # Share of the run's colour in a ghost's.
-_WAY_RADIUS, _SHOWN_RADIUS, _CLOUD_POINT = 0.003, 0.002, 0.008  # [m]
-_WAY_STEP = 0.002  # Least distance of a way's points [m].
+_PATH_RADIUS, _SHOWN_RADIUS, _CLOUD_POINT = 0.003, 0.002, 0.008  # [m]
+_PATH_STEP = 0.002  # Least distance of a path's points [m].
 _SHOWN_COLOR, _CLOUD_COLOR = (0.05, 0.05, 0.05), (0.85, 0.33, 0.10)
 _SKY, _GROUND = (0.97, 0.98, 0.99), (0.80, 0.84, 0.88)
 _KEY_TOLERANCE = 2e-4  # Of positions [m] and of quaternions.
@@ -49,8 +49,8 @@ class Command:
 def draw(runs: Sequence[Frames]) -> list[Command]:
     """Draws motions over one another.
 
-    The first has its own colours; further ones are ghosts in the colour of their way. What stands
-    in a further scene just as in the first one is not drawn again.
+    The first has its own colours; further ones are ghosts in the colour of their hand path.
+    What stands in a further scene just as in the first one is not drawn again.
 
     Args:
         runs: The motions' frames.
@@ -65,7 +65,7 @@ def draw(runs: Sequence[Frames]) -> list[Command]:
                 continue
             commands += _body(body, f"{prefix}/{body.name}", color if index > 0 else None)
             _animate(animation, f"{prefix}/{body.name}", body)
-        commands += _ways(run, prefix, color, first=index == 0)
+        commands += _hand_paths(run, prefix, color, first=index == 0)
     commands.append(_message(SetAnimation(animation, play=True, repetitions=1)))
     commands.append(_control_bar(runs))
     return commands
@@ -138,7 +138,7 @@ def _same(one: MovingBody, other: MovingBody) -> bool:
 
 
 def _animate(animation: Animation, path: str, body: MovingBody) -> None:
-    """Adds a body's way to the animation, with no more key frames than it takes."""
+    """Adds a body's motion to the animation, with no more key frames than it takes."""
     tracks = {}
     for name, kind, values in (
         ("position", "vector3", body.translations),
@@ -175,10 +175,10 @@ def key_frames(values: Vector, tolerance: float = _KEY_TOLERANCE) -> npt.NDArray
     return keys
 
 
-def _ways(
+def _hand_paths(
     run: Frames, prefix: str, color: tuple[float, float, float], *, first: bool
 ) -> list[Command]:
-    commands = _tube(run.hand_W, f"{prefix}/hand path", color, _WAY_RADIUS)
+    commands = _tube(run.hand_W, f"{prefix}/hand path", color, _PATH_RADIUS)
     if first and run.motion.hand_T is None:
         commands += _tube(run.shown_W, f"{prefix}/demonstration", _SHOWN_COLOR, _SHOWN_RADIUS)
     if first and len(run.cloud_W):
@@ -193,11 +193,11 @@ def _ways(
 def _tube(
     points: Vector, path: str, color: tuple[float, float, float], radius: float
 ) -> list[Command]:
-    """A way as a tube; nothing where the way is too short to be seen."""
+    """A path as a tube; nothing where it is too short to be seen."""
     apart = points[:1]
     for point in points:
         # A curve through points that coincide has no direction there.
-        if np.linalg.norm(point - apart[-1]) > _WAY_STEP:
+        if np.linalg.norm(point - apart[-1]) > _PATH_STEP:
             apart = np.vstack((apart, point))
     if len(apart) < 2:
         return []

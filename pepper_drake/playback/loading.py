@@ -16,7 +16,7 @@ from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.playback.motion import Motion, Signal, Vector
 from pepper_drake.results.folder import INTERRUPTED
 from pepper_drake.results.log_files import check_rows, read_arrays
-from pepper_drake.results.performance import coupling_strength, measure_performance
+from pepper_drake.results.movement_report import coupling_strength, measure_movement
 from pepper_drake.results.reach_log import ReachLog
 
 LOG, REPORT, SCENE = "log.npz", "report.json", "scene.yaml"
@@ -146,7 +146,7 @@ def _load_reproduction(folder: Path) -> Motion:
         },
         figures=_report_figures(report)
         | {
-            "whole run [s]": float(times[-1]),
+            "whole run takes [s]": float(times[-1]),
             "hand path length [m]": float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum()),
         },
     )
@@ -183,13 +183,13 @@ def _run_figures(log: ReachLog, report: dict[str, Any]) -> dict[str, str | float
     """Figures to compare: of the report, and of the hand's path."""
     moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
     hand, times = log.hand_position_torso_m[moving], log.time_s[moving]
-    performance = measure_performance(log)
-    figures = _report_figures(report) | {"movement": performance.kind.replace("_", " ")}
-    if performance.largest_deviation is not None:
-        figures["farthest from as taught [mm]"] = 1000 * performance.largest_deviation
-    figures["whole run [s]"] = float(log.time_s[-1])
+    movement = measure_movement(log)
+    figures = _report_figures(report) | {"movement": movement.kind.replace("_", " ")}
+    if movement.largest_deviation is not None:
+        figures["from taught path, max [mm]"] = 1000 * movement.largest_deviation
+    figures["whole run takes [s]"] = float(log.time_s[-1])
     if len(hand) > 1:
-        figures["arm moves [s]"] = float(times[-1] - times[0])
+        figures["arm moves for [s]"] = float(times[-1] - times[0])
         figures["hand path length [m]"] = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
     return figures
 
@@ -244,7 +244,7 @@ def _load_demonstration(path: Path, name: str) -> Motion:
         shown_T=demo.positions,
         figures={
             "outcome": "demonstration",
-            "arm moves [s]": demo.duration,
+            "arm moves for [s]": demo.duration,
             "hand path length [m]": demo.path_length,
         },
     )
@@ -268,7 +268,7 @@ def _load_primitive(path: Path) -> Motion:
         shown_T=rollout.positions,
         figures={
             "outcome": "primitive",
-            "arm moves [s]": float(rollout.times[-1]),
+            "arm moves for [s]": float(rollout.times[-1]),
             "hand path length [m]": float(way),
         },
     )

@@ -30,7 +30,7 @@ _CODEC = cv2.VideoWriter.fourcc(*"mp4v")
 
 
 def write_video(runs: Sequence[Frames], path: Path, *, progress: bool = False) -> None:
-    """Writes a film, motions side by side, each with the way of its hand so far.
+    """Writes a film, motions side by side, each with its hand path so far.
 
     Args:
         runs: The motions' frames.

@@ -43,7 +43,8 @@ def draw_demonstration(demonstration: Demonstration, report: DemonstrationReport
         axes.plot(t, away, label=f"from the {arm} shoulder")
     axes.axhline(report.arm_reach, color="black", linestyle="--", label="farthest reach of an arm")
     axes.set(xlabel="time [s]", ylabel="distance [m]", title="is it within reach?")
-    axes.legend()
+    axes.set_ylim(bottom=0.0)  # Room for the legend: a hand is seldom at a shoulder.
+    axes.legend(loc="lower right")
     axes = figure.add_subplot(grid[1, 1])
     steps = 1000.0 * np.diff(t)
     axes.plot(t[1:], steps, color="tab:gray")

@@ -62,7 +62,7 @@ def draw_primitive(primitive: MovementPrimitive) -> Figure:
         f"{primitive.name}: {primitive.approximator} with {primitive.num_basis} basis functions,"
         f" {primitive.duration:.2f} s"
     )
-    grid = figure.add_gridspec(3, 2, width_ratios=(3, 2))
+    grid = figure.add_gridspec(3, 2, width_ratios=(3, 2), wspace=0.2)
     _draw_space(figure.add_subplot(grid[:, 0], projection="3d"), primitive, (), path)
     for k, name in enumerate(AXES):
         _draw_axis(figure.add_subplot(grid[k, 1]), k, name, primitive, (), path)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling, Coupling, ReportCoupling
 from pepper_drake.reporting.reach_figures import draw_surroundings
-from pepper_drake.results.performance import is_moving
+from pepper_drake.results.movement_report import is_moving
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import ReachReport
 

@@ -13,13 +13,13 @@ from matplotlib.patches import Patch
 
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.results.performance import (
+from pepper_drake.results.movement_report import (
     ADAPTED,
     BENT,
-    PerformanceReport,
+    MovementReport,
     coupling_strength,
     is_moving,
-    measure_performance,
+    measure_movement,
 )
 from pepper_drake.results.reach_log import ReachLog
 
@@ -54,14 +54,14 @@ def save_reach_figures(log: ReachLog, folder: Path) -> list[Path]:
     return paths
 
 
-def performance_title(performance: PerformanceReport) -> str:
+def movement_title(movement: MovementReport) -> str:
     """Returns the answer to: was the movement performed as it was taught?"""
-    if not performance.kind:
+    if not movement.kind:
         return "The arm did not start"
-    off = f"up to {1000 * (performance.largest_deviation or 0.0):.0f} mm from it"
-    if performance.kind == ADAPTED:
+    off = f"up to {1000 * (movement.largest_deviation or 0.0):.0f} mm from it"
+    if movement.kind == ADAPTED:
         return f"Performed as taught? No: adapted, {off}"
-    if performance.kind == BENT:
+    if movement.kind == BENT:
         return f"Performed as taught? Bent by the coupling alone, {off}"
     return f"Performed as taught? Yes, {off}"
 
@@ -70,7 +70,7 @@ def draw_path(log: ReachLog) -> Figure:
     """The hand's path in the torso frame: as taught, as performed, with goal and cloud."""
     moving = is_moving(log)
     figure = Figure(figsize=(12, 6), layout="constrained")
-    figure.suptitle(performance_title(measure_performance(log)), fontsize=13)
+    figure.suptitle(movement_title(measure_movement(log)), fontsize=13)
     space = figure.add_subplot(1, 2, 1, projection="3d")
     draw_hand_paths(space, log)
     space.legend(loc="upper left", bbox_to_anchor=(-0.1, 1.06), fontsize=8)

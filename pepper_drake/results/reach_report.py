@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.errors import InputError
 from pepper_drake.files import check_fields, read_json
-from pepper_drake.results.performance import PerformanceReport
+from pepper_drake.results.movement_report import MovementReport
 
 Vector = npt.NDArray[np.float64]
 
@@ -66,8 +66,8 @@ class ReachReport:
     """The same of the hand's axis that counts for the task: the scene's `goal.pre_grasp.axis`."""
     axis_tolerance: float | None = None
     """Largest such angle with which the hand counts as at its goal."""
-    performance: PerformanceReport = field(default_factory=PerformanceReport)
-    """Performance of the movement: as shown, bent or adapted."""
+    movement: MovementReport = field(default_factory=MovementReport)
+    """The movement as it was performed: as shown, bent or adapted."""
     goal_estimate_error: float | None = None
     """Distance between the estimated and the true pre-grasp position at the end."""
     minimum_clearance: float | None = None
@@ -127,8 +127,8 @@ class ReachReport:
         data = read_json(path)
         try:
             cloud = CloudReport(**data.pop("cloud"))
-            performance = PerformanceReport(**data.pop("performance"))
-            report = cls(**data, cloud=cloud, performance=performance)
+            movement = MovementReport(**data.pop("movement"))
+            report = cls(**data, cloud=cloud, movement=movement)
         except (AttributeError, KeyError, TypeError):
             raise InputError(f"{path}: this is not a report of a reach; run it again") from None
         check_fields(report, str(path), "run it again")
@@ -137,7 +137,7 @@ class ReachReport:
     def summary(self) -> str:
         """A few lines for the terminal."""
         lines = [f"{self.outcome}" + (f": {self.message}" if self.message else "")]
-        lines.extend(self.performance.lines())
+        lines.extend(self.movement.lines(coupled=self.coupling != "none"))
         if self.final_position_error is not None:
             lines.append(
                 f"  hand to goal      {1000 * self.final_position_error:6.1f} mm"

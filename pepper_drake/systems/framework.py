@@ -10,7 +10,6 @@ What Drake calls to compute an output or a cache entry is kept in C++, where the
 look at all. So functions are handed over with weak references to their system.
 """
 
-import inspect
 import weakref
 from collections.abc import Callable
 from functools import cache, partial
@@ -20,6 +19,8 @@ from typing import Any
 from pydrake.systems import framework
 from pydrake.systems.framework import OutputPort
 
+from pepper_drake.short_repr import shortened
+
 
 class _Collectable(type(framework.LeafSystem)):  # type: ignore[misc]
     """Makes classes whose instances have no attributes of their own; see above."""
@@ -28,21 +29,13 @@ class _Collectable(type(framework.LeafSystem)):  # type: ignore[misc]
         cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any
     ) -> "_Collectable":
         namespace.setdefault("__slots__", ())
-        if "_construct" in namespace:
-            # Drake makes the constructor of a system for a scalar type, `(*args, **kwargs)`.
-            namespace["__signature__"] = _constructor_signature(namespace["_construct"])
+        # Drake makes the constructor of a system for a scalar type, `(*args, **kwargs)`.
+        constructor = namespace.get("_construct") or namespace.get("__init__")
+        if constructor is not None:
+            whole = shortened(constructor)
+            given = [p for name, p in whole.parameters.items() if name != "converter"]
+            namespace["__signature__"] = whole.replace(parameters=given)
         return super().__new__(cls, name, bases, namespace, **options)
-
-
-def _constructor_signature(construct: FunctionType) -> inspect.Signature:
-    """The signature of what a user gives: neither the instance nor the framework's converter."""
-    whole = inspect.signature(construct)
-    given = [
-        parameter
-        for name, parameter in whole.parameters.items()
-        if name not in ("self", "converter")
-    ]
-    return whole.replace(parameters=given)
 
 
 class CacheEntry:

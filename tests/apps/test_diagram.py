@@ -1,5 +1,6 @@
 import itertools
 import os
+import re
 import stat
 import subprocess
 import sys
@@ -16,6 +17,13 @@ from pepper_drake.scenario import Scenario, load_scenario
 from tests.apps.conftest import load_app
 
 APP = Path(__file__).parents[2] / "apps" / "diagram.py"
+
+DOCS = APP.parents[1] / "docs"
+
+
+def texts(picture):
+    """All that is written in a picture."""
+    return re.findall(r"<!-- (.+) -->", picture.read_text())
 
 
 @pytest.fixture
@@ -42,6 +50,8 @@ def test_a_picture_comes_out_on_a_machine_without_graphviz(name, run, tmp_path):
     width, height = (float(root.get(side).removesuffix("pt")) for side in ("width", "height"))
     assert min(width, height) > 200
     assert width * height > 300**2
+    if name == "reaching":
+        assert texts(tmp_path / "reaching.svg") == texts(DOCS / "reaching.svg")
 
 
 def test_the_same_diagram_gives_the_same_picture(run, tmp_path):

@@ -44,6 +44,7 @@ def plain_figures(monkeypatch):
 
 
 def test_the_reports_run(monkeypatch, tmp_path, capsys, motion):
+    monkeypatch.setattr("pepper_drake.cli.shows_progress", lambda options: True)
     assert run_app(monkeypatch, motion, *AWAY, "--output", tmp_path) == 0
     said = capsys.readouterr()
     assert "cost 0.09849 before" in said.out

@@ -161,11 +161,11 @@ def test_a_cost_of_ones_own(tmp_path, primitive):
     assert costs == pytest.approx([primitive.rollout().positions[:, 2].max()] * 2)
     with pytest.raises(InputError, match=r"wrong gave costs of shape \(\); it must give \(2,\)"):
         CostFunction(path, "wrong")(straight(), task())
-    with pytest.raises(InputError, match="has no function value"):
+    with pytest.raises(InputError, match="defines no function value"):
         parse_cost(f"{path}:value")
     path = tmp_path / "broken.py"
     path.write_text("1 / 0\n")
-    with pytest.raises(InputError, match=r"broken.py: ZeroDivisionError"):
+    with pytest.raises(InputError, match=r"broken\.py, line 1: ZeroDivisionError"):
         parse_cost(f"{path}:any")
 
 

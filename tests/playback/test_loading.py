@@ -114,7 +114,7 @@ def test_a_demonstration_moves_the_recorded_joints():
     assert motion.scene is None
     assert set(motion.positions) == set(demo.joint_names)
     assert motion.hand_T is None, "the joints tell"
-    assert motion.figures["arm moves [s]"] == demo.duration
+    assert motion.figures["arm moves for [s]"] == demo.duration
 
 
 def test_a_demonstration_without_joints_shows_its_hand(tmp_path):

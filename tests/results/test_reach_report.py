@@ -4,7 +4,7 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.errors import InputError
-from pepper_drake.results.performance import PerformanceReport
+from pepper_drake.results.movement_report import MovementReport
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
 
 
@@ -62,7 +62,7 @@ def test_a_report_comes_back_as_it_was_saved(tmp_path):
     report = ReachReport(
         outcome="reached",
         final_axis_error=0.1,
-        performance=PerformanceReport(kind="bent", largest_coupling=2.0),
+        movement=MovementReport(kind="bent", largest_coupling=2.0),
         cloud=CloudReport(points=3),
     )
     report.save(tmp_path / "report.json")

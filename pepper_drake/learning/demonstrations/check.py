@@ -16,7 +16,7 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.learning.demonstrations.arm_chain import arm_chain, arm_of
 from pepper_drake.learning.demonstrations.conditioning import measure_noise
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 if TYPE_CHECKING:
     from pepper_drake.learning.demonstrations.demonstration import Demonstration
@@ -66,6 +66,7 @@ class DemonstrationReport:
     warnings: tuple[str, ...] = field(default=())
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
     def to_data(self) -> dict[str, Any]:
         """Returns the report as plain data."""

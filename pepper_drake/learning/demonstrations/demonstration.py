@@ -20,7 +20,7 @@ from pepper_drake.learning.demonstrations.conditioning import (
     interpolant,
     strays,
 )
-from pepper_drake.short_repr import figure_view, short_repr
+from pepper_drake.short_repr import figure_view, short_repr, short_signature
 
 Array = npt.NDArray[np.float64]
 
@@ -56,6 +56,7 @@ class Demonstration:
     """
 
     __repr__ = short_repr
+    __signature__ = short_signature
     _repr_html_ = figure_view
 
     times: Array

@@ -31,7 +31,7 @@ import numpy.typing as npt
 from pepper_drake.errors import InputError
 from pepper_drake.learning.dmp.arithmetic import arithmetic
 from pepper_drake.registry import registered
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 Array = npt.NDArray[np.float64]
 
@@ -182,6 +182,7 @@ class BarrierCoupling:
     reach: float = 0.3
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
     def check(self) -> None:
         """Raises InputError for a number by which the law divides and which is not positive."""

@@ -265,7 +265,7 @@ class MovementPrimitive:
             start: (3,) where the hand is [m]; the demonstration's start if left out.
             goal: (3,) [m], or a function of the time [s] for one that moves; the demonstration's
                 goal if left out. With a moving goal the duration is extended in proportion to its
-                displacement: each metre adds the demonstration's time for a metre of its way.
+                displacement: each metre adds the demonstration's time for a metre of its path.
             duration: tau [s]; the demonstration's if left out.
             obstacles: (P, 3) points [m], or a field made of them.
             coupling: `barrier`, `report`, or a coupling with other constants.

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 Vector = npt.NDArray[np.float64]
 _REST, _MOVING = 0, 1
@@ -67,6 +67,7 @@ class GoalFilterParameters:
     publish_improvement: float = 0.7
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
 
 @dataclass(frozen=True)

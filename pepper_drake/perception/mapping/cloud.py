@@ -14,7 +14,7 @@ from pydrake.perception import BaseField, Fields, PointCloud
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays, ray_lengths
 from pepper_drake.perception.mapping.solids import SolidSet
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 Array = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
@@ -62,6 +62,7 @@ class CloudParameters:
     smooth_spread: float = 0.15
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
 
 @dataclass(frozen=True)

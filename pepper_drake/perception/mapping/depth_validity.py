@@ -12,6 +12,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays
+from pepper_drake.short_repr import short_signature
 
 Array = npt.NDArray[np.float32]
 
@@ -79,6 +80,8 @@ class ValidityParameters:
         moved: Distance by which a frame has moved [m]: more than the noise of measured joints, ...
         turned: ... or angle by which it has turned [rad].
     """
+
+    __signature__ = short_signature
 
     margin: float = 0.05
     growth: float = 0.04

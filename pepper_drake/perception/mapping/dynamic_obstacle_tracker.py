@@ -27,7 +27,7 @@ from pepper_drake.perception.mapping.near_field_occlusion import (
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.solids import ExcludedSolids, Solid, near_solids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 Keys = npt.NDArray[np.int64]
 Points = npt.NDArray[np.float64]
@@ -63,6 +63,7 @@ class DynamicObstacleTracker:
     holes: HoleMemory = field(default_factory=HoleMemory.empty)
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
 
 def update_tracker(

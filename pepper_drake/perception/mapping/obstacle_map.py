@@ -32,7 +32,7 @@ from pepper_drake.perception.mapping.voxel_map import (
     carve_free_space,
     prune,
 )
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 
 @dataclass(unsafe_hash=True)
@@ -62,6 +62,7 @@ class ObstacleParameters:
     projector_baseline: float = 0.075
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
 
 def update_obstacles(

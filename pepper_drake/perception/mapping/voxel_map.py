@@ -21,7 +21,7 @@ from pepper_drake.compiled import compiled
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.mapping.cloud import SurfacePoints
-from pepper_drake.short_repr import figure_view, short_repr
+from pepper_drake.short_repr import figure_view, short_repr, short_signature
 
 _KEY_BITS = 21
 _KEY_OFFSET = 1 << (_KEY_BITS - 1)
@@ -53,6 +53,8 @@ class VoxelMapParameters:
         most_alike: Number of views that show the same that are kept, ...
         most_views: ... and of all views; the oldest goes first.
     """
+
+    __signature__ = short_signature
 
     voxel_size: float = 0.0125
     hit: int = 1

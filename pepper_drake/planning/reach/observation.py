@@ -14,7 +14,7 @@ from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, Dept
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.safety.command_check import StopReason
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 Vector = npt.NDArray[np.float64]
 
@@ -61,6 +61,7 @@ class Observation:
     """
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
     time: float
     base_pose: Vector

@@ -10,7 +10,7 @@ from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from pepper_drake.planning.trajectories.adaptation_params import AdaptationParams
 from pepper_drake.planning.trajectories.retreat import NewObstacleParams, RetreatParams
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 
 @dataclass
@@ -162,6 +162,7 @@ class ReachPlannerParams:
     """Base placements that are ranked, where none of the usual ones will do."""
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
 
 @dataclass

@@ -15,7 +15,7 @@ from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.separation import StaleSpace
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 Vector = npt.NDArray[np.float64]
 
@@ -52,6 +52,7 @@ class ReachPlan:
     """
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
     status: PlanStatus
     message: str

@@ -60,7 +60,7 @@ def CanonicalSystem_(T: type) -> type:
         tau x' = -speed alpha_x x / (1 + slowdown), x = 1 while no movement runs (equation 2.5 of
         the report, with phase stopping). tau is the nominal duration; during a movement it is
         extended in proportion to the displacement of the goal: each metre adds the time that the
-        demonstration took for a metre of its way. A goal that moved by less than 3 mm did not
+        demonstration took for a metre of its path. A goal that moved by less than 3 mm did not
         move.
 
         Ports: `movement`, abstract Movement: with another number a motion starts anew (not in

@@ -7,6 +7,7 @@ from pydrake.common.value import Value
 from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector, SignedDistancePair
 from pydrake.systems.framework import Context, DiscreteValues, InputPort
 
+from pepper_drake.models.objects import SOLID
 from pepper_drake.systems.framework import LeafSystem
 
 
@@ -79,7 +80,7 @@ class TrueClearance(LeafSystem):
         pair = (nearest.id_A, nearest.id_B)
         link, obstacle = pair if nearest.id_A in self._robot else reversed(pair)
         inspector: SceneGraphInspector = query.inspector()
-        names = (_full_name(inspector, geometry) for geometry in (link, obstacle))
+        names = (_plain_name(inspector, geometry) for geometry in (link, obstacle))
         return nearest.distance, " - ".join(names)
 
     def _nearest(self, query: QueryObject, within: float) -> SignedDistancePair | None:
@@ -93,7 +94,10 @@ class TrueClearance(LeafSystem):
         return None
 
 
-def _full_name(inspector: SceneGraphInspector, geometry: GeometryId) -> str:
-    """Model, body and shape."""
-    body = inspector.GetName(inspector.GetFrameId(geometry))
-    return f"{body}::{inspector.GetName(geometry).rpartition('::')[2]}"
+def _plain_name(inspector: SceneGraphInspector, geometry: GeometryId) -> str:
+    """The body's name, and which shape of it where the shape has a name of its own."""
+    frame = inspector.GetFrameId(geometry)
+    body, shape = (
+        name.rpartition("::")[2] for name in (inspector.GetName(frame), inspector.GetName(geometry))
+    )
+    return body if shape in (body, SOLID) else f"{shape} of {body}"

@@ -65,8 +65,7 @@ def test_the_distance_to_the_obstacle_and_to_nothing_else(x, distance, obstacle_
     )
     least, names = rig.monitor.closest_pair(query)
     assert least == pytest.approx(distance, abs=1e-9)
-    link, _, obstacle = names.partition(" - ")
-    assert ("link" in link and "obstacle" in obstacle) == (distance < 0.3)
+    assert names == ("link - obstacle of world" if distance < 0.3 else "")
 
 
 def test_the_output_is_the_distance_at_the_last_tick():

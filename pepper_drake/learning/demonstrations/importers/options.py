@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from pepper_drake.errors import InputError
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 """Units of length and what each is in metres."""
@@ -72,6 +72,7 @@ class ImportOptions:
     clip_joints: bool = False
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
     def __post_init__(self) -> None:
         """Refuses what is no choice."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.short_repr import short_repr
+from pepper_drake.short_repr import short_repr, short_signature
 
 Array = npt.NDArray[np.float64]
 Lines = npt.NDArray[np.int64]
@@ -64,6 +64,7 @@ class Track:
     absolute: bool = True
 
     __repr__ = short_repr
+    __signature__ = short_signature
 
     @property
     def num_samples(self) -> int:

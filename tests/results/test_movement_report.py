@@ -5,8 +5,8 @@ import pytest
 
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.reporting.reach_figures import performance_title
-from pepper_drake.results.performance import ADAPTED, AS_SHOWN, BENT, measure_performance
+from pepper_drake.reporting.reach_figures import movement_title
+from pepper_drake.results.movement_report import ADAPTED, AS_SHOWN, BENT, measure_movement
 from tests.results.test_reach_log import make_log
 
 OFF = 0.03
@@ -34,26 +34,26 @@ def straight_log(origins, coupling=0.0):
     ],
 )
 def test_the_kind_of_a_performance_follows_from_what_was_performed(origins, coupling, kind):
-    performance = measure_performance(straight_log(origins, coupling))
-    assert performance.kind == kind
-    assert performance.largest_coupling == coupling
-    assert performance.coupled_seconds == pytest.approx(2.0 if coupling else 0.0)
+    movement = measure_movement(straight_log(origins, coupling))
+    assert movement.kind == kind
+    assert movement.largest_coupling == coupling
+    assert movement.coupled_seconds == pytest.approx(2.0 if coupling else 0.0)
 
 
 def test_deviation_is_the_distance_between_the_paths():
-    performance = measure_performance(straight_log([Origin.TAUGHT]))
-    assert performance.mean_deviation == pytest.approx(OFF)
-    assert performance.largest_deviation == pytest.approx(OFF)
-    assert "30 mm" in performance_title(performance)
+    movement = measure_movement(straight_log([Origin.TAUGHT]))
+    assert movement.mean_deviation == pytest.approx(OFF)
+    assert movement.largest_deviation == pytest.approx(OFF)
+    assert "30 mm" in movement_title(movement)
 
 
 def test_waiting_and_retreats_are_counted():
     origins = [Origin.TAUGHT, Origin.NONE, Origin.RETREAT, Origin.DETOUR, Origin.RETREAT]
-    performance = measure_performance(straight_log(origins))
-    assert (performance.detours, performance.retreats) == (1, 2)
-    assert performance.waited_seconds == pytest.approx(0.4)
-    assert performance.withdrawn_seconds == pytest.approx(0.8)
-    words = "\n".join(performance.lines())
+    movement = measure_movement(straight_log(origins))
+    assert (movement.detours, movement.retreats) == (1, 2)
+    assert movement.waited_seconds == pytest.approx(0.4)
+    assert movement.withdrawn_seconds == pytest.approx(0.8)
+    words = "\n".join(movement.lines())
     for said in (
         "1 detour,",
         "2 retreats",
@@ -62,9 +62,10 @@ def test_waiting_and_retreats_are_counted():
         "zero: no obstacle",
     ):
         assert said in words
+    assert "none: it was left out" in "\n".join(movement.lines(coupled=False))
 
 
 def test_an_arm_that_did_not_start_performed_nothing():
-    performance = measure_performance(make_log([ReachMode.LOOKING]))
-    assert performance.kind == ""
-    assert performance.lines() == []
+    movement = measure_movement(make_log([ReachMode.LOOKING]))
+    assert movement.kind == ""
+    assert movement.lines() == []

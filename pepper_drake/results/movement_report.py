@@ -1,4 +1,4 @@
-"""Performance of the taught movement: as shown, bent by the coupling, or adapted."""
+"""The taught movement as it was performed: as shown, bent by the coupling, or adapted."""
 
 from dataclasses import dataclass
 
@@ -18,8 +18,8 @@ _SILENT = 1e-3
 
 
 @dataclass
-class PerformanceReport:
-    """Performance of the taught movement. Distances in m, times in s."""
+class MovementReport:
+    """The taught movement as it was performed. Distances in m, times in s."""
 
     kind: str = ""
     """"as_shown", "bent" (by the coupling alone), "adapted" (to what was seen, before the start or
@@ -48,8 +48,12 @@ class PerformanceReport:
     withdrawn_seconds: float = 0.0
     """Time for which it withdrew, and waited there."""
 
-    def lines(self) -> list[str]:
-        """Returns lines for the terminal: which movement it was, and what the coupling did."""
+    def lines(self, *, coupled: bool = True) -> list[str]:
+        """Returns lines for the terminal: which movement it was, and what the coupling did.
+
+        Args:
+            coupled: Whether there was a coupling that could act.
+        """
         if not self.kind:
             return []
         kinds = {
@@ -67,7 +71,9 @@ class PerformanceReport:
                 f"  from taught path  {1000 * self.mean_deviation:6.1f} mm on average,"
                 f" {1000 * self.largest_deviation:.1f} mm at most"
             )
-        if self.coupled_seconds > 0.0:
+        if not coupled:
+            lines.append("  coupling          none: it was left out")
+        elif self.coupled_seconds > 0.0:
             lines.append(
                 f"  coupling          {self.largest_coupling:6.2f} m/s² at most,"
                 f" for {self.coupled_seconds:.1f} s"
@@ -108,11 +114,11 @@ def deviations(path: Vector, taught: Vector) -> Vector:
     return np.linalg.norm(path[:, None] - taught, axis=2).min(axis=1)
 
 
-def measure_performance(log: ReachLog) -> PerformanceReport:
+def measure_movement(log: ReachLog) -> MovementReport:
     """Returns how the movement of a log was performed; why it was adapted is not in the log."""
     moving = is_moving(log)
     if not moving.any():
-        return PerformanceReport()
+        return MovementReport()
     origin, reaching = log.movement_origin[moving], log.mode[moving] == ReachMode.REACHING
     step = float(np.median(np.diff(log.time_s)))
     strength = coupling_strength(log)[moving]
@@ -120,7 +126,7 @@ def measure_performance(log: ReachLog) -> PerformanceReport:
     off = deviations(log.hand_position_torso_m[moving], log.taught_path_torso_m)
     replaced = np.isin(origin, (Origin.ADAPTED, Origin.DETOUR)).any()
     bent = BENT if acts.any() else AS_SHOWN
-    return PerformanceReport(
+    return MovementReport(
         kind=ADAPTED if replaced else bent,
         mean_deviation=float(off.mean()),
         largest_deviation=float(off.max()),
