@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from pepper_drake.cli import EXIT_DONE, EXIT_FAILED, make_parser, quiet_libraries, run
+from pepper_drake.cli import EXIT_DONE, EXIT_FAILED, make_parser, parse, quiet_libraries, run
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.demonstrations.check import examine
@@ -33,7 +33,7 @@ REACHED = 0.01
 
 def main() -> int:
     """Runs the app and returns its exit code."""
-    arguments = parse()
+    arguments = parse_arguments()
     steps = read_steps(arguments.movements, relative=arguments.relative)
     for number, share, *point in arguments.via:
         k = index_of(number, steps, "--via")
@@ -81,7 +81,7 @@ def main() -> int:
     return EXIT_FAILED if report["outcome"] == "failed" else EXIT_DONE
 
 
-def parse() -> argparse.Namespace:
+def parse_arguments() -> argparse.Namespace:
     """Reads the command line."""
     parser = make_parser("chain", __doc__)
     add = parser.add_argument
@@ -116,7 +116,7 @@ def parse() -> argparse.Namespace:
     )
     add("--perform", action="store_true", help="perform it by the simulated arm, without cameras")
     add("--arm", choices=("left", "right"), default="right", help="default: %(default)s")
-    return parser.parse_args()
+    return parse(parser)
 
 
 def read_steps(words: Sequence[str], *, relative: bool) -> list[Step]:

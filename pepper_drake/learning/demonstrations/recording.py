@@ -7,7 +7,7 @@ there, it is what was recorded last.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
@@ -17,9 +17,10 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError
+from pepper_drake.errors import InputError, StoppedError
 from pepper_drake.files import path_inside, read_bytes
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.demonstrations.refusals import refuse_rest
 from pepper_drake.learning.demonstrations.text_files import format_table, parse_table
 
 Array = npt.NDArray[np.float64]
@@ -133,6 +134,33 @@ class RecordingWriter:
         """
         demonstration.save(self._folder)
         self._path.unlink(missing_ok=True)
+
+    def finish_motion(
+        self, record: Callable[[], Demonstration]
+    ) -> tuple[Demonstration, Demonstration]:
+        """Writes what was recorded, without the rest at both ends; nothing where none moved.
+
+        Args:
+            record: Makes a demonstration of all samples.
+
+        Returns:
+            All that was recorded, and the motion that was written.
+
+        Raises:
+            StoppedError: The hand has not moved.
+            InputError: A file cannot be written to.
+        """
+        try:
+            recorded = record()
+            refuse_rest(recorded.positions, recorded.rotations, str)
+        except InputError:
+            self.discard()
+            raise StoppedError(
+                "the recording ended before it held a motion; nothing was kept"
+            ) from None
+        motion = without_rest(recorded)
+        self.finish(motion)
+        return recorded, motion
 
     def discard(self) -> None:
         """Removes the partial file: there is nothing worth keeping."""

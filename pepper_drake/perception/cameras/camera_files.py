@@ -22,7 +22,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text
+from pepper_drake.files import LARGEST_NUMBER, read_text
 from pepper_drake.perception.cameras.camera import (
     CAMERA_BOTTOM,
     CAMERA_DEPTH,
@@ -455,6 +455,8 @@ def load_stereo(path: str | Path, *, unit: float = 1.0) -> StereoCalibration:
         if values is None or (count and values.size != count):
             wanted = f"{count} numbers" if count else "a list of numbers"
             raise InputError(f"{where}: {name} must be there as {wanted}.")
+        if not np.all(np.abs(values) <= LARGEST_NUMBER):
+            raise InputError(f"{where}: {name} holds what is no finite number, or too large a one.")
         return values
 
     cameras = []
