@@ -70,6 +70,9 @@ RESULTS = (
 )
 """The files that a run leaves."""
 
+OWN_RESULTS = ("report.json", "image.png", "cloud.npz", "cloud.html")
+"""The files that a look at the user's own data leaves."""
+
 SIMULATED_ONLY: dict[str, object] = {
     "image": None,
     "depth": None,
@@ -279,12 +282,11 @@ def _perceive_own(options: Namespace) -> int:
                 options.size,
                 dictionary=options.dictionary,
             )
-    folder: Path = options.output
-    folder.mkdir(parents=True, exist_ok=True)
-    report, words = read(folder=folder)
+    with whole_results(options.output, OWN_RESULTS) as folder:
+        report, words = read(folder=folder)
     if not options.quiet:
         print(words)
-        print(f"Results are in {folder}")
+        print(f"Results are in {options.output}")
     found = report["markers"] if options.image else report["points"]
     return cli.EXIT_DONE if found else cli.EXIT_FAILED
 

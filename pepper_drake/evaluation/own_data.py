@@ -57,7 +57,10 @@ def report_photo(
             f"--size {size:g} must be the side of the marker's black square in metres."
         )
     image = read_image(path)
-    sightings = find_in_photo(image, intrinsics, marker_id, size, dictionary=dictionary)
+    try:
+        sightings = find_in_photo(image, intrinsics, marker_id, size, dictionary=dictionary)
+    except InputError as error:
+        raise InputError(f"{path}: {str(error).removeprefix('image: ')}") from None
     report: dict[str, Any] = {
         "image": str(path),
         "marker": marker_id,

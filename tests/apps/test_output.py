@@ -11,7 +11,7 @@ ARGUMENTS = {
     "optimize": ["nothing"],
     "play": ["nothing"],
 }
-"""What must be said; the files are not there, which is found later."""
+"""Arguments that an app cannot do without; the files are not there, which is found later."""
 NAMES = sorted({path.stem for path in APPS.glob("*.py")} - {"preflight"})  # It writes nothing.
 
 

@@ -42,3 +42,15 @@ def test_a_tiff_that_claims_billions_of_pixels_is_refused_before_it_is_unpacked(
     path.write_bytes(content)
     with pytest.raises(InputError, match="more than 67108864 pixels"):
         read_image(path)
+
+
+def test_a_damaged_photo_says_nothing_on_the_terminal(tmp_path, capfd):
+    path = tmp_path / "photo.jpg"
+    cv2.imwrite(str(path), np.arange(768, dtype=np.uint8).reshape(24, 32))
+    content = path.read_bytes()
+    scan = content.index(b"\xff\xda")
+    path.write_bytes(content[:scan] + b"12345678" + content[scan:])
+    cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert "extraneous" in capfd.readouterr().err
+    assert read_image(path).shape == (24, 32)
+    assert capfd.readouterr().err == ""
