@@ -112,7 +112,7 @@ def read_all_tracks(path: Path) -> list[Track]:
     tracks = read_tracks(path)
     pose_path = path.with_name(path.stem + POSE_SUFFIX)
     if path.suffix == ".txt" and len(tracks) == 1 and pose_path.exists():
-        pose = _read_pose_file(pose_path)
+        pose = _read_pose_file(path_inside(path.parent, pose_path.name))
         times = tracks[0].times
         if times is not None and pose.times is not None and tracks[0].rotations is None:
             _check_times(pose.times, times, pose_path, path)
