@@ -45,6 +45,7 @@ from pepper_drake.hardware.perceive_run import look_with_robot
 from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
 from pepper_drake.perception.cameras.camera_files import load_intrinsics
+from pepper_drake.perception.cameras.image_files import write_image
 from pepper_drake.perception.goal.marker import MARKER_DICTIONARY
 from pepper_drake.reporting.perception_figures import (
     draw_clouds,
@@ -239,7 +240,7 @@ def _perceive_with_robot(options: Namespace) -> int:
         np.save(folder / "cloud.npy", view.cloud)
         for name, pixels in view.images.items():
             bgr = pixels[..., ::-1] if pixels.ndim == 3 else pixels
-            cv2.imwrite(str(folder / f"{name}.png"), np.ascontiguousarray(bgr))
+            write_image(folder / f"{name}.png", bgr)
     if not options.quiet:
         if report["goal_position"]:
             x, y, z = report["goal_position"]

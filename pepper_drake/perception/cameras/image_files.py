@@ -59,6 +59,19 @@ def read_image(path: str | Path) -> npt.NDArray[Any]:
     return np.asarray(image)
 
 
+def write_image(path: Path, image: npt.NDArray[Any]) -> None:
+    """Writes an image, colours in the order BGR; OpenCV's own writer is silent where it cannot.
+
+    Args:
+        path: The file, whose suffix says the format.
+        image: (height, width[, channels]), 8 or 16 bits.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    path.write_bytes(cv2.imencode(path.suffix, np.ascontiguousarray(image))[1].tobytes())
+
+
 def _decode(content: npt.NDArray[np.uint8], how: int) -> npt.NDArray[Any] | None:
     """The image that a file's bytes hold, None if there is none.
 

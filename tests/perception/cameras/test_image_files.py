@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pepper_drake.errors import InputError
-from pepper_drake.perception.cameras.image_files import read_image
+from pepper_drake.perception.cameras.image_files import read_image, write_image
 
 
 @pytest.mark.parametrize(
@@ -54,3 +54,12 @@ def test_a_damaged_photo_says_nothing_on_the_terminal(tmp_path, capfd):
     assert "extraneous" in capfd.readouterr().err
     assert read_image(path).shape == (24, 32)
     assert capfd.readouterr().err == ""
+
+
+def test_an_image_that_cannot_be_written_is_an_error_and_no_silence(tmp_path):
+    image = np.arange(24, dtype=np.uint8).reshape(4, 6)
+    write_image(tmp_path / "photo.png", image)
+    np.testing.assert_array_equal(read_image(tmp_path / "photo.png"), image)
+    (tmp_path / "full.png").symlink_to("/dev/full")
+    with pytest.raises(OSError, match="space"):
+        write_image(tmp_path / "full.png", image)
