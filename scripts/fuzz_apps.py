@@ -29,7 +29,7 @@ from pepper_drake import cli
 from pepper_drake.__main__ import load_app
 
 _LONGEST, _PATIENCE = 20.0, 120.0
-"""How long an app may work, and how long it may then take to end [s]."""
+"""Longest times that an app may work, and may then take to end [s]."""
 
 _DEMONSTRATION = str(ROOT / "pepper_drake/models/demonstrations/reach")
 
