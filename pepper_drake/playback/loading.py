@@ -82,11 +82,11 @@ def load_motion(path: str | Path) -> Motion:
 
 
 def _load_run(folder: Path) -> Motion:
+    report = _load_report(path_inside(folder, REPORT))
     log = ReachLog.load(path_inside(folder, LOG))
     if not (folder / SCENE).exists():
         raise InputError(f"{folder}: the run lacks {SCENE}; record the run again")
     scene = load_scene(path_inside(folder, SCENE))
-    report = _load_report(path_inside(folder, REPORT))
     positions = {
         **dict(zip(BODY_JOINTS, log.joint_position_rad.T, strict=True)),
         **dict(zip(JOINT_GROUPS["base"], log.base_pose_m_m_rad.T, strict=True)),
