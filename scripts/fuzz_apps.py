@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import cv2
+import numpy as np
 from app_process import ROOT
 from fuzz import corrupt
 from fuzz_formats import formats
@@ -50,6 +51,14 @@ class Door(NamedTuple):
     output: str = ""
     place: str = ""
 
+
+_CAMERA_OF_IMAGES = """\
+image_width: 32
+image_height: 24
+camera_matrix: {rows: 3, cols: 3, data: [30.0, 0.0, 15.5, 0.0, 30.0, 11.5, 0.0, 0.0, 1.0]}
+distortion_coefficients: []
+"""
+"""The camera of the images in `fuzz_formats_perception.py`; its cameras are of 640x480 pixels."""
 
 _SCENE = Door("reach", "--scene {0} --no-recording --set station.cameras=false")
 _PLAY = Door("play", "{1} --html page.html")
@@ -132,12 +141,16 @@ def try_app(name: str, number: int, seed: int, folder: Path) -> str:
     data.mkdir()
     path = known[name].make(data)
     corrupt(path, random.Random(f"{seed} {name} {number}"))
-    good = {key: str(known[kind].make(folder)) for key, kind in _GOOD.items()}
+    camera, depth = folder / "small.yaml", folder / "large.npy"
+    camera.write_text(_CAMERA_OF_IMAGES)
+    np.save(depth, np.ones((480, 640), np.float32))
     output = Path(door.output.format(path, *path.parents)) if door.output else results
     if door.place:
         (output / door.place).parent.mkdir(parents=True)
         path = path.rename(output / door.place)
-    words = [word.format(path, *path.parents, **good) for word in door.words.split()]
+    words = [
+        word.format(path, *path.parents, camera=camera, depth=depth) for word in door.words.split()
+    ]
     process, errors = start(door.app, output, tuple(words))
     code = wait(process, _LONGEST)
     if code is None:
@@ -156,9 +169,6 @@ def try_app(name: str, number: int, seed: int, folder: Path) -> str:
     if code != cli.EXIT_BAD_INPUT:
         return f"worked, {code}"
     return "refused" if any(file in told for file in names) else f"no file's name: {told}"
-
-
-_GOOD = {"camera": "camera_info", "depth": "depth_npy"}
 
 
 def _try_format(name: str, count: int, seed: int) -> None:
