@@ -95,7 +95,7 @@ DOORS: dict[str, Door] = {
     "tasks": Door("reach", "--tasks {0} --no-recording --set station.cameras=false"),
     "scenario": Door("reach", "--scenario {0} --no-recording"),
     "method_result": Door(
-        "benchmark", "--methods d --scenes 1 --seed 1", "{1}/run", "results/table_1/d.json"
+        "benchmark", "--methods d --scenes 1 --seed 1", "{1}/run", "results/random_1/d.json"
     ),
     "baseline": Door("benchmark", "--gate --baseline {0}"),
     "faults": Door("faults", "--scenes free --signals depth --starts 0", "{1}"),

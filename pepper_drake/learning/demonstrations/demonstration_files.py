@@ -35,7 +35,6 @@ from pepper_drake.learning.demonstrations.interpretation import (
     interpret_joints,
 )
 from pepper_drake.learning.demonstrations.recording import PARTIAL, read_partial
-from pepper_drake.learning.demonstrations.refusals import refuse_impossible
 from pepper_drake.learning.demonstrations.text_files import (
     format_table,
     parse_table,
@@ -67,7 +66,6 @@ def read_demonstration(path: Path, options: ImportOptions | None = None) -> Demo
     if path.is_dir():
         partial = read_partial(path)
         if partial is not None:
-            refuse_impossible(partial)
             return partial
     tracks = read_all_tracks(path)
     return interpret(_choose(tracks, said, path), said)
