@@ -277,7 +277,7 @@ def joints_beyond(folder: Path) -> Iterator[str]:
 def write_long(app: str, path: Path) -> None:
     """Writes a movement that takes as long as may be, for an app that ends with its movement."""
     if app == "reproduce":
-        primitive = MovementPrimitive.fit(Demonstration.load(_DEMONSTRATION))
+        primitive = MovementPrimitive.fit(Demonstration.load(_DEMONSTRATION), num_basis=20)
         primitive.save(path)
         text = path.read_text()
         slow = re.sub("^duration: .*$", f"duration: {LONGEST:g}", text, flags=re.MULTILINE)
