@@ -24,6 +24,7 @@ from pepper_drake.cli import (
     EXIT_DONE,
     EXIT_FAILED,
     make_parser,
+    parse,
     quiet_libraries,
     run,
     shows_progress,
@@ -40,7 +41,7 @@ REACHED = 0.01
 
 def main() -> int:
     """Runs the app and returns its exit code."""
-    arguments = parse()
+    arguments = parse_arguments()
     steps = read_steps(arguments.movements, relative=arguments.relative)
     for number, share, *point in arguments.via:
         k = index_of(number, steps, "--via")
@@ -88,7 +89,7 @@ def main() -> int:
     return EXIT_FAILED if report["outcome"] == "failed" else EXIT_DONE
 
 
-def parse() -> argparse.Namespace:
+def parse_arguments() -> argparse.Namespace:
     """Reads the command line."""
     parser = make_parser("chain", __doc__)
     add = parser.add_argument
@@ -123,7 +124,7 @@ def parse() -> argparse.Namespace:
     )
     add("--perform", action="store_true", help="perform it by the simulated arm, without cameras")
     add("--arm", choices=("left", "right"), default="right", help="default: %(default)s")
-    return parser.parse_args()
+    return parse(parser)
 
 
 def read_steps(words: Sequence[str], *, relative: bool) -> list[Step]:

@@ -16,7 +16,7 @@ import json
 import re
 from pathlib import Path
 
-from pepper_drake.cli import EXIT_DONE, make_parser, run
+from pepper_drake.cli import EXIT_DONE, make_parser, parse, run
 from pepper_drake.cli_demonstration import add_import_options, import_options
 from pepper_drake.learning.demonstrations.check import examine
 from pepper_drake.learning.demonstrations.demonstration_files import (
@@ -36,7 +36,7 @@ def main() -> int:
     parser = make_parser("import", __doc__)
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="what was recorded")
     add_import_options(parser)
-    arguments = parser.parse_args()
+    arguments = parse(parser)
     options = import_options(arguments)
     motions = [motion for file in arguments.files for motion in read_demonstrations(file, options)]
     taken: set[str] = set()

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pepper_drake.cli import EXIT_DONE, make_parser, run
+from pepper_drake.cli import EXIT_DONE, make_parser, parse, run
 from pepper_drake.cli_demonstration import add_import_options, import_options
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import distances
@@ -107,7 +107,7 @@ def parse_arguments() -> argparse.Namespace:
         " passes a point [m] after a share of its time",
     )
     add_import_options(parser)
-    return parser.parse_args()
+    return parse(parser)
 
 
 def prepare(demonstration: Demonstration, arguments: argparse.Namespace) -> Demonstration:

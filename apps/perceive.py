@@ -44,6 +44,7 @@ from pepper_drake.hardware.perceive_run import look_with_robot
 from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
 from pepper_drake.perception.cameras.camera_files import load_intrinsics
+from pepper_drake.perception.cameras.image_files import write_image
 from pepper_drake.perception.goal.marker import MARKER_DICTIONARY
 from pepper_drake.reporting.perception_figures import (
     draw_clouds,
@@ -68,6 +69,9 @@ RESULTS = (
     "camera_depth.png",
 )
 """The files that a run leaves."""
+
+OWN_RESULTS = ("report.json", "image.png", "cloud.npz", "cloud.html")
+"""The files that a look at the user's own data leaves."""
 
 SIMULATED_ONLY: dict[str, object] = {
     "image": None,
@@ -235,7 +239,7 @@ def _perceive_with_robot(options: Namespace) -> int:
         np.save(folder / "cloud.npy", view.cloud)
         for name, pixels in view.images.items():
             bgr = pixels[..., ::-1] if pixels.ndim == 3 else pixels
-            cv2.imwrite(str(folder / f"{name}.png"), np.ascontiguousarray(bgr))
+            write_image(folder / f"{name}.png", bgr)
     if not options.quiet:
         if report["goal_position"]:
             x, y, z = report["goal_position"]
@@ -278,12 +282,11 @@ def _perceive_own(options: Namespace) -> int:
                 options.size,
                 dictionary=options.dictionary,
             )
-    folder: Path = options.output
-    folder.mkdir(parents=True, exist_ok=True)
-    report, words = read(folder=folder)
+    with whole_results(options.output, OWN_RESULTS) as folder:
+        report, words = read(folder=folder)
     if not options.quiet:
         print(words)
-        print(f"Results are in {folder}")
+        print(f"Results are in {options.output}")
     found = report["markers"] if options.image else report["points"]
     return cli.EXIT_DONE if found else cli.EXIT_FAILED
 

@@ -9,13 +9,12 @@ Each line names a check, what was found, and how to fix it. --measure turns the 
 1: not ready.
 """
 
-import asyncio
-
 from pepper_drake import cli
 from pepper_drake.hardware.motion_law import law_checks, measure_motion_law
 from pepper_drake.hardware.options import add_link_options, robot_access
 from pepper_drake.hardware.preflight import Check, PreflightOptions, preflight
 from pepper_drake.hardware.transport import RobotAccess, make_transport
+from pepper_drake.signals import run_async
 
 
 async def check(
@@ -48,7 +47,7 @@ def main() -> int:
     options = parser.parse_args()
     access = robot_access(options)
     wanted = PreflightOptions(True, options.disable_life)
-    checks = asyncio.run(check(access, options.arm, wanted, measure=options.measure))
+    checks = run_async(check(access, options.arm, wanted, measure=options.measure))
     if not options.quiet:
         print("\n".join(map(str, checks)))
     ready = not any(check.fault for check in checks)

@@ -9,7 +9,8 @@
 Writes a folder with translation.txt, rotation.txt and joints.csv (the demonstration), report.json
 and recording.html (a stand-alone page that shows the motion). What is recorded is on the disk
 within a second. Ctrl-C ends the recording and keeps it; after a crash the folder can be used as it
-is, and --recover makes it a finished demonstration.
+is, and --recover makes it a finished demonstration. Exit code 0: recorded; 1: the hand did not
+follow the script; 130: ended before the hand moved, nothing is kept.
 
   record.py --guide reach                     the script that ships
   record.py --guide my_guide.yaml --arm left  a script of your own, mirrored for the left arm

@@ -35,6 +35,7 @@ from pepper_drake.robot_server.wire.connection import Credentials
 from pepper_drake.robot_server.wire.server import LOOPBACK, PORT, QiServer
 from pepper_drake.robot_server.wire.tls import server_context
 from pepper_drake.scenario import Scenario, save_scenario
+from pepper_drake.signals import run_async
 
 
 def make_parser() -> ArgumentParser:
@@ -194,7 +195,7 @@ def main() -> int:
         robot.wait_until_ready()
         with contextlib.suppress(KeyboardInterrupt):
             ports = options.port, options.extras_port
-            asyncio.run(serve(robot, make_server, ports, say, options.output / "robot", shown))
+            run_async(serve(robot, make_server, ports, say, options.output / "robot", shown))
     return cli.EXIT_DONE
 
 

@@ -15,7 +15,7 @@ from typing import NoReturn
 
 from threadpoolctl import threadpool_limits
 
-from pepper_drake.errors import InputError, PepperDrakeError, one_line
+from pepper_drake.errors import InputError, PepperDrakeError, StoppedError, one_line
 from pepper_drake.files import MOST_DIGITS
 from pepper_drake.results.folder import check_writable
 
@@ -141,6 +141,9 @@ def run(main: Callable[[], int]) -> None:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         code = EXIT_BAD_INPUT
+    except StoppedError as error:
+        print(f"interrupted: {error}", file=sys.stderr)
+        code = EXIT_INTERRUPTED
     except PepperDrakeError as error:
         print(f"error: {error}", file=sys.stderr)
         code = EXIT_FAILED

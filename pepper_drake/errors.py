@@ -17,6 +17,10 @@ class InputError(PepperDrakeError):
     """Bad input: a file, a field or an option. Apps print its one sentence and exit with 2."""
 
 
+class StoppedError(PepperDrakeError):
+    """The user ended it before there was anything to keep. Apps print that and exit with 130."""
+
+
 def one_line(text: str) -> str:
     """Returns a text as one line of at most 1000 characters.
 

@@ -1,11 +1,15 @@
 """Signals to a program, and the end of the one that started it."""
 
+import asyncio
 import contextlib
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Coroutine, Iterator
 from multiprocessing.process import parent_process
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
 
 
 @contextlib.contextmanager
@@ -16,6 +20,46 @@ def undisturbed() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def run_async(work: Coroutine[Any, Any, Result]) -> Result:
+    """Runs a coroutine as `asyncio.run` does; Ctrl-C and SIGTERM cancel it.
+
+    What a handler raises inside of asyncio's own code leaves its loop half made, and many lines on
+    the terminal. A coroutine may handle the signals in its own way.
+
+    Raises:
+        KeyboardInterrupt: A signal came, and the coroutine has been cancelled.
+    """
+    numbers, task, came = (signal.SIGINT, signal.SIGTERM), None, False
+
+    async def whole() -> Result:
+        nonlocal task
+        task = asyncio.current_task()
+        return await work
+
+    def cancel() -> None:
+        nonlocal came
+        came = True
+        if task is not None:
+            task.cancel()
+
+    with undisturbed():
+        before = {number: signal.getsignal(number) for number in numbers}
+        runner = asyncio.Runner()
+        for number in numbers:
+            runner.get_loop().add_signal_handler(number, cancel)
+    try:
+        return runner.run(whole())
+    except asyncio.CancelledError:
+        if came:
+            raise KeyboardInterrupt from None
+        raise
+    finally:
+        with undisturbed():
+            runner.close()
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 def end_with_parent() -> None:

@@ -276,12 +276,13 @@ def _taught_formats() -> dict[str, Format]:
         return folder / "joints.yaml"
 
     def partial(folder: Path) -> Path:
-        rows = [
-            ",".join(map(str, (0.02 * k, 0.1 + 0.01 * k, -0.1, 0.2, 1, 0, 0, 0, *[0.1] * 5)))
-            for k in range(12)
-        ]
+        motion = Demonstration.load(shipped)
+        assert motion.rotations is not None
+        assert motion.joints is not None
+        table = np.column_stack((motion.times, motion.positions, motion.rotations, motion.joints))
+        rows = [",".join(f"{value:.5g}" for value in row) for row in table[100:148:4]]
         header = ",".join((*_POSE, *arm_chain("right").joint_names))
-        (folder / PARTIAL).write_text("\n".join([header, *rows, "0.24,0.3"]))
+        (folder / PARTIAL).write_text("\n".join([header, *rows, "9,0.3"]))
         return folder / PARTIAL
 
     def pose(folder: Path) -> Path:

@@ -3,15 +3,18 @@
   hostile.py teach                     100,000 messages to the teaching page
   hostile.py reach --count 20000       to the page of reach.py --live
   hostile.py play                      to the window that play.py leaves open
+  hostile.py record                    to the page of a recording of ten minutes
 
 Random bytes, messages of the pages with numbers and names that make no sense, damaged ones, long
 ones, and requests that are no HTTP or never end. Websites and tokens of others must be refused. The
-app must go on serving the page meanwhile, keep its memory, and end in order; whatever it recorded
-of the arm must be within the joints' limits. Exit code 1 if not.
+app must go on serving the page meanwhile, keep its memory (or let it grow as it does without a
+message, while it records), and end in order; whatever it recorded of the arm must be within the
+joints' limits. Exit code 1 if not.
 """
 
 import argparse
 import asyncio
+import itertools
 import random
 import re
 import resource
@@ -32,17 +35,28 @@ from app_process import family, running, start_app
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 from tornado.websocket import WebSocketClosedError, websocket_connect
 
-from pepper_drake.learning import Demonstration
+from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.demonstrations.arm_chain import joint_limits
+from pepper_drake.models.guide import ViaPoint, load_guide
+from pepper_drake.models.motion import LONGEST
+from pepper_drake.models.typed_yaml import save_yaml
+from pepper_drake.playback.loading import load_motion
+
+_DEMONSTRATION = "pepper_drake/models/demonstrations/reach"
+_LONG = "long.yaml"
 
 RUNS = {
     "teach": ("--no-cameras",),
     "reach": ("--live",),
-    "play": ("pepper_drake/models/demonstrations/reach", "--zmq-url"),
-    "record": ("--live",),
+    "play": (_DEMONSTRATION, "--zmq-url"),
+    "record": ("--live", "--guide", _LONG),
     "perceive": ("--live",),
-    "reproduce": ("--live",),
+    "reproduce": ("--live", "--primitive", _LONG),
 }
+"""Options of the apps. A long movement is made for those that end when their movement is over."""
+_CALM = {"record": 30.0, "reproduce": 30.0}
+"""Apps that record as long as they show anything, and for how long they are first watched without
+an attack [s]: by what their memory grows then, it may grow afterwards."""
 _DONE = {"reach": "Press Ctrl-C"}
 """Words that an app prints when its work is done. Until then it records, and its memory grows by
 that; it is attacked all the same, but the messages and the memory are counted from then on."""
@@ -96,11 +110,20 @@ class Attack:
     """Messages sent, and their reception."""
 
     def __init__(
-        self, url: str, count: int, seed: int, process: int, is_done: Callable[[], bool]
+        self,
+        url: str,
+        count: int,
+        seed: int,
+        process: int,
+        is_done: Callable[[], bool],
+        calm: float,
     ) -> None:
         self._url, self._count, self._process = url, count, process
         self._is_done, self._counts = is_done, False
+        self._calm = calm
         self.memory: list[float] = []
+        self._times: list[float] = []
+        self.growth = 0.0
         self._dice, self._names = random.Random(seed), ["Stop (Space)"]
         self.before = self.sent = self.closed = 0
 
@@ -126,10 +149,31 @@ class Attack:
             self._counts = self._is_done()
         while self._goes_on():
             if self.sent >= (len(self.memory) + 1) * self._count // 10:
-                self.memory.append(memory(self._process))
+                self._note()
                 print(f"{self.sent} messages, {self.memory[-1]:.0f} MiB", flush=True)
             await asyncio.sleep(0.2)
+        self._note()
+
+    def _note(self) -> None:
         self.memory.append(memory(self._process))
+        self._times.append(time.monotonic())
+
+    async def look_on(self) -> None:
+        """Looks on without a message, and notes how the memory grows [MiB/s] in the second half."""
+        page = await self.connect()
+        reading = asyncio.ensure_future(self._listen(page))
+        await asyncio.sleep(0.5 * self._calm)
+        before, began = memory(self._process), time.monotonic()
+        await asyncio.sleep(0.5 * self._calm)
+        self.growth = max(0.0, memory(self._process) - before) / (time.monotonic() - began)
+        page.close()
+        await reading
+
+    def _grew(self) -> bool:
+        """Tells whether the memory grew in the second half of the messages, but for a recording."""
+        middle = len(self.memory) // 2 - 1
+        recorded = self.growth * (self._times[-1] - self._times[middle])
+        return self.memory[-1] > (1.0 + _MORE) * self.memory[middle] + recorded
 
     async def send(self) -> None:
         """Sends messages until all are sent, over one connection after the other."""
@@ -183,11 +227,13 @@ class Attack:
             answer = await fetch(self._url, headers=headers, raise_error=False)
             if answer.code != 403:
                 wrong.append(f"{headers} is answered with {answer.code}")
+        if self._calm:
+            await self.look_on()
         workers = [self.send() for _ in range(_CONNECTIONS)]
         await asyncio.gather(*workers, *(self.dawdle() for _ in range(8)), self.watch())
         if not running(self._process):
             return [*wrong, "the app ended"]
-        if self.memory[-1] > (1.0 + _MORE) * self.memory[len(self.memory) // 2 - 1]:
+        if self._grew():
             wrong.append("the memory grew")
         answer = await fetch(self._url, raise_error=False, request_timeout=60.0)
         if answer.code != 200:
@@ -219,15 +265,34 @@ def server_of(url: str) -> int:
 
 
 def joints_beyond(folder: Path) -> Iterator[str]:
-    """Yields which joints in demonstrations below a folder are beyond their limits."""
+    """Yields which joints in demonstrations and runs below a folder are beyond their limits."""
     limits = joint_limits()
-    for file in folder.rglob("joints.csv"):
-        motion = Demonstration.load(file.parent)
-        joints = np.asarray(motion.joints)
-        for name, column in zip(motion.joint_names, joints.T, strict=True):
-            lower, upper = limits[name]
+    for file in (*folder.rglob("joints.csv"), *folder.rglob("log.npz")):
+        for name, column in load_motion(file.parent).positions.items():
+            lower, upper = limits.get(name, (-np.inf, np.inf))
             if column.min() < lower - _BEYOND_LIMITS or column.max() > upper + _BEYOND_LIMITS:
                 yield f"{file}: {name} goes from {column.min():.3f} to {column.max():.3f} rad"
+
+
+def write_long(app: str, path: Path) -> None:
+    """Writes a movement that takes as long as may be, for an app that ends with its movement."""
+    if app == "reproduce":
+        primitive = MovementPrimitive.fit(Demonstration.load(_DEMONSTRATION), num_basis=20)
+        primitive.save(path)
+        text = path.read_text()
+        slow = re.sub("^duration: .*$", f"duration: {LONGEST:g}", text, flags=re.MULTILINE)
+        path.write_text(slow)
+    else:  # There and back, again and again.
+        guide = load_guide("reach")
+        there = guide.via_points
+        ways = itertools.cycle((there, there[::-1]))
+        poses = itertools.chain.from_iterable(ways)
+        times = np.arange(1.0, LONGEST)
+        guide.via_points = [
+            ViaPoint(float(time), pose.position, pose.rpy)
+            for time, pose in zip(times, poses, strict=False)
+        ]
+        save_yaml(guide, path)
 
 
 def start(
@@ -267,6 +332,9 @@ def main() -> int:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         arguments = RUNS[options.app]
+        if _LONG in arguments:
+            write_long(options.app, Path(folder) / _LONG)
+            arguments = tuple(folder + "/" + word if word == _LONG else word for word in arguments)
         if options.app == "play":
             with socket.create_server(("127.0.0.1", 0)) as free:
                 arguments += (f"tcp://127.0.0.1:{free.getsockname()[1]}",)
@@ -278,7 +346,12 @@ def main() -> int:
         began = time.monotonic()
         done = _DONE.get(options.app, "")
         attack = Attack(
-            url, options.count, options.seed, attacked, lambda: done in output.read_text()
+            url,
+            options.count,
+            options.seed,
+            attacked,
+            lambda: done in output.read_text(),
+            _CALM.get(options.app, 0.0),
         )
         try:
             wrong = asyncio.run(attack.run())
@@ -295,7 +368,8 @@ def main() -> int:
         f"{options.app}: {attack.before} and {attack.sent} messages in "
         f"{time.monotonic() - began:.0f} s, "
         f"{attack.closed} connections closed, exit code {process.returncode}, "
-        f"{' '.join(f'{size:.0f}' for size in attack.memory)} MiB; "
+        f"{' '.join(f'{size:.0f}' for size in attack.memory)} MiB"
+        f"{f', {attack.growth:.2f} MiB/s without a message' if attack.growth else ''}; "
         f"{'; '.join(wrong) or 'the page was served throughout'}"
     )
     return 1 if wrong else 0

@@ -12,19 +12,23 @@ finding.
 """
 
 import argparse
+import contextlib
 import json
 import multiprocessing
 import os
 import random
+import re
 import signal
+import subprocess
 import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
-from app_process import family, running
+from app_process import family, running, start_app
 
 from pepper_drake import cli
 from pepper_drake.__main__ import load_app
@@ -53,8 +57,10 @@ APPS: dict[str, tuple[str, ...]] = {
     "calibrate": ("--postures", "8"),
     "teach": ("--no-cameras",),
     "serve_naoqi": ("--port", "0"),
+    "preflight": ("--measure", "--disable-life", "--robot"),
 }
-"""Options with which an app is quick; those of pages end only by the signal."""
+"""Options with which an app is quick; those of pages end only by the signal. `--robot` at their end
+takes the address of a robot that is served meanwhile."""
 
 _ENDLESS = {"teach": 20.0, "serve_naoqi": 20.0}
 """Apps that go on until they are ended, and how long they are let [s]."""
@@ -180,9 +186,22 @@ def command_line(process: int) -> str:
         return f"process {process}, which has ended meanwhile"
 
 
-def try_app(app: str, moments: int, dice: random.Random, folder: Path) -> int:
+@contextlib.contextmanager
+def served_robot(folder: Path) -> Iterator[str]:
+    """Serves a simulated robot, and gives its address."""
+    process = start_app("serve_naoqi", folder, "--port", "0", stdout=subprocess.PIPE, stderr=None)
+    try:
+        assert process.stdout is not None
+        yield re.findall(r"served at ([^ ,]+)", process.stdout.readline())[0]
+    finally:
+        process.terminate()
+        process.wait(_PATIENCE)
+
+
+def try_app(
+    app: str, options: tuple[str, ...], moments: int, dice: random.Random, folder: Path
+) -> int:
     """Ends an app at random moments; returns the number of findings."""
-    options = APPS[app]
     load_app(app)
     began = time.monotonic()
     code, left, lines = whole_run(app, folder, options)
@@ -212,8 +231,12 @@ def try_app(app: str, moments: int, dice: random.Random, folder: Path) -> int:
 def _try_apart(app: str, moments: int, seed: int) -> None:
     """Ends an app at random moments in a process that has imported no other; exits with 1."""
     with tempfile.TemporaryDirectory() as folder:
-        results = Path(folder) / "results"
-        findings = try_app(app, moments, random.Random(f"{seed} {app}"), results)
+        results, dice = Path(folder) / "results", random.Random(f"{seed} {app}")
+        if APPS[app][-1:] == ("--robot",):
+            with served_robot(Path(folder) / "robot") as address:
+                findings = try_app(app, (*APPS[app], address), moments, dice, results)
+        else:
+            findings = try_app(app, APPS[app], moments, dice, results)
     sys.exit(1 if findings else 0)
 
 

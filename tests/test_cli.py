@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pepper_drake import cli
-from pepper_drake.errors import InputError, PepperDrakeError
+from pepper_drake.errors import InputError, PepperDrakeError, StoppedError
 
 
 @pytest.mark.parametrize("argument", ["-1", "x", "1.5", ""])
@@ -38,6 +38,7 @@ def test_every_app_has_an_output_folder_a_seed_and_quiet():
     [
         (InputError("mend this"), cli.EXIT_BAD_INPUT, "error: mend this\n"),
         (PepperDrakeError("it broke"), cli.EXIT_FAILED, "error: it broke\n"),
+        (StoppedError("nothing was kept"), 130, "interrupted: nothing was kept\n"),
         (KeyboardInterrupt(), 130, "interrupted\n"),
     ],
 )

@@ -2,11 +2,15 @@
 
 import os
 import random
+import shutil
 
 import fuzz
 import pytest
 
 from pepper_drake.errors import InputError
+from pepper_drake.learning import Demonstration
+from pepper_drake.learning.demonstrations.demonstration_folder import load_all
+from pepper_drake.playback.loading import load_motion
 
 FORMATS = fuzz.formats()
 
@@ -62,6 +66,29 @@ def test_a_link_out_of_a_folder_that_was_handed_in_is_refused(tmp_path, name):
     path.symlink_to(other)
     with pytest.raises(InputError, match="leads out of its folder"):
         FORMATS[name].read(path)
+
+
+LINKS = (
+    ("translation", "a.txt", lambda folder: load_all([folder])),
+    ("pose", "a_pose.txt", lambda folder: Demonstration.load(folder / "a.txt")),
+    ("primitive", "primitive.yaml", load_motion),
+    ("log", "interrupted", load_motion),
+    ("translation", "demonstration", load_motion),
+)
+"""Formats, where a link to their file or its folder is in a folder, and what reads that."""
+
+
+@pytest.mark.parametrize(("name", "link", "read"), LINKS)
+def test_a_link_to_what_a_folder_may_hold_is_refused(tmp_path, name, link, read):
+    folder, elsewhere = tmp_path / "handed", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    shutil.copy(FORMATS["translation"].make(elsewhere), folder / "a.txt")
+    path = FORMATS[name].make(elsewhere)
+    (folder / link).unlink(missing_ok=True)
+    (folder / link).symlink_to(path if "." in link else elsewhere)
+    with pytest.raises(InputError, match=f"{link}: leads out of its folder"):
+        read(folder)
 
 
 def test_corruption_is_the_same_each_time(tmp_path):

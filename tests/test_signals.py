@@ -1,8 +1,14 @@
+import asyncio
+import os
+import signal
 import subprocess
 import sys
 import time
 
 import psutil
+import pytest
+
+from pepper_drake.signals import run_async
 
 SCRIPT = """
 import multiprocessing, sys, time
@@ -31,3 +37,25 @@ def test_a_worker_ends_with_the_process_that_started_it(tmp_path):
         while worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE:
             assert time.monotonic() < end
             time.sleep(0.02)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_cancels_a_coroutine_which_ends_in_order(number):
+    told = []
+
+    async def work():
+        try:
+            os.kill(os.getpid(), number)
+            await asyncio.sleep(60.0)
+        finally:
+            told.append("closed")
+
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt):
+        run_async(work())
+    assert told == ["closed"]
+    assert signal.getsignal(number) is before
+
+
+def test_a_coroutine_returns_what_it_makes():
+    assert run_async(asyncio.sleep(0.0, "done")) == "done"

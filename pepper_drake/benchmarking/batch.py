@@ -2,6 +2,7 @@
 
 import multiprocessing
 import re
+import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
@@ -16,6 +17,9 @@ from pepper_drake.signals import end_with_parent
 
 LONGEST_RUN = 600.0
 """No run takes longer [s]; one that does is ended and counts as an error."""
+
+_PERIOD = 0.2
+"""Time between two looks whether a run is to be ended [s]."""
 
 
 @dataclass(frozen=True)
@@ -77,11 +81,12 @@ def run_tasks(
         progress(result)
     missing = [task for task in tasks if task not in results]
     pool = ThreadPoolExecutor(jobs) if executor is None else executor
+    stop = threading.Event()
     running: dict[Future[MethodResult], Task] = {}
     try:
         for task in missing:
             if executor is None:
-                running[pool.submit(_run_apart, task, folder)] = task
+                running[pool.submit(_run_apart, task, folder, stop)] = task
             else:
                 running[pool.submit(run_task, task)] = task
         for future in as_completed(running):
@@ -91,6 +96,7 @@ def run_tasks(
                 results[task].save(task.file(folder))
             progress(results[task])
     finally:
+        stop.set()
         for future in running:
             future.cancel()
         if executor is None:
@@ -98,13 +104,18 @@ def run_tasks(
     return [results[task] for task in tasks]
 
 
-def _run_apart(task: Task, folder: Path) -> MethodResult:
-    """Runs a task in a fresh process, forked from one that has imported all and done nothing."""
+def _run_apart(task: Task, folder: Path, stop: threading.Event) -> MethodResult:
+    """Runs a task in a fresh process, forked from one that has imported all and done nothing.
+
+    It is killed when the event is set, and leaves no result then.
+    """
     processes = multiprocessing.get_context("forkserver")
     processes.set_forkserver_preload([__name__])
     process = processes.Process(target=_in_process, args=(task, folder))
     process.start()
-    process.join(LONGEST_RUN)
+    end = time.monotonic() + LONGEST_RUN
+    while process.is_alive() and time.monotonic() < end and not stop.is_set():
+        process.join(_PERIOD)
     message = f"the run ended with exit code {process.exitcode}"
     if process.is_alive():
         process.kill()
@@ -113,7 +124,8 @@ def _run_apart(task: Task, folder: Path) -> MethodResult:
     if task.file(folder).exists():
         return MethodResult.load(task.file(folder))
     broken = MethodResult(task.case.name, task.method, reason="broken", message=message)
-    broken.save(task.file(folder))
+    if not stop.is_set():
+        broken.save(task.file(folder))
     return broken
 
 

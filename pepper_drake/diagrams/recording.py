@@ -14,7 +14,6 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from pepper_drake.diagrams.simulate import simulate
 from pepper_drake.diagrams.teaching import Teaching
-from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.learning import Demonstration
 from pepper_drake.learning.demonstrations.recording import RecordingWriter, without_rest
 from pepper_drake.models.control_model import CONTROL_PERIOD, shared_control_model
@@ -91,7 +90,7 @@ class Session:
             what the folder has; and whether it was asked to stop.
 
         Raises:
-            PepperDrakeError: It was stopped before it held a motion.
+            StoppedError: It was stopped before it held a motion.
             InputError: The folder cannot be written to.
         """
         meshcat, recorder = self._options.meshcat, self._teaching.recorder
@@ -104,15 +103,10 @@ class Session:
         else:
             with RecordingWriter(self._options.folder, recorder.joint_names) as writer:
                 stopped = self._advance(end_time, writer)
-                try:
-                    recorded = recorder.demonstration(self.simulator.get_context(), name=name)
-                except InputError:
-                    writer.discard()
-                    raise PepperDrakeError(
-                        "the recording was stopped before it held a motion; nothing was kept"
-                    ) from None
-                motion = without_rest(recorded)
-                writer.finish(motion)
+                context = self.simulator.get_context()
+                recorded, motion = writer.finish_motion(
+                    lambda: recorder.demonstration(context, name=name)
+                )
         if meshcat is not None:
             meshcat.PublishRecording()
         return recorded, motion, stopped

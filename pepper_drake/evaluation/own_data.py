@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
-from pepper_drake.perception.cameras.image_files import read_depth, read_image
+from pepper_drake.perception.cameras.image_files import read_depth, read_image, write_image
 from pepper_drake.perception.cameras.images import to_8_bit
 from pepper_drake.perception.goal.marker import MARKER_DICTIONARY
 from pepper_drake.perception.goal.photo import MarkerSighting, find_in_photo, markers_shown
@@ -57,7 +57,10 @@ def report_photo(
             f"--size {size:g} must be the side of the marker's black square in metres."
         )
     image = read_image(path)
-    sightings = find_in_photo(image, intrinsics, marker_id, size, dictionary=dictionary)
+    try:
+        sightings = find_in_photo(image, intrinsics, marker_id, size, dictionary=dictionary)
+    except InputError as error:
+        raise InputError(f"{path}: {str(error).removeprefix('image: ')}") from None
     report: dict[str, Any] = {
         "image": str(path),
         "marker": marker_id,
@@ -80,7 +83,7 @@ def report_photo(
         seen = ", ".join(f"{number} of {name}" for name, number in others) or "none"
         lines.append(f"  no marker {marker_id} of {dictionary}; markers that it shows: {seen}")
     _write(report, folder)
-    cv2.imwrite(str(folder / "image.png"), _with_axes(image, intrinsics, sightings, size))
+    write_image(folder / "image.png", _with_axes(image, intrinsics, sightings, size))
     return report, "\n".join(lines)
 
 

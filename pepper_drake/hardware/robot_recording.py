@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError, PepperDrakeError
 from pepper_drake.hardware.link_clock import LinkClock
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.preflight import PreflightOptions, check_robot
@@ -24,7 +23,6 @@ from pepper_drake.learning import Demonstration
 from pepper_drake.learning.demonstrations.recording import (
     RecordingWriter,
     recorded_demonstration,
-    without_rest,
 )
 from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
 from pepper_drake.models.pepper import BODY_JOINTS, hand_frame
@@ -92,7 +90,7 @@ def record_robot(access: RobotAccess, options: RobotRecordOptions) -> RobotRecor
     Raises:
         LinkFault: The robot cannot be reached, is not ready, or was lost; what was recorded until
             then stays in the folder and can be recovered.
-        PepperDrakeError: It ended before the hand had moved.
+        StoppedError: It ended before the hand had moved.
         InputError: The folder cannot be written to.
     """
     return asyncio.run(_record(make_transport(access), options))
@@ -114,17 +112,11 @@ async def _record(transport: Transport, options: RobotRecordOptions) -> RobotRec
             finally:
                 await _hold(transport, names)
             options.say("the arm is held")
-            try:
-                recorded = recorded_demonstration(
+            _, motion = writer.finish_motion(
+                lambda: recorded_demonstration(
                     sampling.times, sampling.samples, names, name=options.folder.name
                 )
-            except InputError:
-                writer.discard()
-                raise PepperDrakeError(
-                    "the recording ended before it held a motion; nothing was kept"
-                ) from None
-            motion = without_rest(recorded)
-            writer.finish(motion)
+            )
             return RobotRecording(motion, sampling.ended_by, len(sampling.times))
     finally:
         await transport.close()

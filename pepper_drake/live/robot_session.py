@@ -40,7 +40,7 @@ def teach_robot(
 
     Raises:
         LinkFault: As `record_robot`.
-        PepperDrakeError: As `record_robot`.
+        StoppedError: As `record_robot`.
         InputError: A file of the session cannot be read or written, or what was shown is not the
             same movement as before; it is kept then, but does not count.
     """

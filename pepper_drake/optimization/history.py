@@ -132,6 +132,8 @@ class History:
         """Makes a history of what `save` wrote, or raises ValueError, KeyError or TypeError."""
         if data["means"].ndim and len(data["means"]) > _MOST_UPDATES:
             raise ValueError("more updates than any search makes")
+        if data["mean_costs"].shape != data["means"].shape[:1]:
+            raise ValueError("not one cost for each mean")
         updates = sum(key.startswith("costs_") for key in data)
         history = cls(
             settings=parse_json(str(data["settings"]), name),
@@ -147,7 +149,7 @@ class History:
                 }
             },
         )
-        if not history._is_whole() or data["means"].shape[0] != len(data["mean_costs"]):
+        if not history._is_whole():
             raise ValueError("shapes that belong to no search")
         return history
 

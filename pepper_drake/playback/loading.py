@@ -58,7 +58,7 @@ def load_motion(path: str | Path) -> Motion:
     if path.name == LOG:
         path = path.parent
     if not (path / LOG).exists() and (path / INTERRUPTED / LOG).exists():
-        path = path / INTERRUPTED
+        path = path_inside(path, INTERRUPTED)
     if (path / LOG).exists():
         log = path_inside(path, LOG)
         try:
@@ -70,11 +70,11 @@ def load_motion(path: str | Path) -> Motion:
     if path.suffix == ".txt" or (path / TRANSLATION).exists():
         return _load_demonstration(path, path.resolve().name.removesuffix(".txt"))
     if (path / "demonstration" / TRANSLATION).exists():  # Of `apps/teach.py`.
-        return _load_demonstration(path / "demonstration", path.resolve().name)
+        return _load_demonstration(path_inside(path, "demonstration"), path.resolve().name)
     if path.suffix in (".yaml", ".yml"):
         return _load_primitive(path)
     if (path / PRIMITIVE).exists():
-        return _load_primitive(path / PRIMITIVE)
+        return _load_primitive(path_inside(path, PRIMITIVE))
     raise InputError(
         f"{path}: nothing to play back; give the folder of a run (with {LOG}), a demonstration "
         f"(a folder with {TRANSLATION}, or a text file) or a primitive's YAML file"
@@ -82,11 +82,11 @@ def load_motion(path: str | Path) -> Motion:
 
 
 def _load_run(folder: Path) -> Motion:
+    report = _load_report(path_inside(folder, REPORT))
     log = ReachLog.load(path_inside(folder, LOG))
     if not (folder / SCENE).exists():
         raise InputError(f"{folder}: the run lacks {SCENE}; record the run again")
     scene = load_scene(path_inside(folder, SCENE))
-    report = _load_report(path_inside(folder, REPORT))
     positions = {
         **dict(zip(BODY_JOINTS, log.joint_position_rad.T, strict=True)),
         **dict(zip(JOINT_GROUPS["base"], log.base_pose_m_m_rad.T, strict=True)),

@@ -3,7 +3,6 @@
 import weakref
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from pydrake.geometry import (
@@ -28,6 +27,7 @@ from pydrake.systems.sensors import CameraInfo
 from pepper_drake.models.objects import add_scene
 from pepper_drake.models.pepper import add_pepper
 from pepper_drake.models.scene import Scene
+from pepper_drake.perception.cameras.image_files import write_image
 from pepper_drake.systems.framework import build, release
 
 Vector = npt.NDArray[np.float64]
@@ -132,7 +132,7 @@ def save_scene_picture(
         height: Pixels.
     """
     bystander = ExternalCamera(scene, scene.arm, base_pose, width=width, height=height)
-    cv2.imwrite(str(path), bystander.picture(positions))
+    write_image(path, bystander.picture(positions))
 
 
 def save_start_picture(scene: Scene, path: Path, *, width: int = 480, height: int = 300) -> None:
@@ -146,7 +146,7 @@ def save_start_picture(scene: Scene, path: Path, *, width: int = 480, height: in
     q = bystander.plant.GetPositions(bystander.plant.CreateDefaultContext())
     for name, position in start.positions().items():
         q[bystander.plant.GetJointByName(name).position_start()] = position
-    cv2.imwrite(str(path), bystander.picture(q))
+    write_image(path, bystander.picture(q))
 
 
 def _renderer(shadows: bool) -> RenderEngine:

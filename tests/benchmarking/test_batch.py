@@ -1,3 +1,4 @@
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -52,6 +53,18 @@ def test_a_run_that_breaks_down_is_an_error_with_a_sentence_and_is_tried_again(t
         results = run_tasks([bad, good], tmp_path, jobs=2)
         assert [result.outcome for result in results] == ["error", "refused"]
         assert "nowhere.yaml" in results[0].message
+
+
+def test_an_interrupt_ends_the_runs_that_are_going_on_and_leaves_no_result_of_them(tmp_path):
+    def interrupt(result):
+        raise KeyboardInterrupt
+
+    tasks = [Task("d", Case(0, "table")), Task("a", Case(0, str(tmp_path / "nowhere.yaml")))]
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        run_tasks(tasks, tmp_path, jobs=2, progress=interrupt)
+    assert time.monotonic() - began < 20.0
+    assert not tasks[0].file(tmp_path).exists()
 
 
 def test_a_file_that_is_no_result_is_said_at_once(tmp_path):

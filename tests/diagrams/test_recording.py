@@ -13,7 +13,7 @@ from pepper_drake.diagrams.recording import (
     record_pad,
 )
 from pepper_drake.diagrams.teaching import Teaching
-from pepper_drake.errors import PepperDrakeError
+from pepper_drake.errors import StoppedError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.demonstrations.recording import PARTIAL
 from pepper_drake.models.guide import load_guide
@@ -123,11 +123,11 @@ def test_a_recording_that_is_stopped_keeps_what_it_has(tmp_path):
     assert len(Demonstration.load(tmp_path).times) == len(result.demonstration.times)
 
 
-def test_a_recording_that_is_stopped_at_once_leaves_nothing(tmp_path):
-    with pytest.raises(PepperDrakeError, match="before it held a motion"):
-        record_guided(
-            load_guide("reach"), RecordOptions(folder=tmp_path, should_stop=stop_after(0))
-        )
+@pytest.mark.parametrize("slices", [0, 3])
+def test_a_recording_that_is_stopped_before_the_hand_moves_leaves_nothing(tmp_path, slices):
+    options = RecordOptions(folder=tmp_path, should_stop=stop_after(slices))
+    with pytest.raises(StoppedError, match="before it held a motion"):
+        record_guided(load_guide("reach"), options)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -11,7 +11,7 @@ import pytest
 from served import served
 from test_link import place
 
-from pepper_drake.errors import InputError, PepperDrakeError
+from pepper_drake.errors import InputError, StoppedError
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.robot_recording import RobotRecordOptions, record_robot
 from pepper_drake.hardware.transport import RobotAccess
@@ -96,7 +96,7 @@ def test_a_head_touch_ends_it_and_a_hand_that_is_led_does_not(tmp_path):
 def test_a_recording_without_a_motion_is_not_kept(tmp_path):
     with served() as robot:
         options = RobotRecordOptions(tmp_path, disable_life=True, should_stop=lambda: True)
-        with pytest.raises(PepperDrakeError, match="before it held a motion; nothing was kept"):
+        with pytest.raises(StoppedError, match="before it held a motion; nothing was kept"):
             record_robot(RobotAccess(robot.address), options)
         assert robot.do(lambda: robot.pepper.motion.get_stiffnesses(ARM)) == [1.0] * 5
     assert list(tmp_path.iterdir()) == []

@@ -23,6 +23,9 @@ from pepper_drake.compiled import compiled
 from pepper_drake.files import LARGEST_NUMBER
 from pepper_drake.learning.phase import Array, hold
 
+FARTHEST_CENTRE = 100.0
+"""No basis function is centred farther from the phase, which goes from 1 to 0."""
+
 _FEW = 16
 """Phases up to which they are treated one by one: a step of a motion asks for four at most."""
 
@@ -204,9 +207,17 @@ class GaussianForcing:
             raise ValueError("centres and widths must be two lists of the same length")
         if weights.ndim != 2 or len(weights) != basis.num_features:
             raise ValueError(f"weights must have {basis.num_features} rows of the same length")
-        places = np.abs(np.concatenate((basis.centres, basis.widths)))
-        if not np.isfinite(weights).all() or not np.all(places <= LARGEST_NUMBER):
-            raise ValueError("centres, widths and weights must be finite")
-        if np.any(basis.widths <= 0.0):
-            raise ValueError("widths must be positive")
+        if not np.isfinite(weights).all():
+            raise ValueError("weights must be finite")
+        if not np.all(np.abs(basis.centres) <= FARTHEST_CENTRE):
+            raise ValueError(f"centres must be within {FARTHEST_CENTRE:g} of the phase's 0")
+        if not np.all((basis.widths >= 1.0 / LARGEST_NUMBER) & (basis.widths <= LARGEST_NUMBER)):
+            raise ValueError("widths must be positive, and neither tiny nor huge")
+        check_phase_rate(basis.alpha_x)
         return cls(basis, weights)
+
+
+def check_phase_rate(alpha_x: float) -> None:
+    """Raises ValueError for what is no decay rate of a phase."""
+    if not 0.0 < alpha_x <= LARGEST_NUMBER:
+        raise ValueError(f"alpha_x is {alpha_x:g}; it must be positive and finite")

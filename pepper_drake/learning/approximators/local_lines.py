@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.learning.approximators.gaussian_forcing import check_phase_rate
 from pepper_drake.learning.approximators.registry import Array, fade_out
 
 
@@ -96,6 +97,12 @@ class LocalLines:
 
 
 def read_basis(data: Mapping[str, Any]) -> LineBasis:
-    """Makes the basis of what `LocalLines.to_data` returned."""
+    """Makes the basis of what `LocalLines.to_data` returned.
+
+    Raises:
+        ValueError: The phase's rate is none.
+    """
     arrays = (np.array(data[key], dtype=float) for key in ("log_gains", "centres", "variances"))
-    return LineBasis(float(data["alpha_x"]), *arrays)
+    alpha_x = float(data["alpha_x"])
+    check_phase_rate(alpha_x)
+    return LineBasis(alpha_x, *arrays)

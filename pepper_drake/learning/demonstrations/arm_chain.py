@@ -125,7 +125,7 @@ class ArmChain:
         turn = so3.log_map(so3.multiply(r, so3.conjugate(rotation)))
         jacobian = np.stack(
             [
-                np.concatenate((np.cross(axis, p - place), lever * axis), axis=1)
+                np.concatenate((_cross(axis, p - place), lever * axis), axis=1)
                 for place, axis in zip(places, axes, strict=True)
             ],
             axis=-1,
@@ -137,8 +137,14 @@ def rotate(rotations: Array, vectors: Array) -> Array:
     """Returns vectors (3,) or (N, 3) turned by quaternions (N, 4), (N, 3)."""
     w, axis = rotations[..., :1], rotations[..., 1:]
     v = np.broadcast_to(vectors, axis.shape)
-    twice = 2.0 * np.cross(axis, v)
-    return np.asarray(v + w * twice + np.cross(axis, twice))
+    twice = 2.0 * _cross(axis, v)
+    return np.asarray(v + w * twice + _cross(axis, twice))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Returns cross products (N, 3), as `numpy.cross` but in half the time where N is small."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
 
 
 @lru_cache(maxsize=2)

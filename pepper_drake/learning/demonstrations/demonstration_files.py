@@ -35,7 +35,6 @@ from pepper_drake.learning.demonstrations.interpretation import (
     interpret_joints,
 )
 from pepper_drake.learning.demonstrations.recording import PARTIAL, read_partial
-from pepper_drake.learning.demonstrations.refusals import refuse_impossible
 from pepper_drake.learning.demonstrations.text_files import (
     format_table,
     parse_table,
@@ -67,7 +66,6 @@ def read_demonstration(path: Path, options: ImportOptions | None = None) -> Demo
     if path.is_dir():
         partial = read_partial(path)
         if partial is not None:
-            refuse_impossible(partial)
             return partial
     tracks = read_all_tracks(path)
     return interpret(_choose(tracks, said, path), said)
@@ -112,7 +110,7 @@ def read_all_tracks(path: Path) -> list[Track]:
     tracks = read_tracks(path)
     pose_path = path.with_name(path.stem + POSE_SUFFIX)
     if path.suffix == ".txt" and len(tracks) == 1 and pose_path.exists():
-        pose = _read_pose_file(pose_path)
+        pose = _read_pose_file(path_inside(path.parent, pose_path.name))
         times = tracks[0].times
         if times is not None and pose.times is not None and tracks[0].rotations is None:
             _check_times(pose.times, times, pose_path, path)

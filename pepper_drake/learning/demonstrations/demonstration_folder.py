@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text
+from pepper_drake.files import path_inside, read_text
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.demonstrations.demonstration_files import (
     JOINTS,
@@ -33,13 +33,12 @@ def _find(path: Path) -> list[Path]:
     if not path.is_dir() or any((path / name).exists() for name in own) or is_bag(path):
         return [path]
     folders = {file.parent for name in own for file in path.rglob(name)}
-    files = [
-        file
+    texts = [
+        path_inside(path, file.relative_to(path))
         for file in path.rglob("*.txt")
         if file.name not in (TRANSLATION, ROTATION, JOINTS)
-        and not _is_companion(file)
-        and _starts_with_numbers(file)
     ]
+    files = [file for file in texts if not _is_companion(file) and _starts_with_numbers(file)]
     found = sorted([*folders, *files])
     if not found:
         raise InputError(

@@ -7,7 +7,7 @@ there, it is what was recorded last.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
@@ -17,9 +17,14 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError
+from pepper_drake.errors import InputError, StoppedError
 from pepper_drake.files import path_inside, read_bytes
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.demonstrations.refusals import (
+    refuse_far,
+    refuse_impossible,
+    refuse_rest,
+)
 from pepper_drake.learning.demonstrations.text_files import format_table, parse_table
 
 Array = npt.NDArray[np.float64]
@@ -134,6 +139,33 @@ class RecordingWriter:
         demonstration.save(self._folder)
         self._path.unlink(missing_ok=True)
 
+    def finish_motion(
+        self, record: Callable[[], Demonstration]
+    ) -> tuple[Demonstration, Demonstration]:
+        """Writes what was recorded, without the rest at both ends; nothing where none moved.
+
+        Args:
+            record: Makes a demonstration of all samples.
+
+        Returns:
+            All that was recorded, and the motion that was written.
+
+        Raises:
+            StoppedError: The hand has not moved.
+            InputError: A file cannot be written to.
+        """
+        try:
+            recorded = record()
+            refuse_rest(recorded.positions, recorded.rotations, str)
+        except InputError:
+            self.discard()
+            raise StoppedError(
+                "the recording ended before it held a motion; nothing was kept"
+            ) from None
+        motion = without_rest(recorded)
+        self.finish(motion)
+        return recorded, motion
+
     def discard(self) -> None:
         """Removes the partial file: there is nothing worth keeping."""
         self._path.unlink(missing_ok=True)
@@ -170,7 +202,7 @@ def read_partial(folder: Path) -> Demonstration | None:
         it yet beside a finished demonstration.
 
     Raises:
-        InputError: The file is broken, or holds fewer than five samples.
+        InputError: The file is broken, holds fewer than five samples, or what cannot be.
     """
     path = folder / PARTIAL
     if not path_inside(folder, PARTIAL).exists():
@@ -193,12 +225,19 @@ def read_partial(folder: Path) -> Demonstration | None:
     if names[: len(_POSE)] != _POSE:
         raise InputError(f"{path}, line 1: the header must be {','.join(_POSE)},JOINT,...")
     table = parse_table("\n" + body, path, (len(names),), "as named in the header", separator=",")
+
+    def row(sample: int) -> str:
+        return f"{path}, line {sample + 2}"
+
+    refuse_far(table[:, 1:4], row)  # Before the filter spreads it over what is around.
     try:
-        return recorded_demonstration(
+        recorded = recorded_demonstration(
             table[:, 0], table[:, 1:], names[len(_POSE) :], name=folder.resolve().name
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    refuse_impossible(recorded, row)
+    return recorded
 
 
 def recover(folder: Path) -> Demonstration:

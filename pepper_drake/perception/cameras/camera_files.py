@@ -22,7 +22,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
 from pepper_drake.errors import InputError
-from pepper_drake.files import read_text
+from pepper_drake.files import LARGEST_NUMBER, read_text
 from pepper_drake.perception.cameras.camera import (
     CAMERA_BOTTOM,
     CAMERA_DEPTH,
@@ -193,6 +193,12 @@ def _first(entries: Mapping[str, Any], names: Iterable[str]) -> tuple[str, Any] 
     return None
 
 
+def _entry(entries: Mapping[str, Any], name: str) -> Any:
+    """An entry, None if it is missing; a matrix as a list, which like all else is true or not."""
+    value = entries.get(name)
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
 def _intrinsics(entries: Mapping[str, Any], where: str) -> CameraIntrinsics:
     if "camera" in entries and "resolution" in entries:
         return _naoqi(entries, where)
@@ -271,8 +277,8 @@ def make_intrinsics(
 def _refuse_other_lenses(entries: Mapping[str, Any], where: str) -> None:
     """Raises for what is no pinhole image of the whole sensor."""
     for name in _MODEL_NAMES:
-        model = str(entries.get(name) or "").strip().lower().removeprefix("distortion.")
-        is_fisheye = bool(entries.get("fisheye_model", 0)) or "xi" in entries
+        model = str(_entry(entries, name) or "").strip().lower().removeprefix("distortion.")
+        is_fisheye = bool(_entry(entries, "fisheye_model")) or "xi" in entries
         if is_fisheye or model in _FISHEYE_MODELS:
             raise InputError(
                 f"{where}: is of a fisheye lens ({model or 'fisheye_model or xi'}); undistort its "
@@ -303,7 +309,7 @@ def _refuse_other_lenses(entries: Mapping[str, Any], where: str) -> None:
 
 def _number(entries: Mapping[str, Any], name: str, where: str) -> float:
     """An entry that is one number; 0 if it is missing or empty."""
-    value = entries.get(name) or 0.0
+    value = _entry(entries, name) or 0.0
     numbers = _numbers(value if isinstance(value, str | list) else [value])
     if numbers is None or numbers.size != 1:
         raise InputError(f"{where}: {name} must be a number.")
@@ -455,6 +461,8 @@ def load_stereo(path: str | Path, *, unit: float = 1.0) -> StereoCalibration:
         if values is None or (count and values.size != count):
             wanted = f"{count} numbers" if count else "a list of numbers"
             raise InputError(f"{where}: {name} must be there as {wanted}.")
+        if not np.all(np.abs(values) <= LARGEST_NUMBER):
+            raise InputError(f"{where}: {name} holds what is no finite number, or too large a one.")
         return values
 
     cameras = []

@@ -1,6 +1,8 @@
 """Reads images and depth images from files."""
 
 import io
+import os
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -38,14 +40,16 @@ def read_image(path: str | Path) -> npt.NDArray[Any]:
     content = np.frombuffer(read_bytes(path, _LARGEST), np.uint8)
     if _claimed_pixels(content, path) > _MOST_PIXELS:
         raise InputError(f"{path}: more than {_MOST_PIXELS} pixels; give a smaller image.")
-    try:
-        image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if content.size else None
-    except cv2.error:
-        image = None
+    image = _decode(content, cv2.IMREAD_UNCHANGED)
     if image is not None and content[:2].tobytes() == b"\xff\xd8":
-        turned = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE)
-        plain = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-        if turned.shape != plain.shape or np.any(turned != plain):
+        turned = _decode(content, cv2.IMREAD_GRAYSCALE)
+        plain = _decode(content, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+        if (
+            turned is None
+            or plain is None
+            or turned.shape != plain.shape
+            or np.any(turned != plain)
+        ):
             raise InputError(
                 f"{path}: is to be shown turned or mirrored, by its EXIF orientation; save it as it"
                 " is shown, and give the intrinsics of such images."
@@ -53,6 +57,37 @@ def read_image(path: str | Path) -> npt.NDArray[Any]:
     if image is None:
         raise InputError(f"{path}: OpenCV cannot read this image; give a PNG, JPEG or TIFF file.")
     return np.asarray(image)
+
+
+def write_image(path: Path, image: npt.NDArray[Any]) -> None:
+    """Writes an image, colours in the order BGR; OpenCV's own writer is silent where it cannot.
+
+    Args:
+        path: The file, whose suffix says the format.
+        image: (height, width[, channels]), 8 or 16 bits.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    path.write_bytes(cv2.imencode(path.suffix, np.ascontiguousarray(image))[1].tobytes())
+
+
+def _decode(content: npt.NDArray[np.uint8], how: int) -> npt.NDArray[Any] | None:
+    """The image that a file's bytes hold, None if there is none.
+
+    What OpenCV's libraries write to the terminal about a damaged one goes nowhere: an app says it.
+    """
+    sys.stderr.flush()
+    terminal, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        return cv2.imdecode(content, how) if content.size else None
+    except cv2.error:
+        return None
+    finally:
+        os.dup2(terminal, 2)
+        os.close(terminal)
+        os.close(nowhere)
 
 
 def _claimed_pixels(content: npt.NDArray[np.uint8], path: Path) -> float:

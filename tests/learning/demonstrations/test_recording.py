@@ -182,3 +182,13 @@ def test_when_its_files_cannot_be_written_the_recording_stays_recoverable(tmp_pa
     (tmp_path / "rotation.txt").rmdir()
     recover(tmp_path)
     assert Demonstration.load(tmp_path).rotations is not None
+
+
+def test_an_interrupted_recording_of_what_cannot_be_is_not_recovered(tmp_path):
+    times, samples = record(50)
+    samples[20, 2] = 1e9
+    with RecordingWriter(tmp_path, JOINTS) as writer:
+        writer.write(times, samples)
+    with pytest.raises(InputError, match=f"{PARTIAL}, line 22: the hand would be 1e\\+09 m"):
+        recover(tmp_path)
+    assert (tmp_path / PARTIAL).exists()

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -111,3 +113,21 @@ def test_refuses_a_broken_file(tmp_path):
         path.write_text(text.replace(old, new, 1))
         with pytest.raises(InputError, match=words):
             JointPrimitive.load(path)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("alpha_x", ".inf", "alpha_x is inf"),
+        ("widths", "[1e-60", "widths"),
+        ("centres", "[1e9", "centres"),
+    ],
+)
+def test_refuses_basis_functions_of_no_phase(tmp_path, field, value, words):
+    times = np.linspace(0.0, 1.0, 20)
+    path = tmp_path / "joints.yaml"
+    JointPrimitive.fit(times, np.sin(times)[:, None], ["RElbowYaw"], num_basis=6).save(path)
+    text = re.sub(rf"({field}: )(\[[^,]+|\S+)", rf"\g<1>{value}", path.read_text())
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        JointPrimitive.load(path)

@@ -270,6 +270,21 @@ def test_other_stereo_calibrations_are_refused(tmp_path, changes, words):
         load_stereo(stereo(tmp_path / "s.yml", **changes))
 
 
+def test_what_is_no_number_is_refused_in_a_stereo_calibration(tmp_path):
+    for name, value in (("R", R), ("T", T)):
+        path = stereo(tmp_path / "s.yml", **{name: np.where(value == value[1, 0], np.nan, value)})
+        path.write_text(path.read_text().replace(".Nan", ".nan"))  # As YAML writes it.
+        with pytest.raises(InputError, match=f"{name} holds what is no finite number"):
+            load_stereo(path)
+
+
+def test_a_matrix_where_a_word_belongs_is_refused(tmp_path):
+    for name in ("distortion_model", "fisheye_model", "binning_x"):
+        path = storage(tmp_path / "c.yml", camera_matrix=K, **{name: np.zeros((2, 2))})
+        with pytest.raises(InputError, match=r"c\.yml"):
+            load_intrinsics(path)
+
+
 def test_both_images_of_a_pair_have_one_size():
     small = make_intrinsics(K, (), (320, 240))
     with pytest.raises(InputError, match="equal"):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pepper_drake.errors import InputError
-from pepper_drake.perception.cameras.image_files import read_image
+from pepper_drake.perception.cameras.image_files import read_image, write_image
 
 
 @pytest.mark.parametrize(
@@ -42,3 +42,24 @@ def test_a_tiff_that_claims_billions_of_pixels_is_refused_before_it_is_unpacked(
     path.write_bytes(content)
     with pytest.raises(InputError, match="more than 67108864 pixels"):
         read_image(path)
+
+
+def test_a_damaged_photo_says_nothing_on_the_terminal(tmp_path, capfd):
+    path = tmp_path / "photo.jpg"
+    cv2.imwrite(str(path), np.arange(768, dtype=np.uint8).reshape(24, 32))
+    content = path.read_bytes()
+    scan = content.index(b"\xff\xda")
+    path.write_bytes(content[:scan] + b"12345678" + content[scan:])
+    cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert "extraneous" in capfd.readouterr().err
+    assert read_image(path).shape == (24, 32)
+    assert capfd.readouterr().err == ""
+
+
+def test_an_image_that_cannot_be_written_is_an_error_and_no_silence(tmp_path):
+    image = np.arange(24, dtype=np.uint8).reshape(4, 6)
+    write_image(tmp_path / "photo.png", image)
+    np.testing.assert_array_equal(read_image(tmp_path / "photo.png"), image)
+    (tmp_path / "full.png").symlink_to("/dev/full")
+    with pytest.raises(OSError, match="space"):
+        write_image(tmp_path / "full.png", image)
