@@ -80,5 +80,5 @@ def test_who_lets_the_key_go_on_the_way_back_spoils_no_run():
     run.go_along = lambda _: setattr(run, "fault", LinkFault("dead_man"))
     run._end(None)
     assert run.fault is None
-    assert "dead_man: the dead man's key was let go" in said
+    assert "dead_man: the dead man's switch was let go" in said
     assert said[-1] == "handed over"

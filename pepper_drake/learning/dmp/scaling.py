@@ -107,6 +107,7 @@ def _rotation_and_dilation(demonstrated: Array, wanted: Array) -> Array:
         axis = axis / np.sqrt(axis @ axis)
         rotation = 2.0 * np.outer(axis, axis) - identity
     else:
-        skew = np.outer(b, a) - np.outer(a, b)
-        rotation = identity + skew + skew @ skew / (1.0 + cosine)
+        # Reflected about a, then about the middle of both: exact to rounding up to half a turn.
+        middle = (a + b) / np.sqrt((a + b) @ (a + b))
+        rotation = (2.0 * np.outer(middle, middle) - identity) @ (2.0 * np.outer(a, a) - identity)
     return length / size * rotation

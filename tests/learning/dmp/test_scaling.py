@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -30,6 +30,7 @@ def test_none_and_amplitude_do_not_depend_on_the_goal():
 
 
 @given(vectors, vectors)
+@example(np.array([0.64820852, 0.0, 0.14513892]), np.array([0.42593649, 0.0, -0.15119775]))
 def test_rotation_dilation_takes_the_shown_way_to_the_wanted_one(start, goal):
     assume(np.linalg.norm(goal - start) > 1e-3)
     s = scaling_matrix("rotation_dilation", FRAME, start, goal)
