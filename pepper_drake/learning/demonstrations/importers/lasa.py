@@ -93,7 +93,7 @@ def _demos(path: Path, data: bytes) -> list[tuple[Array, Array]]:
             " table (writematrix) with a first line time,x,y,z"
         )
     if read.returncode:
-        reason = read.stderr.decode(errors="replace").strip() or "damaged"
-        raise InputError(f"{path}: no LASA motion ({reason[:160]})")
+        reason = read.stderr.decode(errors="replace").strip() or "its reader crashed"
+        raise InputError(f"{path}: damaged, or no LASA motion ({reason[:160]}); take another copy")
     with np.load(io.BytesIO(read.stdout)) as arrays:
         return [(arrays[f"t{k}"], arrays[f"pos{k}"]) for k in range(len(arrays.files) // 2)]

@@ -323,7 +323,7 @@ def test_a_damaged_lasa_file_that_ends_its_reader_is_refused(tmp_path):
     place = content.rindex(b"\x09\x00\x00\x00\xe0\x01\x00\x00")
     content[place] = 145
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"motion\.mat: no LASA motion"):
+    with pytest.raises(InputError, match=r"motion\.mat: damaged, or no LASA motion"):
         read_tracks(path)
 
 
