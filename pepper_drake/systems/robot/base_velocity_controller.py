@@ -53,9 +53,9 @@ class BaseVelocityController(LeafSystem):
     ) -> None:
         super().__init__()
         self._time_step = time_step
-        self._limits = (speed, speed, turning_speed)
-        rates = (acceleration, acceleration, turning_acceleration)
-        self._changes = tuple(time_step * rate for rate in rates)
+        self._limit = np.array([speed, speed, turning_speed])
+        rates = np.array([acceleration, acceleration, turning_acceleration])
+        self._change = time_step * rates
         self.velocity_input: InputPort = self.DeclareVectorInputPort("base_velocity_command", 3)
         self.base_pose_input: InputPort = self.DeclareVectorInputPort("base_pose", 3)
         self._state = self.DeclareDiscreteState([*start_pose, *np.zeros(7)])
@@ -75,32 +75,24 @@ class BaseVelocityController(LeafSystem):
         )
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        # Plain numbers: numpy takes several times as long for so few.
-        x, y, yaw, *_, is_known, vx, vy, turning = (
-            context.get_discrete_state(self._state).value().tolist()
-        )
-        if not is_known:
+        state = context.get_discrete_state(self._state).value()
+        if state[6] == 0:
             self._initialize(context, discrete_state)
             return
-        command = [0.0, 0.0, 0.0]
+        command = np.zeros(3)
         if self.velocity_input.HasValue(context):
-            command = self.velocity_input.Eval(context).tolist()
-        if not all(map(math.isfinite, command)):
-            command = [0.0, 0.0, 0.0]
-        vx, vy, turning = (
-            min(max(min(max(wish, -limit), limit), now - change), now + change)
-            for wish, limit, now, change in zip(
-                command, self._limits, (vx, vy, turning), self._changes, strict=True
-            )
-        )
+            command = self.velocity_input.Eval(context)
+        if not np.all(np.isfinite(command)):
+            command = np.zeros(3)
+        v_B, change = state[7:], self._change
+        v_B = np.clip(np.clip(command, -self._limit, self._limit), v_B - change, v_B + change)
+        vx, vy, turning = v_B.tolist()
         # The chord of the arc that the base drives in one period.
-        dt = self._time_step
-        heading = yaw + turning * dt / 2
+        heading = float(state[2]) + turning * self._time_step / 2
         cos, sin = math.cos(heading), math.sin(heading)
-        dx, dy = cos * vx - sin * vy, sin * vx + cos * vy
+        rates = np.array([cos * vx - sin * vy, sin * vx + cos * vy, turning])
         discrete_state.set_value(
-            self._state,
-            [x + dt * dx, y + dt * dy, yaw + dt * turning, dx, dy, turning, 1.0, vx, vy, turning],
+            self._state, np.concatenate((state[:3] + self._time_step * rates, rates, [1.0], v_B))
         )
 
     def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
