@@ -1,8 +1,10 @@
 """An app of `apps/` as a process of its own, for scripts that watch how it behaves."""
 
+import multiprocessing
 import os
 import subprocess
 import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import IO
 
@@ -62,3 +64,18 @@ def running(process: int) -> bool:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def run_each_apart(function: Callable[..., None], names: Iterable[str], *given: int) -> int:
+    """Runs a function with each name and what else is given, each in a process that is new.
+
+    Returns:
+        1 if one of them ended with another exit code than 0.
+    """
+    codes = []
+    for name in names:
+        process = multiprocessing.get_context("spawn").Process(target=function, args=(name, *given))
+        process.start()
+        process.join()
+        codes.append(process.exitcode)
+    return int(any(codes))

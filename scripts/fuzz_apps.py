@@ -10,7 +10,6 @@ must end in order. Exit code 1 at a finding.
 
 import argparse
 import collections
-import multiprocessing
 import os
 import random
 import signal
@@ -21,7 +20,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from app_process import ROOT
+from app_process import ROOT, run_each_apart
 from fuzz import corrupt
 from fuzz_formats import formats
 from kills import lines_of, start, wait
@@ -200,17 +199,10 @@ def main() -> int:
     options = parser.parse_args()
     cli.quiet_resource_tracker()
     known = [name for name in formats() if name not in NO_APP]
-    codes = []
-    for name in options.formats or known:
+    for name in options.formats:
         if name not in known:
             parser.error(f'"{name}" is unknown; there are {", ".join(known)}')
-        process = multiprocessing.get_context("spawn").Process(
-            target=_try_format, args=(name, options.count, options.seed)
-        )
-        process.start()
-        process.join()
-        codes.append(process.exitcode)
-    return 1 if any(codes) else 0
+    return run_each_apart(_try_format, options.formats or known, options.count, options.seed)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ finding.
 import argparse
 import contextlib
 import json
-import multiprocessing
 import os
 import random
 import re
@@ -28,7 +27,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
-from app_process import family, running, start_app
+from app_process import family, run_each_apart, running, start_app
 
 from pepper_drake import cli
 from pepper_drake.__main__ import load_app
@@ -250,17 +249,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     cli.quiet_resource_tracker()  # All forks of this program share its one.
-    codes = []
-    for app in options.apps or APPS:
+    for app in options.apps:
         if app not in APPS:
             parser.error(f'"{app}" is unknown; there are {", ".join(APPS)}')
-        process = multiprocessing.get_context("spawn").Process(
-            target=_try_apart, args=(app, options.moments, options.seed)
-        )
-        process.start()
-        process.join()
-        codes.append(process.exitcode)
-    return 1 if any(codes) else 0
+    return run_each_apart(_try_apart, options.apps or APPS, options.moments, options.seed)
 
 
 if __name__ == "__main__":

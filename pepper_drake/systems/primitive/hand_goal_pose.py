@@ -73,7 +73,7 @@ class HandGoalPose(LeafSystem):
         self._object = self.DeclareDiscreteState(_numbers(RigidTransform()))
         self._goal = self.DeclareCacheEntry(
             "goal",
-            ValueProducer(allocate=lambda: Value({}), calc=self._calc_goal),
+            ValueProducer(allocate=lambda: Value[object](np.zeros(7)), calc=self._calc_goal),
             prerequisites_of_calc={
                 self.discrete_state_ticket(self._object),
                 self.movement_input.ticket(),
@@ -90,17 +90,12 @@ class HandGoalPose(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _calc_goal(self, context: Context, value: Value) -> None:
-        """Computes X_TG, anew only where X_TO or X_OG is another: most ticks change neither."""
-        X_TO = context.get_discrete_state(self._object).value()
-        X_OG = self.movement_input.Eval(context).X_OG
-        known = value.get_mutable_value()
-        source = (X_TO.tobytes(), X_OG)
-        if known.get("source") != source:
-            known["source"] = source
-            known["goal"] = _numbers(RigidTransform(Quaternion(wxyz=X_TO[3:]), X_TO[:3]) @ X_OG)
+        p_TO, q_TO = np.split(context.get_discrete_state(self._object).value(), [3])
+        X_TO = RigidTransform(Quaternion(wxyz=q_TO), p_TO)
+        value.set_value(_numbers(X_TO @ self.movement_input.Eval(context).X_OG))
 
     def _calc_part(self, part: slice, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._goal.Eval(context)["goal"][part])
+        output.SetFromVector(self._goal.Eval(context)[part])
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         X_WT = self.torso_pose_input.Eval(context)
