@@ -14,8 +14,8 @@ Array = npt.NDArray[np.float64]
 class CmaEs:
     """Covariance matrix adaptation evolution strategy (Hansen and Ostermeier 2001).
 
-    Its random numbers come from a generator of its own, in order: told the same costs again, it
-    does the same again.
+    It draws its random numbers in order from its own generator: told the same costs, it repeats
+    itself.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class CmaEs:
         check_positive(rate=rate)
         random = np.random.default_rng(seed)
         with warnings.catch_warnings():
-            # It looks for plotting tools when it is imported, and says so.
+            # On import it looks for plotting tools, and warns.
             warnings.simplefilter("ignore")
             import cma
 
