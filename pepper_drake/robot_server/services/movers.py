@@ -1,18 +1,18 @@
-"""The clients that move the robot: the last one wins, and the log says whose move it took."""
+"""Arbitration of clients that move the robot: the last one wins, and the log reports conflicts."""
 
 from collections.abc import Callable, Iterable
 
 from pepper_drake.robot_server.wire.service import Caller
 
 _RECENT = 1.0
-"""Time after its last command during which a client still moves a joint [s]."""
+"""Time after its last command for which a client counts as moving a joint [s]."""
 
 
 class Movers:
     """Remembers which client moved which joint last."""
 
     def __init__(self, log: Callable[[str], None], now: Callable[[], float]) -> None:
-        """Makes a memory without movers.
+        """Starts without movers.
 
         Args:
             log: Takes a line, once for each pair of clients.
@@ -24,7 +24,7 @@ class Movers:
         self._told: set[tuple[int, int]] = set()
 
     def claim(self, caller: Caller, joints: Iterable[str]) -> None:
-        """Notes that a client moves joints."""
+        """Records that a client moves joints."""
         now = self._now()
         for joint in joints:
             before, time = self._last.get(joint, (caller, now))

@@ -1,6 +1,6 @@
-"""One client's connection: its handshake, calls, subscriptions and objects.
+"""A client's connection: its handshake, calls, subscriptions and objects.
 
-What a client does wrong ends its own connection, and no other.
+A client's errors end its own connection, and no other.
 """
 
 import asyncio
@@ -47,17 +47,17 @@ from pepper_drake.robot_server.wire.service import (
 AUTHENTICATE = (0, 8)
 """Service and action of the handshake."""
 _HANDSHAKE_SECONDS = 10.0
-"""A client that has not authenticated by then is let go [s]."""
+"""Timeout of a client's authentication [s]."""
 _MESSAGE_SECONDS = 30.0
-"""A message that has begun must be complete by then [s]."""
+"""Timeout of an incomplete message [s]."""
 _HANDSHAKE_BYTES = 64 * 1024
 """Largest message before the client has authenticated [bytes]."""
 _WAITING_BYTES = 32 * 2**20
-"""A client that leaves more unread than this is let go [bytes]: two of the largest images."""
+"""Back pressure limit: a client with more unread bytes is dropped; two of the largest images."""
 _CALLS = 256
-"""Calls of one client that may run at once; the next is read when one has ended."""
+"""Most concurrent calls of a client; the next is read when one has ended."""
 _OBJECTS = 1024
-"""Objects that one client may hold."""
+"""Most objects of a client."""
 _FAILED, _DONE = 1, 3
 """Values of `__qi_auth_state`."""
 _CAPABILITIES = {
@@ -78,13 +78,13 @@ class Credentials:
     password: str
 
     def accept(self, user: object, token: object) -> bool:
-        """Returns whether they are those given, in a time that tells nothing of them."""
+        """Returns whether they match, in constant time against timing attacks."""
         given = f"{user}\0{token}".encode(errors="replace")
         return hmac.compare_digest(given, f"{self.user}\0{self.password}".encode())
 
 
 class Objects(Protocol):
-    """Services by their numbers, as connections look them up."""
+    """Services by number, for connections."""
 
     def service(self, number: int) -> Service | None:
         """Returns the service of a number."""
@@ -102,7 +102,7 @@ class Connection:
     """A client.
 
     Attributes:
-        caller: How handlers know it.
+        caller: Its identity for handlers.
     """
 
     def __init__(
@@ -114,15 +114,15 @@ class Connection:
         credentials: Credentials | None,
         log: Callable[[str], None],
     ) -> None:
-        """Takes a connection over.
+        """Takes over a connection.
 
         Args:
-            reader: What the client sends.
+            reader: From the client.
             writer: To the client.
             caller: Its number and address.
             objects: The services.
-            credentials: What the client must give; None if nothing.
-            log: Takes a line for people.
+            credentials: Required of the client, or None.
+            log: Takes a line for the user.
         """
         self.caller = caller
         self._reader, self._writer = reader, writer
@@ -138,7 +138,7 @@ class Connection:
         self._closed = False
 
     async def serve(self) -> None:
-        """Answers the client until it leaves or breaks the protocol."""
+        """Serves the client until it disconnects or violates the protocol."""
         try:
             while True:
                 message = await self._next_message()
@@ -151,7 +151,7 @@ class Connection:
             await self._close()
 
     def abort(self) -> None:
-        """Ends the connection without waiting for what is still to be sent."""
+        """Ends the connection without waiting for unsent data."""
         self._writer.transport.abort()
 
     async def _next_message(self) -> Message:
@@ -200,7 +200,7 @@ class Connection:
         self._answer(message, "{sm}", _CAPABILITIES | state)
 
     def _start(self, message: Message) -> None:
-        """Runs a call. What needs no waiting is answered at once, in the order of the calls."""
+        """Runs a call. Synchronous results are answered at once, in the order of the calls."""
         answers = message.type == MessageType.CALL
         try:
             result, signature = self._perform(message)
@@ -242,7 +242,7 @@ class Connection:
                 self._send_error(message, "the call failed in the robot")
 
     def _perform(self, message: Message) -> tuple[Any, str]:
-        """Returns what a call gives (perhaps to be awaited), and its signature."""
+        """Returns the result of a call (possibly awaitable), and its signature."""
         service = self._find(message.service, message.object)
         if service is None:
             raise ServiceError(f"no object {message.service}.{message.object}")
@@ -277,8 +277,8 @@ class Connection:
     def _arguments(self, message: Message, parameters: str) -> tuple[Any, ...]:
         """Returns the arguments of a call.
 
-        A call may name the type that its value is wanted in; as libqi's callers convert values by
-        themselves, the value is sent as the method declares it.
+        A call may request a type of its value; since libqi's callers convert values themselves, the
+        value is sent as the method declares it.
         """
         reader = Reader(message.payload, lambda at: read_object(at, self))
         dynamic = message.flags & MessageFlag.DYNAMIC_PAYLOAD
@@ -294,7 +294,7 @@ class Connection:
     def _common(
         self, message: Message, service: Service, action: int, arguments: tuple[Any, ...]
     ) -> Any:
-        """Performs one of the actions that every object has."""
+        """Performs one of the common actions of all objects."""
         if action in (Common.REGISTER_EVENT.uid, Common.REGISTER_WITH_SIGNATURE.uid):
             _, signal, link, *wanted = arguments
             self._subscribe(message, service, signal, link, wanted[0] if wanted else "")
@@ -392,7 +392,7 @@ class Connection:
             self._send(replace(event, payload=payload))
 
     def _object_writer(self, message: Message) -> Callable[[Any], bytes]:
-        """Returns what gives a service of ours a number of this client's, and encodes it."""
+        """Returns a function that registers a service as this client's object, and encodes it."""
 
         def write(value: Any) -> bytes:
             if not isinstance(value, Service):
