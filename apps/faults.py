@@ -71,7 +71,7 @@ def make_parser() -> ArgumentParser:
 
 
 def make_cases(options: Namespace) -> list[FaultCase]:
-    """The runs that the options ask for.
+    """Returns the requested runs.
 
     Raises:
         InputError: A signal, a start or a scene is unknown.
@@ -95,7 +95,7 @@ def make_cases(options: Namespace) -> list[FaultCase]:
 def run_missing(
     cases: Sequence[FaultCase], scenario: Scenario, jobs: int
 ) -> Generator[FaultResult]:
-    """Yields what comes of each case, as it comes.
+    """Yields the result of each case as it finishes.
 
     Raises:
         InputError: The number of jobs is not positive.
