@@ -78,17 +78,17 @@ class PadButton:
         except OSError as error:
             raise InputError(f"--pad {device}: {error.strerror}") from None
         self._held: set[int] = set()
-        self._rest = b""
+        self._unparsed = b""
 
     def is_held(self, now: float) -> bool:
         """Returns whether a button is held; see `DeadManKey`. False if the pad is gone."""
         try:
-            data = self._rest + _available(self._file)
+            data = self._unparsed + _available(self._file)
         except OSError:
             self._held.clear()
             return False
         whole = len(data) - len(data) % _EVENT.size
-        self._rest = data[whole:]
+        self._unparsed = data[whole:]
         for _, value, kind, number in _EVENT.iter_unpack(data[:whole]):
             if kind & _BUTTON:
                 (self._held.add if value else self._held.discard)(number)

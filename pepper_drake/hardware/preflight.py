@@ -90,7 +90,7 @@ async def preflight(transport: Transport, arm: str, options: PreflightOptions) -
         await _temperatures(transport, arm),
         await _battery(transport),
         await _hatch(transport),
-        await _witness(transport, arm),
+        await _check_hand_pose(transport, arm),
         *await _timing(transport),
     ]
 
@@ -189,10 +189,10 @@ async def _hatch(transport: Transport) -> Check:
     return Check("hatch", "unknown" if is_open is None else "closed", is_warning=is_open is None)
 
 
-async def _witness(transport: Transport, arm: str) -> Check:
+async def _check_hand_pose(transport: Transport, arm: str) -> Check:
     """Compares our forward kinematics of the measured joints with the robot's own."""
     name = f"{arm[0].upper()}Arm"
-    angles, told = await asyncio.gather(
+    angles, reported = await asyncio.gather(
         transport.call("ALMotion", "getAngles", "Body", True),
         transport.call("ALMotion", "getPosition", name, FRAME_TORSO, True),
     )
@@ -201,9 +201,9 @@ async def _witness(transport: Transport, arm: str) -> Check:
     positions = np.array(angles)[[BODY.index(joint) for joint in BODY_JOINTS]]
     model.plant.SetPositions(context, model.positions(positions, np.zeros(3)))
     X_TH = model.pose(context, hand_frame(arm), "torso")
-    X_TH_told = RigidTransform(RollPitchYaw(told[3:6]), told[:3])
-    error = float(np.linalg.norm(X_TH.translation() - X_TH_told.translation()))
-    turn = RotationMatrix(X_TH.rotation().inverse() @ X_TH_told.rotation()).ToAngleAxis().angle()
+    X_TH_robot = RigidTransform(RollPitchYaw(reported[3:6]), reported[:3])
+    error = float(np.linalg.norm(X_TH.translation() - X_TH_robot.translation()))
+    turn = RotationMatrix(X_TH.rotation().inverse() @ X_TH_robot.rotation()).ToAngleAxis().angle()
     value = f"{error * 1000:.1f} mm and {np.degrees(turn):.1f} degrees from our kinematics"
     if error > WITNESS:
         mend = "the model is not this robot's: nothing may be reached for with it"

@@ -42,7 +42,7 @@ class StateReader:
     def __init__(self, transport: Transport, clock: LinkClock) -> None:
         self._transport, self._clock = transport, clock
         self._columns = [BODY.index(name) for name in BODY_JOINTS]
-        self._asked = 0.0
+        self._request_time = 0.0
         self._question: asyncio.Task[None] | None = None
         self.measured = Measurements()
         self.answers = 0
@@ -60,7 +60,7 @@ class StateReader:
             start: Starts a task, whose exceptions the link handles.
         """
         if not self._is_asking:
-            self._asked = self._clock.now()
+            self._request_time = self._clock.now()
             self._question = start(self._read())
 
     def check(self) -> None:
@@ -70,7 +70,7 @@ class StateReader:
             LinkFault: It does not answer, its clock has stopped, or it answers too slowly.
         """
         now, newest = self._clock.now(), self.measured.newest
-        silent = now - self._asked if self._is_asking else 0.0
+        silent = now - self._request_time if self._is_asking else 0.0
         if silent > FROZEN:
             raise LinkFault("link_frozen", f"no answer for {FROZEN:g} s")
         if silent < FRESH and newest and now - newest.time > FROZEN:
@@ -95,7 +95,7 @@ class StateReader:
             call("ALMotion", "getRobotPosition", True),
         )
         answered = self._clock.now()
-        trip = answered - self._asked
+        trip = answered - self._request_time
         if self.answers < FIRST_ANSWERS:
             self.round_trip = min(trip, self.round_trip or trip)
         else:
@@ -108,7 +108,7 @@ class StateReader:
         if not (np.isfinite(positions).all() and np.isfinite(base_pose).all()):
             raise LinkFault("wrong_robot", "it measures what is not a number")
         # On average it answers in the middle, with a measurement half a cycle old.
-        measured = (self._asked + answered) / 2 - CYCLE / 2
+        measured = (self._request_time + answered) / 2 - CYCLE / 2
         self.answers += 1
         self.measured.add(
             Measurement(join_time(stamp[1], stamp[2]), measured, positions, base_pose)

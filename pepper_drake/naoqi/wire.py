@@ -301,13 +301,13 @@ class Reader:
             read_object: Reads an object at the reader's position.
         """
         self._data = data
-        self._place = 0
+        self._position = 0
         self._read_object = read_object
 
     @property
     def left(self) -> int:
         """Number of bytes not yet read."""
-        return len(self._data) - self._place
+        return len(self._data) - self._position
 
     def read(self, signature: str) -> Any:
         """Returns the next value.
@@ -323,8 +323,8 @@ class Reader:
     def _take(self, size: int) -> bytes:
         if size > self.left:
             raise WireError(f"{size} bytes announced, {self.left} there")
-        self._place += size
-        return self._data[self._place - size : self._place]
+        self._position += size
+        return self._data[self._position - size : self._position]
 
     def _number(self, code: str) -> Any:
         layout = struct.Struct("<" + code)

@@ -81,8 +81,8 @@ def deviation(outcome: Outcome, task: Task) -> Array:
     count = outcome.positions.shape[1]
     here = np.linspace(0.0, len(task.demonstrated) - 1.0, count)
     grid = np.arange(len(task.demonstrated))
-    way = np.column_stack([np.interp(here, grid, axis) for axis in task.demonstrated.T])
-    return np.linalg.norm(outcome.positions - way, axis=2) / count
+    path = np.column_stack([np.interp(here, grid, axis) for axis in task.demonstrated.T])
+    return np.linalg.norm(outcome.positions - path, axis=2) / count
 
 
 def jerk(outcome: Outcome, task: Task) -> Array:

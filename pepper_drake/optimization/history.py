@@ -149,11 +149,11 @@ class History:
                 }
             },
         )
-        if not history._is_whole():
+        if not history._is_complete():
             raise ValueError("shapes that belong to no search")
         return history
 
-    def _is_whole(self) -> bool:
+    def _is_complete(self) -> bool:
         """Tells whether shapes and numbers are consistent."""
         pending = self.pending[self.updates].items()
         tables = [*self.samples, *self.means]

@@ -109,8 +109,8 @@ class KinematicRollouts:
         nominal = profile.basis(times / duration) @ parameters.posture_weights(samples)
         if self.led_by == "joints":
             return times, np.clip(nominal, limits.position_lower, limits.position_upper)
-        ways = roll_out(parameters, samples, self.time_step).positions
-        return times, batch_inverse_kinematics(kinematics, limits, ways, nominal, self.time_step)
+        paths = roll_out(parameters, samples, self.time_step).positions
+        return times, batch_inverse_kinematics(kinematics, limits, paths, nominal, self.time_step)
 
     def primitive_at(self, parameters: Array) -> MovementPrimitive:
         """Returns a primitive of the whole arm's motion with parameters (n,).

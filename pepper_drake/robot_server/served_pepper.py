@@ -189,7 +189,7 @@ class ServedPepper:
         self.services: list[Service] = []
         for name in service_signatures():
             module = served.get(name) or Module(name)
-            module.served = make_service(name, module, on_unserved=self._ask_in_vain)
+            module.served = make_service(name, module, on_unserved=self._log_unserved)
             self.services.append(module.served)
         self._service("ALMotion").on_client_left = self.motion.client_left
         self._service("ALVideoDevice").on_client_left = self.video.client_left
@@ -209,7 +209,7 @@ class ServedPepper:
     def _service(self, name: str) -> Service:
         return next(service for service in self.services if service.name == name)
 
-    def _ask_in_vain(self, name: str) -> None:
+    def _log_unserved(self, name: str) -> None:
         if name not in self._unserved:
             self._unserved.add(name)
             self._log(f"{name} was asked for and is not simulated")

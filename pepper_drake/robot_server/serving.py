@@ -30,7 +30,7 @@ async def keep_serving(
     Raises:
         PepperDrakeError: The simulation ended.
     """
-    cycle, cycles, told = -1, 0, False
+    cycle, cycles, has_warned = -1, 0, False
     while not stop.is_set():
         now = round(robot.state().time / CYCLE)
         if now != cycle:
@@ -39,8 +39,8 @@ async def keep_serving(
             if cycles % 50 == 0:
                 robot.check()
                 rate = float(robot.record()["rate"])
-                if not told and cycles > _SETTLED and rate < SLOWEST_SHOWN:
-                    told = True
+                if not has_warned and cycles > _SETTLED and rate < SLOWEST_SHOWN:
+                    has_warned = True
                     say(
                         f"this machine is too slow: the robot's clock runs at {rate:.2f} of the "
                         "rate that was asked for; --rate sets a slower one"

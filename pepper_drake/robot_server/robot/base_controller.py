@@ -53,7 +53,7 @@ class BaseController:
     def __init__(self) -> None:
         self.velocity: Pose = _STILL
         self.enabled = False
-        self._wanted: Pose = _STILL
+        self._target: Pose = _STILL
         self._speeds = BaseSpeeds.configured({})
 
     def want(self, velocity: Pose, speeds: BaseSpeeds) -> None:
@@ -63,16 +63,16 @@ class BaseController:
         length = math.hypot(vx, vy)
         scale = min(1.0, speeds.speed / length) if length else 1.0
         wz = min(max(wz, -speeds.turning), speeds.turning)
-        self._wanted = (vx * scale, vy * scale, wz)
+        self._target = (vx * scale, vy * scale, wz)
 
     def stop(self) -> None:
         """Sets the wanted velocity to zero."""
-        self._wanted = _STILL
+        self._target = _STILL
 
     @property
     def resting(self) -> bool:
         """Returns whether both commanded and wanted velocity are zero."""
-        return self.velocity == _STILL == self._wanted
+        return self.velocity == _STILL == self._target
 
     def step(self) -> None:
         """Changes the velocity by at most one cycle's acceleration.
@@ -80,7 +80,7 @@ class BaseController:
         The acceleration is relative to the floor: while the base turns, a constant velocity turns
         the other way in its frame.
         """
-        wanted = self._wanted if self.enabled else _STILL
+        wanted = self._target if self.enabled else _STILL
         vx, vy, wz = self.velocity
         c, s = math.cos(wz * CYCLE), math.sin(wz * CYCLE)
         vx, vy = c * vx + s * vy, -s * vx + c * vy

@@ -49,7 +49,7 @@ class SimulatedRobot(ChildProcess):
         self._command = SharedRecord(COMMAND)
         self._images = [SharedRecord(IMAGE) for _ in CAMERAS]
         self._enabled = [False] * len(CAMERAS)
-        self._asked = [0] * len(CAMERAS)
+        self._seen_writes = [0] * len(CAMERAS)
         self._goal_moves_itself = bool(config.scene.goal.path)
         names = SharedNames(
             self._state.name, self._command.name, tuple(image.name for image in self._images)
@@ -114,7 +114,7 @@ class SimulatedRobot(ChildProcess):
             return
         index = list(CAMERAS).index(camera)
         if fps > 0 and not self._enabled[index]:
-            self._asked[index] = self._images[index].writes
+            self._seen_writes[index] = self._images[index].writes
         self._enabled[index] = fps > 0
         self._command.write(enabled=self._enabled)
 
@@ -123,7 +123,7 @@ class SimulatedRobot(ChildProcess):
         if camera not in CAMERAS:
             return None
         index = list(CAMERAS).index(camera)
-        if self._images[index].writes <= self._asked[index]:
+        if self._images[index].writes <= self._seen_writes[index]:
             return None
         image = self._images[index].read()
         height, width = int(image["height"]), int(image["width"])

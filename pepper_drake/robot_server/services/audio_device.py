@@ -47,7 +47,7 @@ class AudioDevice(Module):
         """
         super().__init__("ALAudioDevice")
         self._log, self._timer, self._finder = log, timer, finder
-        self._wanted: dict[str, _Hearing] = {}
+        self._formats: dict[str, _Hearing] = {}
         self._listening: dict[str, asyncio.Task[None]] = {}
         self._noise = np.random.default_rng(0)
         self._parameters: dict[str, int] = {}
@@ -67,7 +67,7 @@ class AudioDevice(Module):
             raise ValueError(f"the rate is {rate} Hz; it must be 48000 or 16000")
         if not 0 <= channels <= _MICROPHONES:
             raise ValueError(f"there are no channels {channels}; give 0 for all, or 1 to 4")
-        self._wanted[module] = _Hearing(rate, channels)
+        self._formats[module] = _Hearing(rate, channels)
 
     def subscribe(self, module: str) -> None:
         """Subscribes a module: its `processRemote` is called with a buffer every 85 ms."""
@@ -94,7 +94,7 @@ class AudioDevice(Module):
                     break
                 await self._timer.sleep(0.1)
                 continue
-            hearing = self._wanted.get(module, _Hearing())
+            hearing = self._formats.get(module, _Hearing())
             samples = _SAMPLES[hearing.rate]
             channels = 1 if hearing.channels else _MICROPHONES
             sound = self._noise.integers(-_NOISE, _NOISE + 1, samples * channels, dtype=np.int16)

@@ -37,7 +37,7 @@ class Dcm(Module):
         self._motion, self._leds, self._timer, self._log = motion, leds, timer, log
         self._start = timer.now
         self._aliases: dict[str, list[str]] = {}
-        self._told: set[str] = set()
+        self._logged: set[str] = set()
 
     def get_time(self, offset: int) -> int:
         """Returns the time since the robot started plus an offset [ms]."""
@@ -95,8 +95,8 @@ class Dcm(Module):
             self._lead(device, keys)
         elif quantity == "Hardness" and device in JOINTS:
             self._motion.set_stiffnesses(device, keys[-1][0])
-        elif not self._leds.lead(key, keys) and key not in self._told and len(self._told) < 100:
-            self._told.add(key)
+        elif not self._leds.lead(key, keys) and key not in self._logged and len(self._logged) < 100:
+            self._logged.add(key)
             self._log(f"DCM takes commands of {key}, which changes nothing in the simulation")
 
     def _lead(self, joint: str, keys: list[Key]) -> None:

@@ -13,7 +13,7 @@ class Dialog(Extractor):
 
     def __init__(self, log: Callable[[str], None]) -> None:
         super().__init__("ALDialog", log, ("Dialog/LastInput",), "words")
-        self._tell = log
+        self._say = log
         self._loaded: dict[str, str] = {}
         self._active: list[str] = []
         self._has_files = False
@@ -108,7 +108,7 @@ class Dialog(Extractor):
 
     def force_input(self, text: str) -> None:
         """Takes words as heard; no answer is simulated."""
-        self._tell(f'dialog: hears "{text}"; no answer is simulated')
+        self._say(f'dialog: hears "{text}"; no answer is simulated')
 
     def tell(self, text: str) -> None:
         """As `forceInput`."""
@@ -116,12 +116,12 @@ class Dialog(Extractor):
 
     def force_output(self) -> None:
         """Logs that no proposal is simulated."""
-        self._tell("dialog: no proposal is simulated")
+        self._say("dialog: no proposal is simulated")
 
     def say(self, topic: str, tag: str) -> None:
         """Logs that the tagged sentence is not simulated."""
         self._known(topic)
-        self._tell(f"dialog: what {tag} marks in {topic} is not simulated")
+        self._say(f"dialog: what {tag} marks in {topic} is not simulated")
 
     def set_concept(self, concept: str, language: str, words: list[str], *_: Any) -> None:
         """Sets a concept's words."""

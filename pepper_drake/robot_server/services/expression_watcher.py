@@ -85,10 +85,10 @@ class Expression:
         self._history: dict[str, deque[tuple[float, Any]]] = {}
         self._reach = 0.0
         self._tokens = _tokens(text)
-        self._place = 0
+        self._position = 0
         self._depth = 0
         self._evaluate = self._binary(0)
-        if self._place != len(self._tokens):
+        if self._position != len(self._tokens):
             raise ValueError(f"the expression is not understood at {self._peek()!r}")
 
     def step(self, now: float) -> None:
@@ -108,13 +108,13 @@ class Expression:
             return None
 
     def _peek(self) -> str:
-        return self._tokens[self._place] if self._place < len(self._tokens) else ""
+        return self._tokens[self._position] if self._position < len(self._tokens) else ""
 
     def _next(self) -> str:
         token = self._peek()
         if not token:
             raise ValueError("the expression ends too soon")
-        self._place += 1
+        self._position += 1
         return token
 
     def _expect(self, token: str) -> None:
@@ -138,7 +138,7 @@ class Expression:
             if not re.fullmatch(r"\d+\.?\d*", seconds) or float(seconds) > _LONGEST:
                 raise ValueError(f"after {sign} comes a number of seconds up to {_LONGEST:g}")
             self._reach += float(seconds)
-            found = {"~": self._held, "@": _ago, "#": self._once}[sign](found, float(seconds))
+            found = {"~": self._held, "@": _ago, "#": self._recently}[sign](found, float(seconds))
         return found
 
     def _unary(self) -> Evaluate:
@@ -214,7 +214,7 @@ class Expression:
     def _held(self, inner: Evaluate, seconds: float) -> Evaluate:
         return lambda now: all(inner(t) for t in self._moments(now - seconds, now))
 
-    def _once(self, inner: Evaluate, seconds: float) -> Evaluate:
+    def _recently(self, inner: Evaluate, seconds: float) -> Evaluate:
         return lambda now: any(inner(t) for t in self._moments(now - seconds, now))
 
 

@@ -57,19 +57,19 @@ class Extractor(Module):
 
     def get_my_period(self, name: str) -> int:
         """Returns a subscriber's period [ms]."""
-        return self._wanted(name)[0]
+        return self._subscription(name)[0]
 
     def get_my_precision(self, name: str) -> float:
         """Returns a subscriber's precision."""
-        return self._wanted(name)[1]
+        return self._subscription(name)[1]
 
     def update_period(self, name: str, period: int) -> None:
         """Changes a subscriber's period [ms]."""
-        self._subscribers[name] = (period, self._wanted(name)[1])
+        self._subscribers[name] = (period, self._subscription(name)[1])
 
     def update_precision(self, name: str, precision: float) -> None:
         """Changes a subscriber's precision."""
-        self._subscribers[name] = (self._wanted(name)[0], precision)
+        self._subscribers[name] = (self._subscription(name)[0], precision)
 
     def get_event_list(self) -> list[str]:
         """Returns the events that it raises here: none."""
@@ -83,7 +83,7 @@ class Extractor(Module):
         """Returns the keys of the values."""
         return list(self._keys)
 
-    def _wanted(self, name: str) -> tuple[int, float]:
+    def _subscription(self, name: str) -> tuple[int, float]:
         if name not in self._subscribers:
             raise ValueError(f"{name!r} has not subscribed")
         return self._subscribers[name]

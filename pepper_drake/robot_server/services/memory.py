@@ -140,12 +140,12 @@ class Memory(Module):
         self._events.add(name)
         past = self._history.setdefault(name, deque(maxlen=_HISTORY))
         past.append([value, *split_time(self._clock())])
-        self._tell(name, value)
+        self._notify(name, value)
 
     def raise_micro_event(self, name: str, value: Any) -> None:
         """Stores a value and notifies its subscribers."""
         self.put(name, value)
-        self._tell(name, value)
+        self._notify(name, value)
 
     def remove_event(self, name: str) -> None:
         """Removes an event."""
@@ -226,7 +226,7 @@ class Memory(Module):
         """Returns keys with their descriptions."""
         return [[key, self._descriptions.get(key, "")] for key in keys]
 
-    def _tell(self, name: str, value: Any) -> None:
+    def _notify(self, name: str, value: Any) -> None:
         for service in list(self._subscribers.get(name, ())):
             service.emit("signal", value)
         finder = self._finder()

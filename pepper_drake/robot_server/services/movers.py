@@ -21,7 +21,7 @@ class Movers:
         self._log = log
         self._now = now
         self._last: dict[str, tuple[Caller, float]] = {}
-        self._told: set[tuple[int, int]] = set()
+        self._logged: set[tuple[int, int]] = set()
 
     def claim(self, caller: Caller, joints: Iterable[str]) -> None:
         """Records that a client moves joints."""
@@ -30,8 +30,8 @@ class Movers:
             before, time = self._last.get(joint, (caller, now))
             self._last[joint] = (caller, now)
             pair = (before.client, caller.client)
-            if before.client != caller.client and now - time < _RECENT and pair not in self._told:
-                self._told.add(pair)
+            if before.client != caller.client and now - time < _RECENT and pair not in self._logged:
+                self._logged.add(pair)
                 self._log(f"{_name(caller)} moves {joint}, which {_name(before)} was moving")
 
 

@@ -165,21 +165,21 @@ class Navigation(Module):
         known = self._known()
         now = datetime.fromtimestamp(self._timer.now, UTC)
         name = f"{now:%Y-%m-%dT%H%M%S}.{now.microsecond // 1000:03d}Z.explo"
-        told, place = self._disk.place(_FOLDER, name)
+        path, place = self._disk.place(_FOLDER, name)
         try:
             await asyncio.to_thread(write_floor_map, known, place)
         except InputError as error:
-            raise ValueError(_as_told(error, told, place)) from None
-        self._path = told
-        return told
+            raise ValueError(_with_path(error, path, place)) from None
+        self._path = path
+        return path
 
     async def load_exploration(self, path: str) -> int:
         """Reads a map; the robot's current pose is taken as its origin; returns 0."""
         where = PurePosixPath(path)
-        told, place = self._disk.place(str(PurePosixPath(_FOLDER) / where.parent), where.name)
+        path, place = self._disk.place(str(PurePosixPath(_FOLDER) / where.parent), where.name)
         if not place.is_file():
-            raise ValueError(f"there is no exploration {told}")
-        return await self._run("loadExploration", self._load(told, place))
+            raise ValueError(f"there is no exploration {path}")
+        return await self._run("loadExploration", self._load(path, place))
 
     def get_exploration_path(self) -> str:
         """Returns the path of the map that was saved or loaded."""
@@ -263,7 +263,7 @@ class Navigation(Module):
 
         async def look() -> FloorMap:
             nonlocal known
-            known = self._map = await self._seen(known, await self._look())
+            known = self._map = await self._add_scan(known, await self._look())
             return known
 
         while True:
@@ -280,12 +280,12 @@ class Navigation(Module):
             if not await self._follow(caller, waypoints, look):
                 return _FAILED
 
-    async def _load(self, told: str, place: Path) -> int:
+    async def _load(self, path: str, place: Path) -> int:
         try:
             known = await asyncio.to_thread(read_floor_map, place)
         except InputError as error:
-            raise ValueError(f"not an exploration: {_as_told(error, told, place)}") from None
-        self._map, self._path, self._is_localized = known, told, False
+            raise ValueError(f"not an exploration: {_with_path(error, path, place)}") from None
+        self._map, self._path, self._is_localized = known, path, False
         self._X_WM = np.array(self._moves.state.base_pose)
         return _DONE
 
@@ -293,11 +293,11 @@ class Navigation(Module):
         for _ in range(_MOST_PLANS):
             scan = await self._look()
             await self._locate(known, scan, self._pose())
-            seen = await self._seen(known, scan)
+            seen = await self._add_scan(known, scan)
 
             async def look() -> FloorMap:
                 nonlocal seen
-                seen = await self._seen(seen, await self._look())
+                seen = await self._add_scan(seen, await self._look())
                 return seen
 
             waypoints = await asyncio.to_thread(seen.path, self._pose(), target)
@@ -334,7 +334,7 @@ class Navigation(Module):
         await self._timer.sleep(2 * PERIOD)
         return self._scan()
 
-    async def _seen(self, known: FloorMap, scan: LaserScan) -> FloorMap:
+    async def _add_scan(self, known: FloorMap, scan: LaserScan) -> FloorMap:
         """Returns a map updated with a scan from the base's current pose."""
         return await asyncio.to_thread(known.with_scan, scan, self._pose())
 
@@ -425,6 +425,6 @@ def _places(path: Any, start: Vector) -> list[list[float]]:
     return places
 
 
-def _as_told(error: InputError, told: str, place: Path) -> str:
+def _with_path(error: InputError, path: str, place: Path) -> str:
     """Returns an error of a file with the robot's name of the file."""
-    return str(error).replace(str(place), told)
+    return str(error).replace(str(place), path)

@@ -25,7 +25,7 @@ class Posture(Module):
         super().__init__("ALRobotPosture")
         self._motion = motion
         self._raise_event = raise_event
-        self._told = ("", "")
+        self._last_raised = ("", "")
 
     async def go_to_posture(self, name: str, max_speed_fraction: float) -> bool:
         """Goes to a posture, waking up if asleep; False if it is unknown or was interrupted."""
@@ -77,8 +77,8 @@ class Posture(Module):
         """Raises events when posture or family have changed."""
         now = (self.get_posture(), self.get_posture_family())
         for event, before, after in zip(
-            ("PostureChanged", "PostureFamilyChanged"), self._told, now, strict=True
+            ("PostureChanged", "PostureFamilyChanged"), self._last_raised, now, strict=True
         ):
             if before != after:
                 self._raise_event(event, after)
-        self._told = now
+        self._last_raised = now

@@ -140,12 +140,12 @@ class PhotoCapture(_Recorder):
             for number, name in enumerate(names):
                 if number:
                     await self._timer.sleep(interval)
-                told, path = self._disk.place(folder, f"{name}.{ending}")
+                on_robot, path = self._disk.place(folder, f"{name}.{ending}")
                 if path.exists() and not overwrite:
-                    raise ValueError(f"{told} already exists")
+                    raise ValueError(f"{on_robot} already exists")
                 if not cv2.imwrite(str(path), await self._image(handle)):
                     raise ValueError(f"a picture cannot be written as {ending}")
-                taken.append(told)
+                taken.append(on_robot)
         finally:
             self._video.unsubscribe(handle)
         return taken
@@ -184,12 +184,12 @@ class VideoRecorder(_Recorder):
         """Starts a video."""
         if self._task is not None:
             raise ValueError("it is already recording")
-        told, path = self._disk.place(folder, name if name.endswith(".avi") else f"{name}.avi")
+        on_robot, path = self._disk.place(folder, name if name.endswith(".avi") else f"{name}.avi")
         if path.exists() and not overwrite:
-            raise ValueError(f"{told} already exists")
+            raise ValueError(f"{on_robot} already exists")
         fps = self._fps
         handle = self._subscribe(fps)
-        self._path, self._stop = told, False
+        self._path, self._stop = on_robot, False
         loop = asyncio.get_running_loop()
         self._task = loop.create_task(self._film(handle, path, fps))
 

@@ -109,14 +109,14 @@ class TactileGesture(Module):
             self._settled = now
             if not self._held:
                 self._held = True
-            self._tell()
+            self._emit_gesture()
         elif self._pattern == _REST and lasted >= self._times["sequence"]:
             if len(self._sequence) > 1:
-                self._tell()
+                self._emit_gesture()
                 self._release()
             self._sequence = [_REST]
 
-    def _tell(self) -> None:
+    def _emit_gesture(self) -> None:
         name = self.get_gesture(self._sequence)
         if name:
             self._emit("onGesture", name)

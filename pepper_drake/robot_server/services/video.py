@@ -85,7 +85,7 @@ class Video(CameraFacts, Module):
     ) -> str:
         """Subscribes to several cameras at once; returns the handle, empty if impossible."""
         lists = (cameras, resolutions, color_spaces)
-        if not all(isinstance(v, list | tuple) and all(map(_whole, v)) for v in lists):
+        if not all(isinstance(v, list | tuple) and all(map(_is_int, v)) for v in lists):
             raise ValueError("cameras, resolutions and colour spaces must be lists of integers")
         if not len(cameras) == len(resolutions) == len(color_spaces) > 0:
             raise ValueError("cameras, resolutions and colour spaces must be of one length")
@@ -102,14 +102,14 @@ class Video(CameraFacts, Module):
     def unsubscribe(self, handle: str) -> bool:
         """Ends a subscription; returns whether there was one."""
         found = self._subscriptions.pop(handle, None)
-        self._ask()
+        self._request_images()
         return found is not None
 
     def unsubscribe_all_instances(self, name: str) -> None:
         """Ends all subscriptions of a name."""
         for handle in _handles(name):
             self._subscriptions.pop(handle, None)
-        self._ask()
+        self._request_images()
 
     def get_subscribers(self) -> list[str]:
         """Returns the handles."""
@@ -119,7 +119,7 @@ class Video(CameraFacts, Module):
         """Ends the subscriptions of a disconnected client."""
         for handle in [h for h, s in self._subscriptions.items() if s.client == caller.client]:
             del self._subscriptions[handle]
-        self._ask()
+        self._request_images()
 
     # Images.
 
@@ -207,7 +207,7 @@ class Video(CameraFacts, Module):
         if not 1 <= fps <= CAMERAS[found.streams[0].camera].fps:
             return False
         self._subscriptions[handle] = replace(found, fps=fps)
-        self._ask()
+        self._request_images()
         return True
 
     def get_active_cameras(self, handle: str) -> list[int]:
@@ -269,7 +269,7 @@ class Video(CameraFacts, Module):
         """Sets a parameter of each camera (one value for all or each); returns each success."""
         cameras = self.get_active_cameras(handle)
         each = list(values) if isinstance(values, list | tuple) else [values] * len(cameras)
-        if len(each) != len(cameras) or not all(map(_whole, each)):
+        if len(each) != len(cameras) or not all(map(_is_int, each)):
             raise ValueError(f"{len(cameras)} integers are needed, one for each camera")
         return [self.set_parameter(c, parameter, v) for c, v in zip(cameras, each, strict=True)]
 
@@ -295,7 +295,7 @@ class Video(CameraFacts, Module):
         limit = min(CAMERAS[stream.camera].fps for stream in known)
         handle = free[0]
         self._subscriptions[handle] = Subscription(known, min(fps, limit), caller.client)
-        self._ask()
+        self._request_images()
         return handle
 
     def _subscription(self, handle: str) -> Subscription:
@@ -317,14 +317,14 @@ class Video(CameraFacts, Module):
         if changed is None:
             return False
         self._subscriptions[handle] = replace(found, streams=(changed, *found.streams[1:]))
-        self._ask()
+        self._request_images()
         return True
 
     def _change_each(self, handle: str, what: str, values: Sequence[int]) -> list[bool]:
         found = self._subscription(handle)
         if not isinstance(values, list | tuple) or len(values) != len(found.streams):
             raise ValueError(f"{len(found.streams)} values are needed, one for each camera")
-        if not all(map(_whole, values)):
+        if not all(map(_is_int, values)):
             raise ValueError("the values must be integers")
         changed = [
             _served(replace(stream, **{what: value}))
@@ -334,10 +334,10 @@ class Video(CameraFacts, Module):
             new if new is not None else old for new, old in zip(changed, found.streams, strict=True)
         )
         self._subscriptions[handle] = replace(found, streams=streams)
-        self._ask()
+        self._request_images()
         return [stream is not None for stream in changed]
 
-    def _ask(self) -> None:
+    def _request_images(self) -> None:
         """Requests of each camera the largest size and rate of its subscriptions."""
         for camera in CAMERAS:
             sizes = [RESOLUTIONS[stream.resolution] for stream in self._streams(camera)]
@@ -360,7 +360,7 @@ class Video(CameraFacts, Module):
         return encode_image(image, stream)
 
 
-def _whole(value: Any) -> bool:
+def _is_int(value: Any) -> bool:
     return isinstance(value, int)
 
 

@@ -128,7 +128,7 @@ class Connection:
         self._reader, self._writer = reader, writer
         self._objects, self._credentials, self._log = objects, credentials, log
         self._authenticated = False
-        self._own: dict[tuple[int, int], Service] = {}
+        self._temporary: dict[tuple[int, int], Service] = {}
         self._numbers = itertools.count(2)
         self._calls: dict[int, asyncio.Task[None]] = {}
         self._free = asyncio.Semaphore(_CALLS)
@@ -259,8 +259,8 @@ class Connection:
         arguments = self._arguments(message, method.parameters)
         watch, call = service.watch, partial(self._call, service, method, arguments)
         if watch.counts or watch.traces:
-            tell = partial(_tell_trace, service)
-            return watch.run(call, method.uid, message.id, arguments, tell), method.returns
+            trace = partial(_emit_trace, service)
+            return watch.run(call, method.uid, message.id, arguments, trace), method.returns
         return call(), method.returns
 
     def _call(self, service: Service, method: Method, arguments: tuple[Any, ...]) -> Any:
@@ -337,7 +337,7 @@ class Connection:
     def _find(self, service: int, obj: int) -> Service | None:
         if obj <= 1:
             return self._objects.service(service)
-        return self._own.get((service, obj))
+        return self._temporary.get((service, obj))
 
     def _subscribe(
         self, message: Message, service: Service, signal: int, link: int, wanted: str
@@ -354,7 +354,7 @@ class Connection:
         )
         if self._emit not in service.emitters:
             service.emitters.append(self._emit)
-        self._tell_subscribers(service, signal)
+        self._notify_subscribers(service, signal)
 
     def _unsubscribe(self, service: Service, key: tuple[int, int, int]) -> None:
         gone = self._subscriptions.pop(key, None)
@@ -363,9 +363,9 @@ class Connection:
         left = [s for s in self._subscriptions.values() if (s.service, s.object) == key[:2]]
         if not left and self._emit in service.emitters:
             service.emitters.remove(self._emit)
-        self._tell_subscribers(service, gone.signal)
+        self._notify_subscribers(service, gone.signal)
 
-    def _tell_subscribers(self, service: Service, signal: int) -> None:
+    def _notify_subscribers(self, service: Service, signal: int) -> None:
         found = service.signals.get(signal)
         if found is not None and found.on_subscribers is not None:
             found.on_subscribers(len(service.emitters))
@@ -397,10 +397,10 @@ class Connection:
         def write(value: Any) -> bytes:
             if not isinstance(value, Service):
                 raise WireError(f"{type(value).__name__} is not an object")
-            if len(self._own) >= _OBJECTS:
+            if len(self._temporary) >= _OBJECTS:
                 raise WireError("the client holds too many objects")
             number = next(self._numbers)
-            self._own[message.service, number] = value
+            self._temporary[message.service, number] = value
             return write_meta_object(value) + encode("(II)", (message.service, number))
 
         return write
@@ -463,7 +463,7 @@ class Connection:
         return ClientObject(self, number, 1, remote_methods(found))
 
     def _terminate(self, service: int, obj: int) -> None:
-        ended = self._own.pop((service, obj), None)
+        ended = self._temporary.pop((service, obj), None)
         if ended is not None and ended.on_terminated is not None:
             ended.on_terminated()
 
@@ -475,7 +475,7 @@ class Connection:
                 self._unsubscribe(service, key)
         for task in list(self._calls.values()):
             task.cancel()
-        for service_number, number in list(self._own):
+        for service_number, number in list(self._temporary):
             self._terminate(service_number, number)
         for future in self._waiting.values():
             if not future.done():
@@ -486,6 +486,6 @@ class Connection:
                 await self._writer.wait_closed()
 
 
-def _tell_trace(service: Service, event: tuple[Any, ...]) -> None:
+def _emit_trace(service: Service, event: tuple[Any, ...]) -> None:
     for emitter in list(service.emitters):
         emitter(service, TRACE_UID, f"({TRACE})", (event,))

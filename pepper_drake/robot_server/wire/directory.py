@@ -107,7 +107,7 @@ class Directory:
     def _number(self, name: str) -> int | None:
         return next((n for n, entry in self._entries.items() if entry.info[0] == name), None)
 
-    def _told(self, caller: Caller, entry: _Entry) -> tuple[Any, ...]:
+    def _info_for(self, caller: Caller, entry: _Entry) -> tuple[Any, ...]:
         """Returns an entry with the addresses for this client."""
         if entry.service is None:
             return entry.info
@@ -117,10 +117,10 @@ class Directory:
         number = self._number(name)
         if number is None or not self._entries[number].ready:
             raise ServiceError(f"Cannot find service '{name}' in index")
-        return self._told(caller, self._entries[number])
+        return self._info_for(caller, self._entries[number])
 
     def _services(self, caller: Caller) -> list[tuple[Any, ...]]:
-        return [self._told(caller, entry) for entry in self._entries.values() if entry.ready]
+        return [self._info_for(caller, entry) for entry in self._entries.values() if entry.ready]
 
     def _register(self, caller: Caller, info: tuple[Any, ...]) -> int:
         name = info[0]

@@ -55,8 +55,8 @@ def read_timeline(path: Path, text: str) -> list[Track]:
         fps = _number(timeline, "fps", path, 25.0)
         if not 0.0 < fps < 1e4:
             raise InputError(f"{path}: a timeline of {fps:g} frames a second; correct fps")
-        own = list(_own(timeline))
-        curves = [read for curve in own if (read := _curve(curve, fps, path)) is not None]
+        elements = list(_outer_curves(timeline))
+        curves = [read for curve in elements if (read := _curve(curve, fps, path)) is not None]
         if curves:
             number = len(tracks) + 1
             name = path.stem if number == 1 else f"{path.stem}_{number}"
@@ -79,7 +79,7 @@ def read_timeline(path: Path, text: str) -> list[Track]:
     return tracks
 
 
-def _own(timeline: ElementTree.Element) -> Iterator[ElementTree.Element]:
+def _outer_curves(timeline: ElementTree.Element) -> Iterator[ElementTree.Element]:
     """Yields the curves of a timeline, not those of a timeline nested in it."""
     waiting = list(timeline)[::-1]
     while waiting:
