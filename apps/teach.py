@@ -161,7 +161,7 @@ def open_folder(options: Namespace) -> tuple[SessionFolder, SessionFolder | None
         kept = folder.begin_anew()
         if kept is not None and not options.quiet:
             print(f"The earlier session is kept in {kept}.")
-    goes_on = folder.exists()
+    resumes = folder.exists()
     name = options.lesson or folder.record.lesson
     lesson = find_lesson(name) if name else None
     if lesson is not None and options.no_cameras and set(lesson.record.offsets) - {"goal"}:
@@ -169,14 +169,14 @@ def open_folder(options: Namespace) -> tuple[SessionFolder, SessionFolder | None
             f"--no-cameras: in the lesson {name} Pepper has to see what stands in its way;"
             " leave --no-cameras out, or the lesson"
         )
-    start = folder.record if goes_on else lesson.record if lesson is not None else SessionRecord()
+    start = folder.record if resumes else lesson.record if lesson is not None else SessionRecord()
     wanted = SessionRecord(
         lesson=options.lesson or "",
         scene=str(options.scene or ""),
         arm=options.arm or "",
         move=[name for name in options.move.split(",") if name],
     )
-    for key in ("lesson", "scene", "arm", "move") if goes_on else ():
+    for key in ("lesson", "scene", "arm", "move") if resumes else ():
         asked, stored = getattr(wanted, key), getattr(start, key)
         if asked and asked != stored:
             raise InputError(

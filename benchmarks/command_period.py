@@ -40,17 +40,17 @@ def serve(pipe: Connection) -> None:
         motion, arrivals = robot.pepper.motion, []
         set_targets = motion.joints.set_targets
 
-        def noted(*arguments: Any, **options: Any) -> Any:
+        def record_arrival(*arguments: Any, **options: Any) -> Any:
             arrivals.append(time.monotonic())
             return set_targets(*arguments, **options)
 
-        motion.joints.set_targets = noted
+        motion.joints.set_targets = record_arrival
         pipe.send(robot.address)
         pipe.recv()
         pipe.send(arrivals)
 
 
-def beat(seconds: float, pipe: Connection) -> None:
+def run_timer(seconds: float, pipe: Connection) -> None:
     """Wakes every 20 ms and records the times."""
     times, due = [], time.monotonic()
     end = due + seconds
@@ -74,15 +74,15 @@ def main() -> int:
     parser.add_argument("--link", choices=LINKS, default="wire")
     options = parser.parse_args()
     context = multiprocessing.get_context("spawn")
-    robot, its = context.Pipe()
-    timer, own = context.Pipe()
-    context.Process(target=serve, args=(its,), daemon=True).start()
+    robot, server_end = context.Pipe()
+    timer, timer_end = context.Pipe()
+    context.Process(target=serve, args=(server_end,), daemon=True).start()
     address = robot.recv()
     config, checks = LinkConfig("right", late_cycles=10**6), PreflightOptions(disable_life=True)
     with LinkProcess(RobotAccess(address, link=options.link), config, checks) as link:
         link.wait_until_ready()
         here = np.array(link.state()["positions"])
-        context.Process(target=beat, args=(options.seconds, own), daemon=True).start()
+        context.Process(target=run_timer, args=(options.seconds, timer_end), daemon=True).start()
         begin = time.monotonic()
         row = BODY_JOINTS.index("RElbowYaw")
         while (now := time.monotonic() - begin) < options.seconds:
