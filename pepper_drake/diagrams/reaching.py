@@ -156,8 +156,8 @@ class Reaching(Diagram):
         station, perception, supervisor = self.station, self.perception, self.supervisor
         controller, safety, arm = self.controller, self.safety, self.scene.arm
         hand = {f"{arm}_hand_pose": "hand_pose"}
-        seen = ("object_pose", "goal_valid", "goal_age", "image_ages", "cloud", "predicted_cloud")
-        wire(perception, supervisor, *seen, "cloud_time", "cloud_fault")
+        ports = ("object_pose", "goal_valid", "goal_age", "image_ages", "cloud", "predicted_cloud")
+        wire(perception, supervisor, *ports, "cloud_time", "cloud_fault")
         if perception.HasOutputPort("space"):
             wire(perception, supervisor, "space")
         wire(station, supervisor, "joint_position", "base_pose", **hand)

@@ -71,12 +71,12 @@ def moving_obstacle(scene: Scene, rng: np.random.Generator) -> Obstacle:
 
 
 def _passes_by(gaps: Array) -> bool:
-    """Tells whether it comes near the space reserved for the arm, but not into it."""
+    """True if the obstacle comes near the space reserved for the arm, but not into it."""
     return bool(0.0 <= gaps.min() <= _FARTHEST)
 
 
 def _reaches_into(times: Array, gaps: Array) -> bool:
-    """Tells whether it starts outside the reserved space, and comes well into it, early."""
+    """True if the obstacle starts outside the reserved space and soon comes well into it."""
     return bool(
         gaps[0] >= _FARTHEST / 2
         and gaps.min() <= -_FREE / 2

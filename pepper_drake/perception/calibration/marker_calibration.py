@@ -26,7 +26,7 @@ from pepper_drake.perception.goal.marker import marker_poses
 Vector = npt.NDArray[np.float64]
 
 FEWEST_POSTURES = 8
-"""With fewer postures the seven joints' errors cannot be separated from the cameras' extrinsics."""
+"""Smallest number of postures that separates errors of seven joints from camera extrinsics."""
 _ROUNDS = 4
 """Iterations in which the corners' standard deviation is estimated along with the parameters."""
 _SETTLED = 0.01
@@ -93,19 +93,19 @@ class _Fit:
         self.model, self.sightings = model, list(sightings)
         self._groups = []
         for camera in model.cameras:
-            own = [k for k, sighting in enumerate(sightings) if sighting.camera == camera]
-            if own:
-                joints = np.array([sightings[k].joints for k in own])
-                approach = np.array([sightings[k].approach for k in own])
-                self._groups.append((camera, own, joints, approach))
+            indices = [k for k, sighting in enumerate(sightings) if sighting.camera == camera]
+            if indices:
+                joints = np.array([sightings[k].joints for k in indices])
+                approach = np.array([sightings[k].approach for k in indices])
+                self._groups.append((camera, indices, joints, approach))
         self._seen = np.array([sighting.corners for sighting in sightings])
         self._sigma = np.array([sighting.corner_sigma for sighting in sightings])[:, None, None]
 
     def image_residuals(self, parameters: Vector) -> Vector:
         """Returns predicted minus observed corners (N, 4, 2) [pixel]."""
         projected = np.empty_like(self._seen)
-        for camera, own, joints, approach in self._groups:
-            projected[own] = self.model.project(parameters, camera, joints, approach)
+        for camera, indices, joints, approach in self._groups:
+            projected[indices] = self.model.project(parameters, camera, joints, approach)
         return projected - self._seen
 
     def whitened(self, parameters: Vector) -> Vector:
@@ -136,10 +136,10 @@ class _Fit:
     def errors(self, parameters: Vector) -> MarkerErrors:
         """Returns the marker's errors in space and in the images."""
         places, angles = [], []
-        for camera, own, joints, approach in self._groups:
+        for camera, indices, joints, approach in self._groups:
             R_CM, p_CM = self.model.marker_poses(parameters, camera, joints, approach)
             intrinsics = self.model.camera(parameters, camera).intrinsics
-            for k, R, p in zip(own, R_CM, p_CM, strict=True):
+            for k, R, p in zip(indices, R_CM, p_CM, strict=True):
                 seen = marker_poses(self._seen[k], self.model.marker.size, intrinsics)
                 if not seen:
                     continue
@@ -244,13 +244,13 @@ def robot_calibration(
     }
     cameras = {}
     for name in model.cameras:
-        own, spread = (v[model.camera_slice(name)].tolist() for v in (values, sigmas))
+        estimate, spread = (v[model.camera_slice(name)].tolist() for v in (values, sigmas))
         cameras[name] = CameraCalibration(
-            position=own[:3],
+            position=estimate[:3],
             position_sigma=spread[:3],
-            rotation=own[3:6],
+            rotation=estimate[3:6],
             rotation_sigma=spread[3:6],
-            focal=1.0 + own[6],
+            focal=1.0 + estimate[6],
             focal_sigma=spread[6],
         )
     return RobotCalibration(

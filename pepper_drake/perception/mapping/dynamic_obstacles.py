@@ -134,9 +134,9 @@ class DepthFrame:
 
     def is_like(self, other: "DepthFrame", memory: VoxelMapParameters) -> bool:
         """Tells whether both views show almost the same."""
-        off = self.X_WC.InvertAndCompose(other.X_WC)
-        turned = abs(off.rotation().ToAngleAxis().angle())
-        moved = float(np.linalg.norm(off.translation()))
+        relative = self.X_WC.InvertAndCompose(other.X_WC)
+        turned = abs(relative.rotation().ToAngleAxis().angle())
+        moved = float(np.linalg.norm(relative.translation()))
         return turned < memory.alike_angle and moved < memory.alike_distance
 
 
@@ -184,29 +184,29 @@ def associate(
     """
     bodies = [seen[chosen] for chosen in _clusters(seen, parameters)] if len(come.points) else []
     thin = _thinned(come.points, 0.5 * parameters.spacing)
-    left = list(things)
+    unmatched = list(things)
     known = []
     for chosen in _clusters(come.points[thin], parameters):
         part = come.part(thin[chosen])
         front = part.points
         velocity = estimate_velocity(part, now.time, parameters)
-        k = _same(front, left, now.time, parameters)
+        k = _match(front, unmatched, now.time, parameters)
         if k is not None:
-            thing = left.pop(k)
+            obstacle = unmatched.pop(k)
             if velocity is None:
-                step = front.mean(axis=0) - thing.points.mean(axis=0)
-                velocity = step.astype(float) / (now.time - thing.seen)
-            if thing.velocity.any():
-                weight = len(front) / (len(front) + len(thing.points))
-                velocity = weight * velocity + (1.0 - weight) * thing.velocity
+                step = front.mean(axis=0) - obstacle.points.mean(axis=0)
+                velocity = step.astype(float) / (now.time - obstacle.seen)
+            if obstacle.velocity.any():
+                weight = len(front) / (len(front) + len(obstacle.points))
+                velocity = weight * velocity + (1.0 - weight) * obstacle.velocity
         if velocity is None:
             velocity = _guess_velocity(front, bodies, parameters)
         known.append(TrackedObstacle(front, velocity, now.time))
-    for thing in left:
-        empty = now.sees_free_space(thing.points, memory)
-        unseen_for = now.time - thing.seen
+    for obstacle in unmatched:
+        empty = now.sees_free_space(obstacle.points, memory)
+        unseen_for = now.time - obstacle.seen
         if unseen_for <= parameters.memory and empty.mean() < parameters.contradicted:
-            known.append(thing)
+            known.append(obstacle)
     return tuple(known)
 
 
@@ -230,14 +230,14 @@ def predict_occupancy(
         parameters: Horizon and speeds of the prediction.
     """
     predictions: list[Points] = [near]
-    for thing in things:
-        unseen_for = now.time - thing.seen
-        speed = float(np.linalg.norm(thing.velocity))
+    for obstacle in things:
+        unseen_for = now.time - obstacle.seen
+        speed = float(np.linalg.norm(obstacle.velocity))
         # A motion that has just begun may become faster.
         speedup = max(parameters.usual_speed / speed, 1.0) if speed > parameters.slowest else 1.0
         end = speedup * (min(unseen_for, parameters.extrapolated) + parameters.horizon)
         steps = np.linspace(0.0, end, int(np.ceil(speed * end / parameters.spacing)) + 1)
-        swept = np.concatenate([thing.moved(step) for step in steps])
+        swept = np.concatenate([obstacle.moved(step) for step in steps])
         swept = swept[_thinned(swept, parameters.spacing)]
         if unseen_for > 0.0:
             swept = swept[~now.sees_free_space(swept, memory)]
@@ -276,8 +276,8 @@ def estimate_velocity(
     step = np.zeros(3)
     for _ in range(_REGISTRATIONS):
         nearest = tree.query(points - step)[1]
-        off = np.einsum("ij,ij->i", normals, points - left[nearest])
-        step = np.linalg.solve(matrix, normals.T @ off)
+        residual = np.einsum("ij,ij->i", normals, points - left[nearest])
+        step = np.linalg.solve(matrix, normals.T @ residual)
     if np.median(tree.query(points - step)[0]) > parameters.registered_within:
         return None
     velocity = step / duration
@@ -302,18 +302,18 @@ def _guess_velocity(
     return np.zeros(3)
 
 
-def _same(
+def _match(
     front: Points, things: Sequence[TrackedObstacle], time: float, parameters: ApproachParameters
 ) -> int | None:
     """Returns the index of the obstacle whose prediction is closest to a front, if any is near."""
     middle = front.mean(axis=0)
-    best, least = None, np.inf
-    for number, thing in enumerate(things):
-        age = time - thing.seen
-        off = float(np.linalg.norm(thing.moved(age).mean(axis=0) - middle))
-        moved = float(np.linalg.norm(thing.points.mean(axis=0) - middle))
-        if off < least and moved <= parameters.fastest * age + parameters.gap:
-            best, least = number, off
+    best, smallest = None, np.inf
+    for number, obstacle in enumerate(things):
+        age = time - obstacle.seen
+        distance = float(np.linalg.norm(obstacle.moved(age).mean(axis=0) - middle))
+        moved = float(np.linalg.norm(obstacle.points.mean(axis=0) - middle))
+        if distance < smallest and moved <= parameters.fastest * age + parameters.gap:
+            best, smallest = number, distance
     return best
 
 

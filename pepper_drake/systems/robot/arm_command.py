@@ -159,8 +159,8 @@ class ArmCommand(LeafSystem):
             remaining: Vector = self.joint_target_input.Eval(context) - position
             return remaining / self._time_constant
         if self._is_active(context):
-            wanted: Vector = self.desired_velocity_input.Eval(context)
-            return wanted
+            desired: Vector = self.desired_velocity_input.Eval(context)
+            return desired
         return _REST
 
     def _step(

@@ -18,9 +18,9 @@ from pydrake.systems.framework import (
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 _FARTHEST = 12.0
-"""Beyond the range of all the robot's depth cameras [m]."""
+"""A distance beyond the range of all depth cameras [m]."""
 _FARTHEST_GOAL = 100.0
-"""No goal is this far from the world's origin [m]."""
+"""Distance from the world's origin at which a goal is implausible [m]."""
 _LARGEST_SHARE = 0.02
 """A cloud with a larger fraction of implausible points is rejected."""
 
