@@ -244,13 +244,13 @@ def robot_calibration(
     }
     cameras = {}
     for name in model.cameras:
-        estimate, spread = (v[model.camera_slice(name)].tolist() for v in (values, sigmas))
+        elements, spread = (v[model.camera_slice(name)].tolist() for v in (values, sigmas))
         cameras[name] = CameraCalibration(
-            position=estimate[:3],
+            position=elements[:3],
             position_sigma=spread[:3],
-            rotation=estimate[3:6],
+            rotation=elements[3:6],
             rotation_sigma=spread[3:6],
-            focal=1.0 + estimate[6],
+            focal=1.0 + elements[6],
             focal_sigma=spread[6],
         )
     return RobotCalibration(
