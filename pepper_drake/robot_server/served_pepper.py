@@ -126,13 +126,14 @@ class ServedPepper:
         self._gestures = TactileGesture(self.memory)
         self._expressions = ExpressionWatcher(self.memory.value_or_none, lambda: self._timer.now)
         disk = RobotDisk(files)
+        animations = AnimationPlayer(say)
         leds = Leds(self._timer, say)
         modules: list[Module] = [
             self.motion,
             self.memory,
             self.video,
             self._posture,
-            Tracker(self.motion, say),
+            Tracker(self.motion, self.memory, say),
             speech,
             AnimatedSpeech(speech, tell),
             life,
@@ -152,13 +153,13 @@ class ServedPepper:
             AudioPlayer(say),
             AudioDevice(say, self._timer, lambda: self.finder),
             AudioRecorder(say),
-            AnimationPlayer(say),
+            animations,
             VideoRecorder(self.video, disk, self._timer),
             PhotoCapture(self.video, disk, self._timer),
             Notifications(),
             PreferenceManager(),
             PackageManager(),
-            BehaviorManager(),
+            BehaviorManager(animations),
             UserSession(),
             UserInfo(),
             Knowledge(),

@@ -223,5 +223,7 @@ def test_a_distance_that_was_not_measured_is_told_apart_from_a_free_way():
             pepper.call("ALMemory.getData", sonar.format("Back"))
         keys = pepper.call("ALSonar.getMemoryKeyList")
         assert pepper.call("ALMemory.getListData", keys) == [1.25, None]
+        # Programs read every key that is listed.
+        assert pepper.call("ALMemory.getDataList", "/Sonar/") == [sonar.format("Front")]
 
     virtual(scenario)

@@ -48,6 +48,7 @@ class Memory(Module):
         self._computed: dict[str, Callable[[], Any]] = {}
         self._subscribers: dict[str, list[Service]] = {}
         self._modules: dict[str, dict[str, tuple[str, str]]] = {}
+        self._listeners: list[tuple[str, Callable[[Any], None]]] = []
         self._history: dict[str, deque[list[Any]]] = {}
         self._descriptions: dict[str, str] = {}
         self._events: set[str] = set()
@@ -69,6 +70,15 @@ class Memory(Module):
             return self.get_data(key)
         except (ValueError, TypeError, ServiceError):
             return None
+
+    def listen(self, name: str, told: Callable[[Any], None]) -> None:
+        """Has an event of that name call a function of ours."""
+        self._events.add(name)
+        self._listeners.append((name, told))
+
+    def stop_listening(self, told: Callable[[Any], None]) -> None:
+        """Calls a function no more, whatever it listens to."""
+        self._listeners = [known for known in self._listeners if known[1] != told]
 
     # NAOqi's methods.
 
@@ -107,8 +117,9 @@ class Memory(Module):
         return [key for key in self.get_data_list_name() if text in key]
 
     def get_data_list_name(self) -> list[str]:
-        """Returns all keys."""
-        return sorted(self._data.keys() | self._computed.keys())
+        """Returns all keys that have a value: programs read each that they find."""
+        measured = {key for key in self._computed if self.value_or_none(key) is not None}
+        return sorted(self._data.keys() | measured)
 
     def insert_data(self, key: str, value: Any) -> None:
         """Puts a value, telling nobody."""
@@ -227,6 +238,9 @@ class Memory(Module):
         return [[key, self._descriptions.get(key, "")] for key in keys]
 
     def _tell(self, name: str, value: Any) -> None:
+        for event, told in self._listeners:
+            if event == name:
+                told(value)
         for service in list(self._subscribers.get(name, ())):
             service.emit("signal", value)
         finder = self._finder()

@@ -18,12 +18,6 @@ RANGES: tuple[str, ...] = (
     *MEASURED,
     "Platform/InfraredSpot/Left",
     "Platform/InfraredSpot/Right",
-    *(
-        f"Platform/LaserSensor/Front/{beam}/Seg{number:02d}/{axis}"
-        for beam, count in (("Shovel", 3), ("Vertical/Left", 1), ("Vertical/Right", 1))
-        for number in range(1, count + 1)
-        for axis in "XY"
-    ),
 )
 """Devices that measure distances [m]; a key of one that the robot does not simulate says so."""
 

@@ -13,15 +13,33 @@ _CHARACTERS_PER_SECOND = 14.0
 _LEAST = 0.3
 """Duration of the shortest word [s]."""
 
-LANGUAGES = ("Chinese", "English", "French", "German", "Italian", "Japanese", "Spanish")
+_LOCALES = {
+    "Arabic": "ar_SA",
+    "Brazilian": "pt_BR",
+    "Chinese": "zh_CN",
+    "Czech": "cs_CZ",
+    "Danish": "da_DK",
+    "Dutch": "nl_NL",
+    "English": "en_US",
+    "Finnish": "fi_FI",
+    "French": "fr_FR",
+    "German": "de_DE",
+    "Greek": "el_GR",
+    "Italian": "it_IT",
+    "Japanese": "ja_JP",
+    "Korean": "ko_KR",
+    "MandarinTaiwan": "zh_TW",
+    "Norwegian": "nn_NO",
+    "Polish": "pl_PL",
+    "Portuguese": "pt_PT",
+    "Russian": "ru_RU",
+    "Spanish": "es_ES",
+    "Swedish": "sv_SE",
+    "Turkish": "tr_TR",
+}
 
-_LOCALES = dict(
-    zip(
-        LANGUAGES,
-        ("zh_CN", "en_US", "fr_FR", "de_DE", "it_IT", "ja_JP", "es_ES"),
-        strict=True,
-    )
-)
+LANGUAGES = tuple(_LOCALES)
+"""All that the maker offers: which of them a robot has is its owner's choice."""
 
 _PARAMETERS = {"pitchShift": 1.0, "doubleVoice": 0.0, "speed": 100.0, "volume": 100.0}
 
@@ -228,6 +246,10 @@ class AnimatedSpeech(Module):
     def set_body_talk_enabled(self, enabled: bool) -> None:
         """As `setBodyLanguageEnabled`, its former name."""
         self._enabled = enabled
+
+    def stop_all(self, _stops: bool) -> None:
+        """Stops what is being said and what was to follow."""
+        self._speech.stop_all()
 
     def declare_animations_package(self, _package: str) -> None:
         """Takes a package of gestures; none is simulated."""

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from pepper_drake.robot_server.services.kept_settings import keep_settings
+from pepper_drake.robot_server.services.media_services import AnimationPlayer
 from pepper_drake.robot_server.services.waiting import Module
 
 
@@ -70,10 +71,11 @@ class PackageManager(Module):
 
 
 class BehaviorManager(Module):
-    """ALBehaviorManager: no behaviour is installed, so that none can be started."""
+    """ALBehaviorManager: no behaviour is installed; of the maker's animations none moves."""
 
-    def __init__(self) -> None:
+    def __init__(self, animations: AnimationPlayer) -> None:
         super().__init__("ALBehaviorManager")
+        self._animations = animations
         self._defaults: list[str] = []
 
     def _none(self, *_: Any) -> list[str]:
@@ -102,7 +104,9 @@ class BehaviorManager(Module):
     preload_behavior = _is_not
 
     def start_behavior(self, name: str) -> None:
-        """Refuses: there is no behaviour of that name, or of any."""
+        """Leaves an animation to ALAnimationPlayer; refuses others, which are not installed."""
+        if name.startswith("animations/"):
+            return self._animations.run(name)
         raise ValueError(f"behavior {name!r} is not installed")
 
     def run_behavior(self, name: str) -> None:
