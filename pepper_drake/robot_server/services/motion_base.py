@@ -1,6 +1,7 @@
 """ALMotion's moves of the base."""
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -144,8 +145,8 @@ class BaseMoves:
         return [[key, getattr(limit, attribute)] for key, limit in BASE_LIMITS.items()]
 
     def get_robot_position(self, _use_sensors: bool) -> list[float]:
-        """Returns the base's pose in the world by odometry: x, y [m], theta [rad]."""
-        return list(self.state.base_pose)
+        """Returns the base's pose in the world by odometry: x, y [m], theta in [-pi, pi] [rad]."""
+        return _told(self.state.base_pose)
 
     def get_next_robot_position(self) -> list[float]:
         """Returns where the base will stand when the move is over."""
@@ -154,7 +155,7 @@ class BaseMoves:
             for task in self._moves()
             if isinstance(task.motion, PoseMove) and task.motion.goal is not None
         ]
-        return list(goals[-1] if goals else self.state.base_pose)
+        return _told(goals[-1] if goals else self.state.base_pose)
 
     def get_robot_velocity(self) -> list[float]:
         """Returns the base's velocity in its own frame: vx, vy [m/s], wz [rad/s]."""
@@ -173,6 +174,12 @@ async def _ended(task: Task) -> None:
     future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
     task.when_ended(lambda: None if future.done() else future.set_result(None))
     await future
+
+
+def _told(pose: Pose) -> list[float]:
+    """Returns a pose as robots tell it: programs that wait for a full turn count on the step."""
+    x, y, theta = pose
+    return [x, y, math.remainder(theta, 2 * math.pi)]
 
 
 def _pose(x: Any, y: Any, theta: Any) -> Pose:

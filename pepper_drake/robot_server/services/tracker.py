@@ -100,7 +100,7 @@ class Tracker(Module):
 
     def get_robot_position(self) -> list[float]:
         """Returns the base's pose in the world: x, y [m], theta [rad]."""
-        return list(self._motion.state.base_pose)
+        return self._motion.get_robot_position(True)
 
     def is_active(self) -> bool:
         """Returns whether it is to follow a target, be it lost or not."""
