@@ -10,8 +10,8 @@ from served import served
 
 from pepper_drake.hardware.arm_stream import HOLD_FRACTION
 from pepper_drake.hardware.link import RobotLink
-from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.link_clock import LinkClock
+from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.mailbox import CAMERA_NAMES, END, HAND_OVER, HOLD, STREAM, Mailbox
 from pepper_drake.hardware.robot_commands import HEADROOM, base_segment, streamed_targets
 from pepper_drake.hardware.state_reader import StateReader
