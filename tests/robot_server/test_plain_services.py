@@ -123,6 +123,25 @@ def test_the_hand_lies_on_the_line_from_shoulder_to_place(effector, place):
     virtual(scenario)
 
 
+def test_words_bookmarks_and_pauses_come_in_their_order_and_time():
+    heard = []
+
+    async def scenario(pepper):
+        for name in ("CurrentWord", "PositionOfCurrentWord", "CurrentBookMark"):
+            event = f"ALTextToSpeech/{name}"
+            pepper.pepper.memory.listen(
+                event, lambda value: heard.append((pepper.robot.now, value))
+            )
+        start = pepper.robot.now
+        text = "\\rspd=80\\Look ^start(animations/Stand/Gestures/Hey_1)\\mrk=7\\\\pau=2000\\ there!"
+        await pepper.finish(pepper.start("ALAnimatedSpeech.say", text))
+        assert [value for _, value in heard] == ["Look", 0, 7, "there!", 1]
+        times = [time - start for time, _ in heard]
+        assert times == pytest.approx([0.0, 0.0, 0.36, 2.36, 2.36], abs=0.1)
+
+    virtual(scenario)
+
+
 def test_a_place_that_an_event_tells_is_followed_by_head_and_arm():
     async def scenario(pepper):
         world, place = [1.5, 0.8, 1.3, 0.0, 0.0, 0.0], [1.0, -0.6, 0.0]

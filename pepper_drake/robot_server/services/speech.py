@@ -47,6 +47,10 @@ _MARKS = re.compile(r"\\[^\\]*\\|\^\w+(\([^)]*\))?")
 """Marks for voice, such as \\rspd=80\\, and for gestures, such as ^start(...)."""
 
 
+_PARTS = re.compile(rf"\\(?P<mark>mrk|pau)=(?P<value>\d+)\\|{_MARKS.pattern}|(?P<word>[^\s\\^]+)")
+"""Bookmarks, pauses [ms] and words, in between other marks."""
+
+
 def spoken(text: str) -> str:
     """Returns a text without its marks for voice and gestures."""
     return " ".join(_MARKS.sub(" ", text).split())
@@ -89,16 +93,39 @@ class TextToSpeech(Module):
             self._raise_event("ALTextToSpeech/CurrentSentence", words)
             self._raise_event("ALTextToSpeech/TextStarted", 1)
             self._raise_event("ALTextToSpeech/Status", [number, "started"])
-            left = max(len(words) / _CHARACTERS_PER_SECOND, _LEAST) if words else 0.0
-            while left > 0.0 and stops == self._stop:
-                await self._timer.sleep(min(left, 0.1))
-                left -= 0.1
+            await self._pronounce(str(text), stops)
             ended = "done" if stops == self._stop else "stopped"
             self._raise_event("ALTextToSpeech/Status", [number, ended])
             if ended == "stopped":
                 self._raise_event("ALTextToSpeech/TextInterrupted", 1)
             self._raise_event("ALTextToSpeech/TextDone", 1)
             self._raise_event("ALTextToSpeech/CurrentSentence", "")
+
+    async def _pronounce(self, text: str, stops: int) -> None:
+        """Tells of words and bookmarks as they come, until it is stopped."""
+        rate = _CHARACTERS_PER_SECOND * min(max(self._parameters["speed"] / 100.0, 0.5), 4.0)
+        position, least = 0, _LEAST
+        for part in _PARTS.finditer(text):
+            if stops != self._stop:
+                return
+            duration = 0.0
+            if part["word"]:
+                self._raise_event("ALTextToSpeech/CurrentWord", part["word"])
+                self._raise_event("ALTextToSpeech/PositionOfCurrentWord", position)
+                position += 1
+                duration = (len(part["word"]) + 1) / rate
+            elif part["mark"] == "mrk":
+                self._raise_event("ALTextToSpeech/CurrentBookMark", int(part["value"]))
+            elif part["mark"] == "pau":
+                duration = min(int(part["value"]), 65535) / 1000.0
+            least -= duration
+            await self._wait(duration, stops)
+        await self._wait(least if position else 0.0, stops)
+
+    async def _wait(self, duration: float, stops: int) -> None:
+        while duration > 0.0 and stops == self._stop:
+            await self._timer.sleep(min(duration, 0.1))
+            duration -= 0.1
 
     def say_to_file(self, text: str, name: str) -> None:
         """Would write what it says to a file: no sound is simulated."""
