@@ -157,7 +157,7 @@ class ServedPepper:
             VideoRecorder(self.video, disk, self._timer),
             PhotoCapture(self.video, disk, self._timer),
             Notifications(),
-            PreferenceManager(),
+            PreferenceManager(tell),
             PackageManager(),
             BehaviorManager(animations),
             UserSession(),

@@ -191,6 +191,7 @@ _OTHERS = [
     ("ALMemory.getEventList",),
     ("ALMemory.removeData", "mine"),
     ("ALRobotPosture.goToPosture", "StandInit", 0.8),
+    ("ALRobotPosture.goToPosture", "StandInit", 100.0),
     ("ALRobotPosture.applyPosture", "Stand", 0.8),
     ("ALRobotPosture.getPostureList",),
     ("ALRobotPosture.getPosture",),

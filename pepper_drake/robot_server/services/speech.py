@@ -41,7 +41,15 @@ _LOCALES = {
 LANGUAGES = tuple(_LOCALES)
 """All that the maker offers: which of them a robot has is its owner's choice."""
 
-_PARAMETERS = {"pitchShift": 1.0, "doubleVoice": 0.0, "speed": 100.0, "volume": 100.0}
+_PARAMETERS = {
+    "pitchShift": 1.0,
+    "doubleVoice": 0.0,
+    "doubleVoiceLevel": 0.0,
+    "doubleVoiceTimeShift": 0.0,
+    "speed": 100.0,
+    "defaultVoiceSpeed": 100.0,
+    "volume": 100.0,
+}
 
 _MARKS = re.compile(r"\\[^\\]*\\|\^\w+(\([^)]*\))?")
 """Marks for voice, such as \\rspd=80\\, and for gestures, such as ^start(...)."""
@@ -174,6 +182,8 @@ class TextToSpeech(Module):
     def set_parameter(self, name: str, value: float) -> None:
         """Sets a parameter of the voice."""
         self._parameters[name] = value
+        if name == "defaultVoiceSpeed":
+            self.reset_speed()
 
     def get_parameter(self, name: str) -> float:
         """Returns a parameter of the voice."""
@@ -182,8 +192,8 @@ class TextToSpeech(Module):
         return self._parameters[name]
 
     def reset_speed(self) -> None:
-        """Sets the speed to what it is at first."""
-        self._parameters["speed"] = _PARAMETERS["speed"]
+        """Sets the speed to its default."""
+        self._parameters["speed"] = self._parameters["defaultVoiceSpeed"]
 
     def set_volume(self, volume: float) -> None:
         """Sets the volume, from 0 to 1."""

@@ -11,13 +11,17 @@ from pepper_drake.robot_server.services.waiting import Module
 class PreferenceManager(Module):
     """ALPreferenceManager: values by domain and name, kept until the robot ends."""
 
-    def __init__(self) -> None:
+    def __init__(self, raise_event: Callable[[str, Any], None]) -> None:
         super().__init__("ALPreferenceManager")
+        self._raise_event = raise_event
         self._values: dict[str, dict[str, Any]] = {}
 
     def set_value(self, domain: str, name: str, value: Any) -> None:
         """Keeps a value."""
-        self._values.setdefault(domain, {})[name] = value
+        known = self._values.setdefault(domain, {})
+        event = "preferenceChanged" if name in known else "preferenceAdded"
+        known[name] = value
+        self._raise_event(event, [domain, name])
 
     def get_value(self, domain: str, name: str) -> Any:
         """Returns a value, None if there is none."""
@@ -33,11 +37,13 @@ class PreferenceManager(Module):
 
     def remove_value(self, domain: str, name: str) -> None:
         """Forgets a value."""
-        self._values.get(domain, {}).pop(name, None)
+        if self._values.get(domain, {}).pop(name, self) is not self:
+            self._raise_event("preferenceRemoved", [domain, name])
 
     def remove_domain_values(self, domain: str) -> None:
         """Forgets the values of a domain."""
-        self._values.pop(domain, None)
+        if self._values.pop(domain, None) is not None:
+            self._raise_event("preferenceDomainRemoved", domain)
 
     def update(self) -> None:
         """Would fetch preferences from the maker."""
