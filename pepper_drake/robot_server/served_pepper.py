@@ -128,6 +128,7 @@ class ServedPepper:
         disk = RobotDisk(files)
         animations = AnimationPlayer(say)
         leds = Leds(self._timer, say)
+        dcm = Dcm(self.motion, leds, self._timer, say)
         modules: list[Module] = [
             self.motion,
             self.memory,
@@ -181,10 +182,11 @@ class ServedPepper:
             Navigation(self.motion, self._timer, disk),
             Localization(self.motion),
             VisualCompass(self.motion, say),
-            Dcm(self.motion, leds, self._timer, say),
+            dcm,
         ]
         install_keys(self.memory, self.motion)
         self.memory.compute({DEVICES + key: value for key, value in leds.keys().items()})
+        self.memory.compute({"DCM/Time": lambda: dcm.get_time(0)})
         self.memory.put("robotIsWakeUp", awake)
         served = {module.name: module for module in modules}
         self.services: list[Service] = []

@@ -321,7 +321,6 @@ _WRONG = [
     ("ALMotion.transformInterpolations", [], 0, [], 7, [], True),
     ("ALMotion.setPosition", "RArm", 0, [0.0] * 6, 0.5, 7),
     ("ALMemory.getData", "no such key"),
-    ("ALMemory.insertData", "Device/SubDeviceList/HeadYaw/Position/Sensor/Value", 1.0),
     ("ALVideoDevice.getImageRemote", "nobody"),
     ("ALAutonomousLife.setState", "asleep"),
     ("ALTextToSpeech.setLanguage", "Latin"),

@@ -46,6 +46,7 @@ class RobotState:
         base_pose: Base in the world by odometry: x, y [m], theta [rad].
         base_velocity: Base's velocity in its own frame: vx, vy [m/s], wz [rad/s].
         currents: Motor currents (17,) [A], or None where they are not simulated.
+        torques: Of the motors at the joints (17,) [N m], likewise; those of hands are 0.
         touched: Those of `SENSORS` that are touched.
         ranges: Distances by device name, such as "Platform/Front/Sonar" [m]; only those that were
             measured.
@@ -59,6 +60,7 @@ class RobotState:
     currents: Vector | None = None
     touched: frozenset[str] = frozenset()
     ranges: Mapping[str, float] = field(default_factory=dict)
+    torques: Vector | None = None
 
 
 @dataclass(frozen=True)

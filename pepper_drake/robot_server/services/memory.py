@@ -61,8 +61,9 @@ class Memory(Module):
         self._computed |= keys
 
     def put(self, key: str, value: Any) -> None:
-        """Puts a value, telling nobody."""
-        self._data[key] = _Entry(value, self._clock())
+        """Puts a value, telling nobody; what is computed stays so."""
+        if key not in self._computed:
+            self._data[key] = _Entry(value, self._clock())
 
     def value_or_none(self, key: Any) -> Any:
         """Returns the value of a key, None if there is none."""
@@ -122,9 +123,7 @@ class Memory(Module):
         return sorted(self._data.keys() | measured)
 
     def insert_data(self, key: str, value: Any) -> None:
-        """Puts a value, telling nobody."""
-        if key in self._computed:
-            raise ValueError(f"{key} is the robot's own and cannot be written")
+        """Puts a value, telling nobody; what is measured overwrites it at once, as on a robot."""
         self.put(key, value)
 
     def insert_list_data(self, pairs: Any) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from pepper_drake.naoqi.constants import JOINTS, WHEELS
+from pepper_drake.naoqi.constants import HANDS, JOINTS, WHEELS
 from pepper_drake.robot_server.robot.range_sensors import MEASURED
 from pepper_drake.robot_server.robot.robot_port import SENSORS
 from pepper_drake.robot_server.services.extractors import NOTHING_FOUND
@@ -63,6 +63,7 @@ CONSTANTS: dict[str, Any] = {
     "RobotConfig/Head/Version": "VERSION_16",
     "RobotConfig/Head/FullHeadId": "pepper_drake",
     "RobotConfig/Body/BodyId": "pepper_drake",
+    "Device/DeviceList/ChestBoard/BodyId": "pepper_drake",
     "Device/SubDeviceList/Battery/Charge/Sensor/Value": 1.0,
     "Device/SubDeviceList/Battery/Charge/Sensor/Status": 0,
     "Device/SubDeviceList/Battery/Current/Sensor/Value": 0.0,
@@ -87,6 +88,9 @@ def install_keys(memory: Memory, motion: Motion) -> None:
         keys[f"{device}/Position/Actuator/Value"] = partial(_command, motion, k)
         keys[f"{device}/Hardness/Actuator/Value"] = partial(_stiffness, motion, k)
         keys[f"{device}/ElectricCurrent/Sensor/Value"] = partial(_current, motion, k, joint)
+        if joint not in HANDS:
+            keys[f"Motion/Velocity/Sensor/{joint}"] = partial(_velocity, motion, k)
+            keys[f"Motion/Torque/Sensor/{joint}"] = partial(_torque, motion, k, joint)
         keys[f"{device}/Temperature/Sensor/Value"] = lambda: _TEMPERATURE
         keys[f"{device}/Temperature/Sensor/Status"] = lambda: 0
     for k, wheel in enumerate(WHEELS):
@@ -161,6 +165,16 @@ def _command(motion: Motion, k: int) -> float:
 
 def _stiffness(motion: Motion, k: int) -> float:
     return float(motion.joints.stiffness[k])
+
+
+def _velocity(motion: Motion, k: int) -> float:
+    return float(motion.state.velocities[k])
+
+
+def _torque(motion: Motion, k: int, joint: str) -> float:
+    if motion.state.torques is None:
+        raise ValueError(f"the torque of {joint} is not simulated")
+    return float(motion.state.torques[k])
 
 
 def _current(motion: Motion, k: int, joint: str) -> float:
