@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from pepper_drake.naoqi.constants import BASE_LIMITS, WHEELS
+from pepper_drake.naoqi.constants import BASE_LIMITS, FRAME_ROBOT, FRAME_WORLD, WHEELS
 from pepper_drake.robot_server.robot.base_controller import (
     BaseController,
     BaseSpeeds,
@@ -23,6 +23,8 @@ from pepper_drake.robot_server.wire.service import Caller
 from pepper_drake.robot_server.wire.signatures import with_caller
 
 _WHEELS = frozenset(WHEELS)
+WHEEL_PLACES = ((0.09, 0.155, 1.07517), (0.09, -0.155, -1.07517), (-0.17, 0.0, -math.pi))
+"""Place [m] and direction of the axle [rad] of `WHEELS` in the base."""
 
 
 class BaseMoves:
@@ -156,6 +158,14 @@ class BaseMoves:
             if isinstance(task.motion, PoseMove) and task.motion.goal is not None
         ]
         return _told(goals[-1] if goals else self.state.base_pose)
+
+    def get_support_polygon(self, frame: int, _use_sensors: bool) -> list[list[float]]:
+        """Returns where the wheels stand, x, y [m] in the world (1) or in the base's frame (2)."""
+        if frame not in (FRAME_WORLD, FRAME_ROBOT):
+            raise ValueError(f"frame is {frame}; it must be 1 (world) or 2 (robot)")
+        x, y, theta = self.state.base_pose if frame == FRAME_WORLD else (0.0, 0.0, 0.0)
+        c, s = math.cos(theta), math.sin(theta)
+        return [[x + c * px - s * py, y + s * px + c * py] for px, py, _ in WHEEL_PLACES]
 
     def get_robot_velocity(self) -> list[float]:
         """Returns the base's velocity in its own frame: vx, vy [m/s], wz [rad/s]."""

@@ -11,6 +11,7 @@ from pepper_drake.robot_server.robot.robot_port import SENSORS
 from pepper_drake.robot_server.services.extractors import NOTHING_FOUND
 from pepper_drake.robot_server.services.memory import Memory
 from pepper_drake.robot_server.services.motion import Motion
+from pepper_drake.robot_server.services.motion_base import WHEEL_PLACES
 
 DEVICES = "Device/SubDeviceList/"
 
@@ -194,14 +195,12 @@ def _range(motion: Motion, name: str) -> float:
     return float(motion.state.ranges[name])
 
 
-# Wheels: place [m] and direction of the axle [rad] in the base.
-_WHEELS = ((0.09, 0.155, 1.07517), (0.09, -0.155, -1.07517), (-0.17, 0.0, -math.pi))
 _WHEEL_RADIUS = 0.07
 
 
 def _wheel_speed(motion: Motion, k: int, measured: bool) -> float:
     """Returns how fast a wheel rolls so that the base moves as it does [rad/s]."""
     vx, vy, wz = motion.state.base_velocity if measured else motion.base.velocity
-    x, y, axle = _WHEELS[k]
+    x, y, axle = WHEEL_PLACES[k]
     along = (vx - wz * y) * math.sin(axle) - (vy + wz * x) * math.cos(axle)
     return along / _WHEEL_RADIUS
