@@ -1,6 +1,7 @@
 """The robot's joints and odometry, requested once per cycle, stamped by both clocks."""
 
 import asyncio
+import math
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -107,6 +108,10 @@ class StateReader:
         self.hands = [float(angles[BODY.index(name)]) for name in HANDS]
         if not (np.isfinite(positions).all() and np.isfinite(base_pose).all()):
             raise LinkFault("wrong_robot", "it measures what is not a number")
+        newest = self.measured.newest
+        if newest:  # Robots give the angle in [-pi, pi]: it is unwrapped.
+            turned = base_pose[2] - newest.base_pose[2]
+            base_pose[2] = newest.base_pose[2] + math.remainder(turned, 2 * math.pi)
         # On average it answers in the middle, with a measurement half a cycle old.
         measured = (self._request_time + answered) / 2 - CYCLE / 2
         self.answers += 1

@@ -126,13 +126,15 @@ class ServedPepper:
         self._gestures = TactileGesture(self.memory)
         self._expressions = ExpressionWatcher(self.memory.value_or_none, lambda: self._timer.now)
         disk = RobotDisk(files)
+        animations = AnimationPlayer(say)
         leds = Leds(self._timer, say)
+        dcm = Dcm(self.motion, leds, self._timer, say)
         modules: list[Module] = [
             self.motion,
             self.memory,
             self.video,
             self._posture,
-            Tracker(self.motion, say),
+            Tracker(self.motion, self.memory, say),
             speech,
             AnimatedSpeech(speech, tell),
             life,
@@ -152,13 +154,13 @@ class ServedPepper:
             AudioPlayer(say),
             AudioDevice(say, self._timer, lambda: self.finder),
             AudioRecorder(say),
-            AnimationPlayer(say),
+            animations,
             VideoRecorder(self.video, disk, self._timer),
             PhotoCapture(self.video, disk, self._timer),
             Notifications(),
-            PreferenceManager(),
+            PreferenceManager(tell),
             PackageManager(),
-            BehaviorManager(),
+            BehaviorManager(animations),
             UserSession(),
             UserInfo(),
             Knowledge(),
@@ -180,10 +182,11 @@ class ServedPepper:
             Navigation(self.motion, self._timer, disk),
             Localization(self.motion),
             VisualCompass(self.motion, say),
-            Dcm(self.motion, leds, self._timer, say),
+            dcm,
         ]
         install_keys(self.memory, self.motion)
         self.memory.compute({DEVICES + key: value for key, value in leds.keys().items()})
+        self.memory.compute({"DCM/Time": lambda: dcm.get_time(0)})
         self.memory.put("robotIsWakeUp", awake)
         served = {module.name: module for module in modules}
         self.services: list[Service] = []

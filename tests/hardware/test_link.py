@@ -10,9 +10,11 @@ from served import served
 
 from pepper_drake.hardware.arm_stream import HOLD_FRACTION
 from pepper_drake.hardware.link import RobotLink
+from pepper_drake.hardware.link_clock import LinkClock
 from pepper_drake.hardware.link_config import LinkConfig
 from pepper_drake.hardware.mailbox import CAMERA_NAMES, END, HAND_OVER, HOLD, STREAM, Mailbox
 from pepper_drake.hardware.robot_commands import HEADROOM, base_segment, streamed_targets
+from pepper_drake.hardware.state_reader import StateReader
 from pepper_drake.hardware.transport import RobotAccess, make_transport
 from pepper_drake.models.control_model import (
     BODY_JOINTS,
@@ -20,7 +22,7 @@ from pepper_drake.models.control_model import (
     body_indices,
     shared_control_model,
 )
-from pepper_drake.naoqi.constants import JOINTS
+from pepper_drake.naoqi.constants import BODY, JOINTS
 from pepper_drake.robot_server.robot.joint_controller import JointController
 from pepper_drake.robot_server.robot.robot_model import MAX_VELOCITY
 from pepper_drake.robot_server.robot.robot_port import CameraImage, KinematicRobot
@@ -31,6 +33,37 @@ RIGHT_HAND = JOINTS.index("RHand")
 NAOQI = [JOINTS.index(name) for name in ARM]
 START = np.array([1.3, -0.3, 1.0, 0.8, 0.0])
 GOAL = np.array([0.5, -0.5, 0.6, 1.2, 0.4])
+
+
+def test_a_base_that_turns_round_and_round_is_measured_without_a_step():
+    class Robot:
+        yaw = 0.0
+
+        async def call(self, _service, method, *_arguments):
+            now = time.monotonic()
+            answers = {
+                "getTimestamp": [0.0, int(now), int(now % 1.0 * 1e6)],
+                "getAngles": [0.0] * len(BODY),
+                "getRobotPosition": [1.0, 2.0, self.yaw],
+            }
+            return answers[method]
+
+    async def read():
+        robot, found, questions = Robot(), [], []
+        reader = StateReader(robot, LinkClock())
+
+        def start(question):
+            questions.append(asyncio.create_task(question))
+            return questions[-1]
+
+        for robot.yaw in (3.0, 3.1, -3.1, -3.0):
+            reader.ask(start)
+            await questions[-1]
+            found.append(reader.measured.newest.base_pose[2])
+        return found
+
+    full = 2 * np.pi
+    assert asyncio.run(read()) == pytest.approx([3.0, 3.1, full - 3.1, full - 3.0])
 
 
 def minimum_jerk(t, duration):

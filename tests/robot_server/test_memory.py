@@ -4,6 +4,7 @@ from hypothesis import strategies as st
 from virtual_pepper import VirtualPepper, virtual
 
 from pepper_drake.naoqi.clock import join_time
+from pepper_drake.naoqi.constants import CYCLE
 from pepper_drake.robot_server.wire.service import ServiceError
 
 _YAW = "Device/SubDeviceList/HeadYaw/Position/{}/Value"
@@ -70,8 +71,17 @@ def test_sensor_and_actuator_of_a_joint():
         assert value == sensor
         # The state is that of the last cycle's begin.
         assert join_time(seconds, microseconds) == pytest.approx(pepper.robot.now, abs=1e-6)
-        with pytest.raises(ServiceError, match="cannot be written"):
-            pepper.call("ALMemory.insertData", keys[0], 0.0)
+        # Programs that simulate a sensor write; the next measurement overwrites that.
+        pepper.call("ALMemory.insertData", keys[0], 0.0)
+        pepper.call("ALMemory.raiseEvent", keys[0], 0.0)
+        await pepper.cycle()
+        value, seconds, microseconds = pepper.call("ALMemory.getTimestamp", keys[0])
+        assert value > sensor
+        assert join_time(seconds, microseconds) == pytest.approx(pepper.robot.now, abs=1e-6)
+        speed = pepper.call("ALMemory.getData", "Motion/Velocity/Sensor/HeadYaw")
+        assert speed == pytest.approx((value - sensor) / CYCLE)
+        with pytest.raises(ServiceError, match="the torque of HeadYaw is not simulated"):
+            pepper.call("ALMemory.getData", "Motion/Torque/Sensor/HeadYaw")
 
     virtual(scenario, follow=0.5)
 
@@ -223,5 +233,7 @@ def test_a_distance_that_was_not_measured_is_told_apart_from_a_free_way():
             pepper.call("ALMemory.getData", sonar.format("Back"))
         keys = pepper.call("ALSonar.getMemoryKeyList")
         assert pepper.call("ALMemory.getListData", keys) == [1.25, None]
+        # Programs read every key that is listed.
+        assert pepper.call("ALMemory.getDataList", "/Sonar/") == [sonar.format("Front")]
 
     virtual(scenario)

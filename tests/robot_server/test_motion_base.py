@@ -35,8 +35,15 @@ def test_move_to_goes_where_it_was_sent_from_where_it_stands(x, y, theta, start)
         await pepper.finish(move)
         assert move.result() is True
         c, s = math.cos(theta0), math.sin(theta0)
-        goal = (x0 + c * x - s * y, y0 + s * x + c * y, theta0 + theta)
-        assert pepper.call("ALMotion.getRobotPosition", True) == pytest.approx(goal, abs=0.011)
+        goal = (x0 + c * x - s * y, y0 + s * x + c * y)
+        *place, turned = pepper.call("ALMotion.getRobotPosition", True)
+        assert place == pytest.approx(goal, abs=0.011)
+        assert abs(turned) <= math.pi
+        error = math.remainder(turned - theta0 - theta, 2 * math.pi)
+        assert error == pytest.approx(0.0, abs=0.011)
+        *_, back = pepper.call("ALMotion.getSupportPolygon", 1, True)
+        behind = [place[0] - 0.17 * math.cos(turned), place[1] - 0.17 * math.sin(turned)]
+        assert back == pytest.approx(behind)
         velocities = np.array([command.base_velocity for command in pepper.history])
         assert np.hypot(*velocities[:, :2].T).max() <= 0.35 + 1e-9
         assert np.abs(velocities[:, 2]).max() <= 1.0 + 1e-9

@@ -123,6 +123,53 @@ def test_the_hand_lies_on_the_line_from_shoulder_to_place(effector, place):
     virtual(scenario)
 
 
+def test_words_bookmarks_and_pauses_come_in_their_order_and_time():
+    heard = []
+
+    async def scenario(pepper):
+        for name in ("CurrentWord", "PositionOfCurrentWord", "CurrentBookMark"):
+            event = f"ALTextToSpeech/{name}"
+            pepper.pepper.memory.listen(
+                event, lambda value: heard.append((pepper.robot.now, value))
+            )
+        start = pepper.robot.now
+        text = "\\rspd=80\\Look ^start(animations/Stand/Gestures/Hey_1)\\mrk=7\\\\pau=2000\\ there!"
+        await pepper.finish(pepper.start("ALAnimatedSpeech.say", text))
+        assert [value for _, value in heard] == ["Look", 0, 7, "there!", 1]
+        times = [time - start for time, _ in heard]
+        assert times == pytest.approx([0.0, 0.0, 0.36, 2.36, 2.36], abs=0.1)
+
+    virtual(scenario)
+
+
+def test_a_place_that_an_event_tells_is_followed_by_head_and_arm():
+    async def scenario(pepper):
+        world, place = [1.5, 0.8, 1.3, 0.0, 0.0, 0.0], [1.0, -0.6, 0.0]
+        pepper.call("ALTracker.trackEvent", "seen")
+        pepper.call("ALMemory.raiseEvent", "seen", [world, [1, 0], 1, 0.0])
+        assert pepper.call("ALTracker.getTargetPosition", 1) == pytest.approx(world[:3])
+        await pepper.run(2.0)
+        followed = pepper.call("ALMotion.getAngles", "Head", True)
+        assert pepper.call("ALTracker.isTargetLost") is True  # For want of news.
+        await pepper.finish(pepper.start("ALTracker.lookAt", world[:3], 1, 0.5, False))
+        assert followed == pytest.approx(pepper.call("ALMotion.getAngles", "Head", True), abs=0.01)
+        pepper.call("ALTracker.setEffector", "Arms")
+        pepper.call("ALMemory.raiseEvent", "seen", [place, place, [1, 0], 3])
+        await pepper.run(2.0)
+        assert pepper.call("ALMotion.getAngles", "Head", True) == pytest.approx(followed, abs=0.01)
+        followed = pepper.call("ALMotion.getAngles", "RArm", True)
+        await pepper.finish(pepper.start("ALTracker.pointAt", "RArm", place, 0, 0.5))
+        assert followed == pytest.approx(pepper.call("ALMotion.getAngles", "RArm", True), abs=0.01)
+        pepper.call("ALMemory.raiseEvent", "seen", "nonsense")
+        assert "told nothing of a target by seen" in pepper.lines[-1]
+        pepper.call("ALTracker.stopTracker")
+        assert pepper.call("ALMemory.getData", "ALTracker/ActiveTargetChanged") == ""
+        pepper.call("ALMemory.raiseEvent", "seen", [[2.0, 0.0, 1.0], [2, 0], 1])
+        assert pepper.call("ALTracker.getTargetPosition", 1) == []
+
+    virtual(scenario)
+
+
 def test_nothing_is_tracked_and_nobody_is_told_otherwise():
     async def scenario(pepper):
         pepper.call("ALTracker.registerTarget", "RedBall", 0.06)
@@ -130,7 +177,8 @@ def test_nothing_is_tracked_and_nobody_is_told_otherwise():
         pepper.call("ALTracker.track", "RedBall")
         assert any("it stays lost" in line for line in pepper.lines)
         assert pepper.call("ALTracker.isTargetLost") is True
-        assert pepper.call("ALTracker.isActive") is False
+        assert pepper.call("ALTracker.isActive") is True
+        assert pepper.call("ALTracker.getActiveTarget") == "RedBall"
         with pytest.raises(ServiceError, match=r"^ALTracker::track: .* was not registered$"):
             pepper.call("ALTracker.track", "Face")
 

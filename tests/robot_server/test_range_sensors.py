@@ -59,6 +59,24 @@ def test_the_sensors_turn_with_the_base():
     assert math.hypot(*_segment(values, "Front", 8)) == pytest.approx(5.0)
 
 
+def test_lasers_that_look_down_tell_where_they_meet_the_floor_or_a_box_on_it():
+    def shovel(*solids):
+        values = _measured(solids)
+        name = "Platform/LaserSensor/Front/{}/Seg{:02d}/{}"
+        places = [("Shovel", 1), ("Shovel", 2), ("Vertical/Right", 1)]
+        return [[values[name.format(*place, axis)] for axis in "XY"] for place in places]
+
+    left, ahead, right = shovel()
+    down = 0.2648 / math.sin(0.349066)
+    assert ahead == pytest.approx([down, 0.0])
+    assert left == pytest.approx([down, down * math.tan(math.radians(30.0))])
+    assert right == pytest.approx([down, down * math.tan(math.radians(30.21))])
+    box = (Box(0.4, 0.1, 0.2), RigidTransform([0.7, 0.0, 0.1]))
+    hidden, nearer, _ = shovel(box)
+    assert hidden == left
+    assert nearer == pytest.approx([(0.5 - 0.0562) / math.cos(0.349066), 0.0])
+
+
 @given(
     x=st.floats(0.6, 2.5),
     y=st.floats(-0.2, 0.2),

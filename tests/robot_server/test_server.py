@@ -185,12 +185,25 @@ def test_the_robot_calls_services_and_objects_of_clients():
         class Mine:
             def hello(self, number):
                 return f"hello {number}"
+        class Any:
+            def hello(self, *arguments):
+                return list(arguments)
+        class Nothing:
+            def hello(self):
+                return "nothing"
+        class Two:
+            def hello(self, one, two):
+                return two
         session.registerService("Mine", Mine())
         twice = attempt(lambda: session.registerService("Mine", Mine()))
-        result = [echo.call_client("Mine"), echo.call_object(Mine()), "Mine" in twice]
+        result = [echo.call_client("Mine"), "Mine" in twice]
+        for it in (Mine(), Any(), Nothing(), Two()):
+            result.append(attempt(lambda: echo.call_object(it)))
     """
     with serving() as (server, _, _):
-        assert libqi(server.address, body) == ["hello 1", "hello 2", True]
+        *answers, refused = libqi(server.address, body)
+        assert answers == ["hello 1", True, "hello 2", [2], "nothing"]
+        assert "has no hello of 1 arguments" in refused
         wait_until(lambda: server.find("Mine") is None)
 
 

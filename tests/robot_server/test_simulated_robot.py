@@ -69,6 +69,10 @@ def test_one_joint_goes_limp_alone(robot):
     path = _command(robot, 2.0, target, one)
     assert path[-1][_ELBOW] == pytest.approx(target[_ELBOW], abs=0.02)
     assert abs(path[-1][_WRIST] - start[_WRIST]) < 0.1
+    state = robot.state()
+    assert 0.1 < abs(state.torques[_ELBOW]) < 3.0  # It holds the forearm.
+    assert state.currents[_ELBOW] > 0.0
+    assert abs(state.torques[_WRIST]) < 0.05
 
 
 def test_somebody_moves_the_goal_smoothly(robot):

@@ -2,7 +2,8 @@
 
 Positions are those of Pepper's description (ROS `pepper_description`), rates and cones the maker's.
 A laser has 15 rays over 60 degrees, given as hit points in the sensor's frame, from left to right.
-A ray without a hit ends beyond the laser's range, which is assumed.
+A ray without a hit ends beyond the laser's range, which is assumed. The lasers that look down see
+the floor; that they give the point where the ray meets it is assumed, too.
 """
 
 import math
@@ -37,6 +38,17 @@ _LASER_RAYS = 15
 _LASER_CONE = math.radians(60.0)
 _LASER_FAR = 5.0
 
+_GROUND = (0.0562, 0.0, 0.0, 0.2648)
+"""Place [m], direction [rad] and height [m] of the lasers that look down, in the base."""
+_GROUND_PITCH = 0.349066
+"""Angle below the horizontal of the plane in which they tell places [rad]."""
+_GROUND_RAYS = {
+    "Shovel": (math.radians(30.0), 0.0, math.radians(-30.0)),
+    "Vertical/Left": (math.radians(-30.21),),  # The left one's line lies on the right.
+    "Vertical/Right": (math.radians(30.21),),
+}
+"""Directions in that plane, from ahead to the left [rad]."""
+
 _SONARS = {"Front": (0.0687, 0.0, 0.0), "Back": (-0.0587, 0.0, math.pi)}
 _SONAR_HEIGHT = 0.2336
 _SONAR_CONE = math.radians(60.0)
@@ -49,7 +61,17 @@ _SEGMENTS = [
     for number in range(1, _LASER_RAYS + 1)
     for axis in "XY"
 ]
-MEASURED: tuple[str, ...] = (*_SEGMENTS, *(f"Platform/{side}/Sonar" for side in _SONARS))
+_GROUND_SEGMENTS = [
+    f"Platform/LaserSensor/Front/{beam}/Seg{number:02d}/{axis}"
+    for beam, rays in _GROUND_RAYS.items()
+    for number in range(1, len(rays) + 1)
+    for axis in "XY"
+]
+MEASURED: tuple[str, ...] = (
+    *_SEGMENTS,
+    *_GROUND_SEGMENTS,
+    *(f"Platform/{side}/Sonar" for side in _SONARS),
+)
 """Devices whose distances are measured, in the order of `RangeSensors.measure`."""
 
 
@@ -86,12 +108,21 @@ class RangeSensors:
         }
         fan = np.linspace(_LASER_CONE / 2, -_LASER_CONE / 2, _LASER_RAYS)
         cone = np.linspace(_SONAR_CONE / 2, -_SONAR_CONE / 2, _SONAR_RAYS)
-        rays = [(*place, _LASER_HEIGHT, angle) for place in _LASERS.values() for angle in fan]
-        rays += [(*place, _SONAR_HEIGHT, angle) for place in _SONARS.values() for angle in cone]
-        x, y, yaw, z, angle = np.array(rays).T
-        self._fan = fan
+        ground = np.concatenate(list(_GROUND_RAYS.values()))
+        c, s = math.cos(_GROUND_PITCH), math.sin(_GROUND_PITCH)
+        rays = [(*place, _LASER_HEIGHT, angle, 0.0) for place in _LASERS.values() for angle in fan]
+        rays += [
+            (*_GROUND, math.atan2(math.sin(a), c * math.cos(a)), math.asin(s * math.cos(a)))
+            for a in ground
+        ]
+        rays += [
+            (*place, _SONAR_HEIGHT, angle, 0.0) for place in _SONARS.values() for angle in cone
+        ]
+        x, y, yaw, z, angle, down = np.array(rays).T
+        self._fan = np.concatenate([np.tile(fan, len(_LASERS)), ground])
         self._p_BR = np.stack([x, y, z], axis=1)
         self._angles = yaw + angle
+        self._down = down
 
     def measure(self, query: QueryObject, base_pose: Vector) -> Vector:
         """Returns the values of `MEASURED` [m].
@@ -104,17 +135,20 @@ class RangeSensors:
         c, s = math.cos(yaw), math.sin(yaw)
         R_WB = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         p_WR = self._p_BR @ R_WB.T + (x, y, 0.0)
-        angles = self._angles + yaw
-        d_W = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
-        distances = np.full(len(angles), np.inf)
+        angles, level = self._angles + yaw, np.cos(self._down)
+        d_W = np.stack(
+            [level * np.cos(angles), level * np.sin(angles), -np.sin(self._down)], axis=1
+        )
+        with np.errstate(divide="ignore"):  # The floor, which level rays never meet.
+            distances = np.where(d_W[:, 2] < 0.0, -p_WR[:, 2] / d_W[:, 2], np.inf)
         for geometry, solid in self._solids.items():
             X_SW = (query.GetPoseInWorld(geometry) @ solid.X_GS).inverse()
             R_SW = X_SW.rotation().matrix()
             origins = p_WR @ R_SW.T + X_SW.translation()
             np.minimum(distances, cast_rays(origins, d_W @ R_SW.T, solid), out=distances)
-        beams = len(_LASERS) * _LASER_RAYS
-        far = np.minimum(distances[:beams], _LASER_FAR).reshape(len(_LASERS), _LASER_RAYS)
-        places = np.stack([far * np.cos(self._fan), far * np.sin(self._fan)], axis=2)
+        beams = len(self._fan)
+        far = np.minimum(distances[:beams], _LASER_FAR)
+        places = np.stack([far * np.cos(self._fan), far * np.sin(self._fan)], axis=1)
         echoes = distances[beams:].reshape(len(_SONARS), _SONAR_RAYS).min(axis=1)
         return np.concatenate([places.ravel(), np.clip(echoes, *_SONAR_RANGE)])
 

@@ -46,6 +46,7 @@ class RobotState:
         base_pose: Base in the world by odometry: x, y [m], theta [rad].
         base_velocity: Base's velocity in its own frame: vx, vy [m/s], wz [rad/s].
         currents: Motor currents (17,) [A], or None if not simulated.
+        torques: Motor torques at the joints (17,) [N m], or None if not simulated; 0 for hands.
         touched: Those of `SENSORS` that are touched.
         ranges: Measured distances by device name, such as "Platform/Front/Sonar" [m].
     """
@@ -58,6 +59,7 @@ class RobotState:
     currents: Vector | None = None
     touched: frozenset[str] = frozenset()
     ranges: Mapping[str, float] = field(default_factory=dict)
+    torques: Vector | None = None
 
 
 @dataclass(frozen=True)

@@ -98,6 +98,7 @@ class SimulatedRobot(ChildProcess):
             np.array(now["currents"]),
             touched,
             dict(zip(MEASURED, map(float, now["ranges"]), strict=True)),
+            np.array(now["torques"]),
         )
 
     def command(self, command: RobotCommand) -> None:

@@ -72,6 +72,7 @@ STATE = np.dtype(
         ("base_pose", "f8", 3),
         ("base_velocity", "f8", 3),
         ("currents", "f8", len(JOINTS)),
+        ("torques", "f8", len(JOINTS)),
         ("ranges", "f8", len(MEASURED)),
         ("touched", "?", len(SENSORS)),
         ("contacts", "i8"),
@@ -302,9 +303,10 @@ class SimulatedPepper:
         }
         goal = station.plant.GetBodyByName(station.scene_models.goal_object)
         plant_context = station.plant.GetMyContextFromRoot(self._context)
-        currents = np.zeros(len(JOINTS))
-        torques = station.plant.get_net_actuation_output_port().Eval(plant_context)
-        currents[self._rows] = np.abs(torques[self._motors]) * self._amperes
+        currents, torques = np.zeros((2, len(JOINTS)))
+        actuation = station.plant.get_net_actuation_output_port().Eval(plant_context)
+        torques[self._rows] = actuation[self._motors]
+        currents[self._rows] = np.abs(torques[self._rows]) * self._amperes
         base_pose = self._eval("base_pose")
         if now - self._scanned >= PERIOD:
             self._scanned = now
@@ -313,6 +315,7 @@ class SimulatedPepper:
         self._state.write(
             time=now,
             currents=currents,
+            torques=torques,
             positions=self._positions(),
             velocities=velocities,
             base_pose=base_pose,

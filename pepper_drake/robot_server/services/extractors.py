@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from pepper_drake.robot_server.services.kept_settings import Setting, keep_settings
+from pepper_drake.robot_server.services.speech import LANGUAGES
 from pepper_drake.robot_server.services.waiting import Module
 
 Log = Callable[[str], None]
@@ -153,7 +154,7 @@ class SpeechRecognition(PausableExtractor):
 
     def get_available_languages(self) -> list[str]:
         """Returns the languages."""
-        return ["Chinese", "English", "French", "German", "Italian", "Japanese", "Spanish"]
+        return list(LANGUAGES)
 
     def set_vocabulary(self, words: list[str], _spotting: bool) -> None:
         """Sets the words to listen for; refused, as on a robot, while it listens."""
@@ -313,9 +314,25 @@ class VisionRecognition(Looker):
     def __init__(self, log: Log) -> None:
         settings = {
             "set_max_out_objs": ("get_max_out_objs", 1),
-            "set_param": ("get_param_kept", []),
         }
         super().__init__("ALVisionRecognition", log, "PictureDetected", "pictures", settings)
+        self._parameters: dict[str, Any] = {}
+
+    def set_param(self, name: str, value: Any) -> None:
+        """Keeps a parameter."""
+        self._parameters[name] = value
+
+    def get_param(self, name: str) -> Any:
+        """Returns a parameter, None if it was not set."""
+        return self._parameters.get(name)
+
+    def get_default_database_directory(self) -> str:
+        """Returns the folder of the pictures that it knows."""
+        return "/home/nao/naoqi/share/vision/visionrecognition"
+
+    def get_default_database_name(self) -> str:
+        """Returns the name of the pictures that it knows."""
+        return "current"
 
     def get_size(self) -> int:
         """Returns how many pictures it knows: none."""
@@ -332,6 +349,9 @@ class VisionRecognition(Looker):
     def learn_from_file(self, *_: Any) -> bool:
         """Returns whether a picture was learned: it reads no files."""
         return False
+
+    def detect_from_file(self, _file: str) -> None:
+        """Sees no picture that it knows in a file."""
 
 
 class WavingDetection(Looker):

@@ -41,6 +41,8 @@ def _first_groups() -> dict[str, list[str]]:
         groups[f"{side}EarLeds"] = list(map(_key, ear))
         groups[f"{side}EarLedsEven"] = list(map(_key, ear[1::2]))
         groups[f"{side}EarLedsOdd"] = list(map(_key, ear[::2]))
+        groups[f"{side}EarLedsFront"] = list(map(_key, ear[1:5]))  # Between up, at 0, and down.
+        groups[f"{side}EarLedsBack"] = list(map(_key, ear[6:]))
         groups |= {f"{side}EarLed{k + 1}": [_key(light)] for k, light in enumerate(ear)}
     for side, eye in _EYE.items():
         groups[f"{side}FaceLeds"] = _colored(eye)
@@ -50,6 +52,7 @@ def _first_groups() -> dict[str, list[str]]:
             # upwards.
             place = eye[(1 - k) % 8] if side == "Right" else eye[k]
             groups[f"FaceLed{side}{k}"] = _colored([place])
+            groups[f"{side}FaceLed{k + 1}"] = _colored([eye[k]])
         groups[f"FaceLeds{side}Top"] = _colored(eye[k] for k in (1, 2, 3))
         groups[f"FaceLeds{side}Bottom"] = _colored(eye[k] for k in (5, 6, 7))
         outside, inside = ((3, 4, 5), (7, 0, 1))
@@ -57,9 +60,15 @@ def _first_groups() -> dict[str, list[str]]:
             outside, inside = inside, outside
         groups[f"FaceLeds{side}External"] = _colored(eye[k] for k in outside)
         groups[f"FaceLeds{side}Internal"] = _colored(eye[k] for k in inside)
-    for part in ("Top", "Bottom", "External", "Internal"):
-        groups[f"FaceLeds{part}"] = [
-            light for side in _SIDES for light in groups[f"FaceLeds{side}{part}"]
+    for part in (
+        "Leds{}Top",
+        "Leds{}Bottom",
+        "Leds{}External",
+        "Leds{}Internal",
+        *(f"Led{{}}{k}" for k in range(8)),
+    ):
+        groups["Face" + part.format("")] = [
+            light for side in _SIDES for light in groups["Face" + part.format(side)]
         ]
     groups["ChestLeds"] = _colored([_CHEST])
     groups |= {f"ChestLeds{color}": _colored([_CHEST], (color,)) for color in _COLORS}

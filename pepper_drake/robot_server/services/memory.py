@@ -48,6 +48,7 @@ class Memory(Module):
         self._computed: dict[str, Callable[[], Any]] = {}
         self._subscribers: dict[str, list[Service]] = {}
         self._modules: dict[str, dict[str, tuple[str, str]]] = {}
+        self._listeners: list[tuple[str, Callable[[Any], None]]] = []
         self._history: dict[str, deque[list[Any]]] = {}
         self._descriptions: dict[str, str] = {}
         self._events: set[str] = set()
@@ -60,8 +61,9 @@ class Memory(Module):
         self._computed |= keys
 
     def put(self, key: str, value: Any) -> None:
-        """Stores a value without an event."""
-        self._data[key] = _Entry(value, self._clock())
+        """Stores a value without an event; computed keys stay computed."""
+        if key not in self._computed:
+            self._data[key] = _Entry(value, self._clock())
 
     def value_or_none(self, key: Any) -> Any:
         """Returns the value of a key, or None."""
@@ -69,6 +71,15 @@ class Memory(Module):
             return self.get_data(key)
         except (ValueError, TypeError, ServiceError):
             return None
+
+    def listen(self, name: str, told: Callable[[Any], None]) -> None:
+        """Has an event of that name call a function of ours."""
+        self._events.add(name)
+        self._listeners.append((name, told))
+
+    def stop_listening(self, told: Callable[[Any], None]) -> None:
+        """Calls a function no more, whatever it listens to."""
+        self._listeners = [known for known in self._listeners if known[1] != told]
 
     # NAOqi's methods.
 
@@ -107,13 +118,12 @@ class Memory(Module):
         return [key for key in self.get_data_list_name() if text in key]
 
     def get_data_list_name(self) -> list[str]:
-        """Returns all keys."""
-        return sorted(self._data.keys() | self._computed.keys())
+        """Returns all keys that have a value: programs read each that they find."""
+        measured = {key for key in self._computed if self.value_or_none(key) is not None}
+        return sorted(self._data.keys() | measured)
 
     def insert_data(self, key: str, value: Any) -> None:
-        """Stores a value without an event."""
-        if key in self._computed:
-            raise ValueError(f"{key} is the robot's own and cannot be written")
+        """Stores a value without an event; measurements overwrite theirs at once, as on a robot."""
         self.put(key, value)
 
     def insert_list_data(self, pairs: Any) -> None:
@@ -227,6 +237,9 @@ class Memory(Module):
         return [[key, self._descriptions.get(key, "")] for key in keys]
 
     def _notify(self, name: str, value: Any) -> None:
+        for event, callback in self._listeners:
+            if event == name:
+                callback(value)
         for service in list(self._subscribers.get(name, ())):
             service.emit("signal", value)
         finder = self._finder()

@@ -1,10 +1,11 @@
 """ALMotion's moves of the base."""
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Any
 
-from pepper_drake.naoqi.constants import BASE_LIMITS, WHEELS
+from pepper_drake.naoqi.constants import BASE_LIMITS, FRAME_ROBOT, FRAME_WORLD, WHEELS
 from pepper_drake.robot_server.robot.base_controller import (
     BaseController,
     BaseSpeeds,
@@ -22,6 +23,8 @@ from pepper_drake.robot_server.wire.service import Caller
 from pepper_drake.robot_server.wire.signatures import with_caller
 
 _WHEELS = frozenset(WHEELS)
+WHEEL_PLACES = ((0.09, 0.155, 1.07517), (0.09, -0.155, -1.07517), (-0.17, 0.0, -math.pi))
+"""Place [m] and direction of the axle [rad] of `WHEELS` in the base."""
 
 
 class BaseMoves:
@@ -144,8 +147,8 @@ class BaseMoves:
         return [[key, getattr(limit, attribute)] for key, limit in BASE_LIMITS.items()]
 
     def get_robot_position(self, _use_sensors: bool) -> list[float]:
-        """Returns the base's pose in the world by odometry: x, y [m], theta [rad]."""
-        return list(self.state.base_pose)
+        """Returns the base's pose in the world by odometry: x, y [m], theta in [-pi, pi] [rad]."""
+        return _told(self.state.base_pose)
 
     def get_next_robot_position(self) -> list[float]:
         """Returns the base's pose at the end of the current move."""
@@ -154,7 +157,15 @@ class BaseMoves:
             for task in self._moves()
             if isinstance(task.motion, PoseMove) and task.motion.goal is not None
         ]
-        return list(goals[-1] if goals else self.state.base_pose)
+        return _told(goals[-1] if goals else self.state.base_pose)
+
+    def get_support_polygon(self, frame: int, _use_sensors: bool) -> list[list[float]]:
+        """Returns where the wheels stand, x, y [m] in the world (1) or in the base's frame (2)."""
+        if frame not in (FRAME_WORLD, FRAME_ROBOT):
+            raise ValueError(f"frame is {frame}; it must be 1 (world) or 2 (robot)")
+        x, y, theta = self.state.base_pose if frame == FRAME_WORLD else (0.0, 0.0, 0.0)
+        c, s = math.cos(theta), math.sin(theta)
+        return [[x + c * px - s * py, y + s * px + c * py] for px, py, _ in WHEEL_PLACES]
 
     def get_robot_velocity(self) -> list[float]:
         """Returns the base's velocity in its own frame: vx, vy [m/s], wz [rad/s]."""
@@ -173,6 +184,12 @@ async def _ended(task: Task) -> None:
     future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
     task.when_ended(lambda: None if future.done() else future.set_result(None))
     await future
+
+
+def _told(pose: Pose) -> list[float]:
+    """Returns a pose as robots tell it: programs that wait for a full turn count on the step."""
+    x, y, theta = pose
+    return [x, y, math.remainder(theta, 2 * math.pi)]
 
 
 def _pose(x: Any, y: Any, theta: Any) -> Pose:

@@ -31,7 +31,7 @@ class Posture(Module):
         """Goes to a posture, waking up if asleep; False if it is unknown or was interrupted."""
         if name not in NAOQI_POSTURES:
             return False
-        share = fraction(max_speed_fraction)
+        share = fraction(min(max_speed_fraction, 1.0))  # Programs ask for 2, or 100.
         if not self._motion.robot_is_wake_up():
             await self._motion.wake_up()
         return await self._motion.go_to(NAOQI_POSTURES[name], share, _TASK)

@@ -5,12 +5,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from pepper_drake.naoqi.constants import JOINTS, WHEELS
+from pepper_drake.naoqi.constants import HANDS, JOINTS, WHEELS
 from pepper_drake.robot_server.robot.range_sensors import MEASURED
 from pepper_drake.robot_server.robot.robot_port import SENSORS
 from pepper_drake.robot_server.services.extractors import NOTHING_FOUND
 from pepper_drake.robot_server.services.memory import Memory
 from pepper_drake.robot_server.services.motion import Motion
+from pepper_drake.robot_server.services.motion_base import WHEEL_PLACES
 
 DEVICES = "Device/SubDeviceList/"
 
@@ -18,12 +19,6 @@ RANGES: tuple[str, ...] = (
     *MEASURED,
     "Platform/InfraredSpot/Left",
     "Platform/InfraredSpot/Right",
-    *(
-        f"Platform/LaserSensor/Front/{beam}/Seg{number:02d}/{axis}"
-        for beam, count in (("Shovel", 3), ("Vertical/Left", 1), ("Vertical/Right", 1))
-        for number in range(1, count + 1)
-        for axis in "XY"
-    ),
 )
 """Devices that measure distances [m]; reading one that is not simulated is an error."""
 
@@ -69,6 +64,7 @@ CONSTANTS: dict[str, Any] = {
     "RobotConfig/Head/Version": "VERSION_16",
     "RobotConfig/Head/FullHeadId": "pepper_drake",
     "RobotConfig/Body/BodyId": "pepper_drake",
+    "Device/DeviceList/ChestBoard/BodyId": "pepper_drake",
     "Device/SubDeviceList/Battery/Charge/Sensor/Value": 1.0,
     "Device/SubDeviceList/Battery/Charge/Sensor/Status": 0,
     "Device/SubDeviceList/Battery/Current/Sensor/Value": 0.0,
@@ -93,6 +89,9 @@ def install_keys(memory: Memory, motion: Motion) -> None:
         keys[f"{device}/Position/Actuator/Value"] = partial(_command, motion, k)
         keys[f"{device}/Hardness/Actuator/Value"] = partial(_stiffness, motion, k)
         keys[f"{device}/ElectricCurrent/Sensor/Value"] = partial(_current, motion, k, joint)
+        if joint not in HANDS:
+            keys[f"Motion/Velocity/Sensor/{joint}"] = partial(_velocity, motion, k)
+            keys[f"Motion/Torque/Sensor/{joint}"] = partial(_torque, motion, k, joint)
         keys[f"{device}/Temperature/Sensor/Value"] = lambda: _TEMPERATURE
         keys[f"{device}/Temperature/Sensor/Status"] = lambda: 0
     for k, wheel in enumerate(WHEELS):
@@ -169,6 +168,16 @@ def _stiffness(motion: Motion, k: int) -> float:
     return float(motion.joints.stiffness[k])
 
 
+def _velocity(motion: Motion, k: int) -> float:
+    return float(motion.state.velocities[k])
+
+
+def _torque(motion: Motion, k: int, joint: str) -> float:
+    if motion.state.torques is None:
+        raise ValueError(f"the torque of {joint} is not simulated")
+    return float(motion.state.torques[k])
+
+
 def _current(motion: Motion, k: int, joint: str) -> float:
     if motion.state.currents is None:
         raise ValueError(f"the current of {joint} is not simulated")
@@ -186,14 +195,12 @@ def _range(motion: Motion, name: str) -> float:
     return float(motion.state.ranges[name])
 
 
-# Wheels: position [m] and direction of the axle [rad] in the base.
-_WHEELS = ((0.09, 0.155, 1.07517), (0.09, -0.155, -1.07517), (-0.17, 0.0, -math.pi))
 _WHEEL_RADIUS = 0.07
 
 
 def _wheel_speed(motion: Motion, k: int, measured: bool) -> float:
     """Returns a wheel's speed from the base's velocity [rad/s]."""
     vx, vy, wz = motion.state.base_velocity if measured else motion.base.velocity
-    x, y, axle = _WHEELS[k]
+    x, y, axle = WHEEL_PLACES[k]
     along = (vx - wz * y) * math.sin(axle) - (vy + wz * x) * math.cos(axle)
     return along / _WHEEL_RADIUS

@@ -13,20 +13,50 @@ _CHARACTERS_PER_SECOND = 14.0
 _LEAST = 0.3
 """Duration of the shortest word [s]."""
 
-LANGUAGES = ("Chinese", "English", "French", "German", "Italian", "Japanese", "Spanish")
+_LOCALES = {
+    "Arabic": "ar_SA",
+    "Brazilian": "pt_BR",
+    "Chinese": "zh_CN",
+    "Czech": "cs_CZ",
+    "Danish": "da_DK",
+    "Dutch": "nl_NL",
+    "English": "en_US",
+    "Finnish": "fi_FI",
+    "French": "fr_FR",
+    "German": "de_DE",
+    "Greek": "el_GR",
+    "Italian": "it_IT",
+    "Japanese": "ja_JP",
+    "Korean": "ko_KR",
+    "MandarinTaiwan": "zh_TW",
+    "Norwegian": "nn_NO",
+    "Polish": "pl_PL",
+    "Portuguese": "pt_PT",
+    "Russian": "ru_RU",
+    "Spanish": "es_ES",
+    "Swedish": "sv_SE",
+    "Turkish": "tr_TR",
+}
 
-_LOCALES = dict(
-    zip(
-        LANGUAGES,
-        ("zh_CN", "en_US", "fr_FR", "de_DE", "it_IT", "ja_JP", "es_ES"),
-        strict=True,
-    )
-)
+LANGUAGES = tuple(_LOCALES)
+"""All that the maker offers: which of them a robot has is its owner's choice."""
 
-_PARAMETERS = {"pitchShift": 1.0, "doubleVoice": 0.0, "speed": 100.0, "volume": 100.0}
+_PARAMETERS = {
+    "pitchShift": 1.0,
+    "doubleVoice": 0.0,
+    "doubleVoiceLevel": 0.0,
+    "doubleVoiceTimeShift": 0.0,
+    "speed": 100.0,
+    "defaultVoiceSpeed": 100.0,
+    "volume": 100.0,
+}
 
 _MARKS = re.compile(r"\\[^\\]*\\|\^\w+(\([^)]*\))?")
 """Tags of the voice, such as \\rspd=80\\, and of gestures, such as ^start(...)."""
+
+
+_PARTS = re.compile(rf"\\(?P<mark>mrk|pau)=(?P<value>\d+)\\|{_MARKS.pattern}|(?P<word>[^\s\\^]+)")
+"""Bookmarks, pauses [ms] and words, in between other marks."""
 
 
 def spoken(text: str) -> str:
@@ -71,16 +101,39 @@ class TextToSpeech(Module):
             self._raise_event("ALTextToSpeech/CurrentSentence", words)
             self._raise_event("ALTextToSpeech/TextStarted", 1)
             self._raise_event("ALTextToSpeech/Status", [number, "started"])
-            left = max(len(words) / _CHARACTERS_PER_SECOND, _LEAST) if words else 0.0
-            while left > 0.0 and stops == self._stop:
-                await self._timer.sleep(min(left, 0.1))
-                left -= 0.1
+            await self._pronounce(str(text), stops)
             ended = "done" if stops == self._stop else "stopped"
             self._raise_event("ALTextToSpeech/Status", [number, ended])
             if ended == "stopped":
                 self._raise_event("ALTextToSpeech/TextInterrupted", 1)
             self._raise_event("ALTextToSpeech/TextDone", 1)
             self._raise_event("ALTextToSpeech/CurrentSentence", "")
+
+    async def _pronounce(self, text: str, stops: int) -> None:
+        """Tells of words and bookmarks as they come, until it is stopped."""
+        rate = _CHARACTERS_PER_SECOND * min(max(self._parameters["speed"] / 100.0, 0.5), 4.0)
+        position, least = 0, _LEAST
+        for part in _PARTS.finditer(text):
+            if stops != self._stop:
+                return
+            duration = 0.0
+            if part["word"]:
+                self._raise_event("ALTextToSpeech/CurrentWord", part["word"])
+                self._raise_event("ALTextToSpeech/PositionOfCurrentWord", position)
+                position += 1
+                duration = (len(part["word"]) + 1) / rate
+            elif part["mark"] == "mrk":
+                self._raise_event("ALTextToSpeech/CurrentBookMark", int(part["value"]))
+            elif part["mark"] == "pau":
+                duration = min(int(part["value"]), 65535) / 1000.0
+            least -= duration
+            await self._wait(duration, stops)
+        await self._wait(least if position else 0.0, stops)
+
+    async def _wait(self, duration: float, stops: int) -> None:
+        while duration > 0.0 and stops == self._stop:
+            await self._timer.sleep(min(duration, 0.1))
+            duration -= 0.1
 
     def say_to_file(self, text: str, name: str) -> None:
         """Logs that no file is written: no sound is simulated."""
@@ -129,6 +182,8 @@ class TextToSpeech(Module):
     def set_parameter(self, name: str, value: float) -> None:
         """Sets a parameter of the voice."""
         self._parameters[name] = value
+        if name == "defaultVoiceSpeed":
+            self.reset_speed()
 
     def get_parameter(self, name: str) -> float:
         """Returns a parameter of the voice."""
@@ -137,8 +192,8 @@ class TextToSpeech(Module):
         return self._parameters[name]
 
     def reset_speed(self) -> None:
-        """Resets the speed."""
-        self._parameters["speed"] = _PARAMETERS["speed"]
+        """Resets the speed to its default."""
+        self._parameters["speed"] = self._parameters["defaultVoiceSpeed"]
 
     def set_volume(self, volume: float) -> None:
         """Sets the volume, from 0 to 1."""
@@ -228,6 +283,10 @@ class AnimatedSpeech(Module):
     def set_body_talk_enabled(self, enabled: bool) -> None:
         """As `setBodyLanguageEnabled`, its former name."""
         self._enabled = enabled
+
+    def stop_all(self, _stops: bool) -> None:
+        """Stops what is being said and what was to follow."""
+        self._speech.stop_all()
 
     def declare_animations_package(self, _package: str) -> None:
         """Accepts a package of gestures without effect."""

@@ -4,19 +4,24 @@ from collections.abc import Callable
 from typing import Any
 
 from pepper_drake.robot_server.services.kept_settings import keep_settings
+from pepper_drake.robot_server.services.media_services import AnimationPlayer
 from pepper_drake.robot_server.services.waiting import Module
 
 
 class PreferenceManager(Module):
     """ALPreferenceManager: values by domain and name, stored until the robot ends."""
 
-    def __init__(self) -> None:
+    def __init__(self, raise_event: Callable[[str, Any], None]) -> None:
         super().__init__("ALPreferenceManager")
+        self._raise_event = raise_event
         self._values: dict[str, dict[str, Any]] = {}
 
     def set_value(self, domain: str, name: str, value: Any) -> None:
         """Stores a value."""
-        self._values.setdefault(domain, {})[name] = value
+        known = self._values.setdefault(domain, {})
+        event = "preferenceChanged" if name in known else "preferenceAdded"
+        known[name] = value
+        self._raise_event(event, [domain, name])
 
     def get_value(self, domain: str, name: str) -> Any:
         """Returns a value, or None."""
@@ -32,11 +37,13 @@ class PreferenceManager(Module):
 
     def remove_value(self, domain: str, name: str) -> None:
         """Removes a value."""
-        self._values.get(domain, {}).pop(name, None)
+        if self._values.get(domain, {}).pop(name, self) is not self:
+            self._raise_event("preferenceRemoved", [domain, name])
 
     def remove_domain_values(self, domain: str) -> None:
         """Removes the values of a domain."""
-        self._values.pop(domain, None)
+        if self._values.pop(domain, None) is not None:
+            self._raise_event("preferenceDomainRemoved", domain)
 
     def update(self) -> None:
         """Has no effect."""
@@ -70,10 +77,11 @@ class PackageManager(Module):
 
 
 class BehaviorManager(Module):
-    """ALBehaviorManager: no behaviour is installed, so none can be started."""
+    """ALBehaviorManager: no behaviour is installed; the maker's animations do not move anything."""
 
-    def __init__(self) -> None:
+    def __init__(self, animations: AnimationPlayer) -> None:
         super().__init__("ALBehaviorManager")
+        self._animations = animations
         self._defaults: list[str] = []
 
     def _none(self, *_: Any) -> list[str]:
@@ -102,7 +110,9 @@ class BehaviorManager(Module):
     preload_behavior = _is_not
 
     def start_behavior(self, name: str) -> None:
-        """Refuses: no behaviour is installed."""
+        """Leaves an animation to ALAnimationPlayer; refuses others, which are not installed."""
+        if name.startswith("animations/"):
+            return self._animations.run(name)
         raise ValueError(f"behavior {name!r} is not installed")
 
     def run_behavior(self, name: str) -> None:

@@ -1,4 +1,7 @@
-"""ALTracker: looks and points at positions. It tracks no target: nothing is recognised."""
+"""ALTracker: looks and points at positions, and follows those in a program's events.
+
+Nothing is recognised: a target that the robot would have to see itself stays lost.
+"""
 
 import math
 from collections.abc import Callable
@@ -6,12 +9,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 
 from pepper_drake.naoqi.constants import CHAINS, FRAME_ROBOT, FRAME_TORSO, FRAME_WORLD, JOINTS
-from pepper_drake.perception.cameras.camera import CAMERA_TOP
+from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
 from pepper_drake.perception.gaze.head_aiming import aim_head, clamp_head
+from pepper_drake.robot_server.robot.joint_controller import retarget
 from pepper_drake.robot_server.robot.robot_model import clip_to_limits, kinematics
 from pepper_drake.robot_server.services.kept_settings import keep_settings
+from pepper_drake.robot_server.services.memory import Memory
 from pepper_drake.robot_server.services.motion import Motion
 from pepper_drake.robot_server.services.motion_arguments import fraction, numbers
 from pepper_drake.robot_server.services.waiting import Module
@@ -21,6 +27,15 @@ Vector = npt.NDArray[np.float64]
 _ROUNDS = 6
 """Iterations until the hand is on the line to the position; each removes most of the error."""
 
+_FOLLOWING = 0.5
+"""Share of the largest speed at which a target is followed."""
+
+_LEAST_TIME_OUT = 1.0
+"""Time without news after which a target is lost, where no longer one was set [s]."""
+
+_EYES = {0: CAMERA_TOP, 1: CAMERA_TOP, 2: CAMERA_BOTTOM}
+"""Camera that looks at a target, by the number in its event; that between the eyes is near."""
+
 _ORIGIN = (0.0, 0.0, 0.0)
 
 _SHOULDER = {"LArm": "LShoulderPitch", "RArm": "RShoulderPitch"}
@@ -29,10 +44,15 @@ _SHOULDER = {"LArm": "LShoulderPitch", "RArm": "RShoulderPitch"}
 class Tracker(Module):
     """ALTracker."""
 
-    def __init__(self, motion: Motion, log: Callable[[str], None]) -> None:
+    def __init__(self, motion: Motion, memory: Memory, log: Callable[[str], None]) -> None:
         super().__init__("ALTracker")
         self._log = log
         self._motion = motion
+        self._memory = memory
+        self._active = ""
+        self._p_WP: Vector | None = None
+        self._told = -math.inf
+        self._is_new = False
         self._effector = "None"
         self._mode = "Head"
         self._timeout = 0
@@ -75,40 +95,41 @@ class Tracker(Module):
         """
         frame, share = (FRAME_TORSO, arguments[0]) if len(arguments) == 1 else arguments[:2]
         p_T = self._in_torso(numbers(position, 3, "the position"), frame)
-        if effector == "Arms":
-            effector = "LArm" if p_T[1] > 0 else "RArm"
-        if effector not in _SHOULDER:
-            raise ValueError(f"there is no effector {effector!r}; it must be LArm, RArm or Arms")
-        targets = _point(effector, p_T)
+        targets = _point(_arm(effector, p_T), p_T)
         await self._motion.go_to(targets, fraction(share), "pointAt")
 
     def get_robot_position(self) -> list[float]:
         """Returns the base's pose in the world: x, y [m], theta [rad]."""
-        return list(self._motion.state.base_pose)
+        return self._motion.get_robot_position(True)
 
     def is_active(self) -> bool:
-        """Returns whether a target is tracked: none is."""
-        return False
+        """Returns whether a target is set, lost or not."""
+        return bool(self._active)
 
     def is_new_target_detected(self) -> bool:
-        """Returns whether a target was seen: none is."""
-        return False
+        """Returns whether there was news of the target since its position was asked for."""
+        return self._is_new
 
     def is_target_lost(self) -> bool:
-        """Returns whether the target is lost: there is none to see."""
-        return True
+        """Returns whether the target's position is older than the timeout."""
+        time_out = max(self._timeout / 1e3, _LEAST_TIME_OUT)
+        return self._motion.state.time - self._told > time_out
 
     def get_active_target(self) -> str:
-        """Returns the tracked target: none."""
-        return ""
+        """Returns the target or event that is followed, or an empty string."""
+        return self._active
 
     def get_supported_targets(self) -> list[str]:
         """Returns the targets that the robot can recognise: none."""
         return []
 
-    def get_target_position(self, _frame: int = FRAME_TORSO) -> list[float]:
-        """Returns the target's position: it is not seen."""
-        return []
+    def get_target_position(self, frame: int = FRAME_TORSO) -> list[float]:
+        """Returns the target's position [m], or an empty list if unknown."""
+        self._is_new = False
+        if self._p_WP is None:
+            return []
+        X_FW = self._transform(frame) @ self._transform(FRAME_WORLD).inverse()
+        return [float(value) for value in X_FW @ self._p_WP]
 
     def get_registered_targets(self) -> list[str]:
         """Returns the registered targets."""
@@ -142,14 +163,22 @@ class Tracker(Module):
         """Logs that a target is not tracked: it stays lost, as `isTargetLost` says."""
         if target not in self._targets:
             raise ValueError(f"target {target!r} was not registered")
+        self._follow(target)
         self._log(f"ALTracker is to follow {target}; nothing is recognised, and it stays lost")
 
     def track_event(self, event: str) -> None:
-        """Logs that an event's target is not tracked."""
-        self._log(f"ALTracker is to follow {event}; nothing is recognised")
+        """Follows the positions in an event's values with the head and the effector.
+
+        A value is [position in the world, time, number of the eye] or [position in the torso frame,
+        position in the base frame, time, number of the eye]; each position begins with x, y, z [m].
+        The base does not move in any mode.
+        """
+        self._follow(event)
+        self._memory.listen(event, self._news)
 
     def stop_tracker(self) -> None:
-        """Stops looking and pointing."""
+        """Stops following, looking and pointing."""
+        self._follow("")
         self._motion.tasks.kill_where(lambda task: task.name in ("lookAt", "pointAt"))
 
     def set_effector(self, effector: str) -> None:
@@ -213,12 +242,50 @@ class Tracker(Module):
         """Returns the robot's wanted position relative to a target."""
         return self._relative
 
+    def _follow(self, target: str) -> None:
+        self._memory.stop_listening(self._news)
+        if target != self._active:
+            self._active, self._p_WP, self._told, self._is_new = target, None, -math.inf, False
+            self._memory.raise_event("ALTracker/ActiveTargetChanged", target)
+
+    def _news(self, value: Any) -> None:
+        """Turns head and arms to where an event tells that the target is."""
+        try:
+            in_world = len(value[1]) == 2  # A time; else a second place comes before it.
+            frame = FRAME_WORLD if in_world else FRAME_TORSO
+            p_T = self._in_torso(numbers(value[0][:3], 3, "the place"), frame)
+            eye = value[2 if in_world else 3]
+        except (ValueError, TypeError, IndexError, KeyError):
+            self._log(f"ALTracker is told nothing of a target by {self._active}: {value!r:.80}")
+            return
+        self._p_WP = self._transform(FRAME_WORLD) @ p_T
+        self._told, self._is_new = self._motion.state.time, True
+        targets: dict[str, float] = {}
+        if eye in _EYES:
+            yaw, pitch = clamp_head(aim_head(_EYES[eye], p_T)).tolist()
+            targets |= {"HeadYaw": yaw, "HeadPitch": pitch}
+        if self._effector != "None":
+            targets |= _point(_arm(self._effector, p_T), p_T)
+        retarget(self._motion.joints, self._motion.tasks, targets, _FOLLOWING)
+
     def _in_torso(self, position: list[float], frame: int) -> Vector:
+        return self._transform(frame).inverse() @ np.array(position)
+
+    def _transform(self, frame: int) -> RigidTransform:
+        """Returns the pose of the torso in a frame."""
         if frame not in (FRAME_TORSO, FRAME_WORLD, FRAME_ROBOT):
             raise ValueError(f"frame is {frame}; it must be 0 (torso), 1 (world) or 2 (robot)")
         state = self._motion.state
-        X_FT = kinematics().transform("Torso", frame, state.positions, state.base_pose)
-        return X_FT.inverse() @ np.array(position)
+        return kinematics().transform("Torso", frame, state.positions, state.base_pose)
+
+
+def _arm(effector: str, p_T: Vector) -> str:
+    """Returns the arm that points at a place."""
+    if effector == "Arms":
+        effector = "LArm" if p_T[1] > 0 else "RArm"
+    if effector not in _SHOULDER:
+        raise ValueError(f"there is no effector {effector!r}; it must be LArm, RArm or Arms")
+    return effector
 
 
 def _point(arm: str, p_T: Vector) -> dict[str, float]:

@@ -133,6 +133,22 @@ class CameraFacts:
         width, height = numbers(size, 2, "a size")
         return [width / known.width_fov, height / known.height_fov]
 
+    def get_ang_pos_from_img_pos(self, position: Sequence[float]) -> list[float]:
+        """As `getAngularPositionFromImagePosition` of the top camera, its former name."""
+        return self.get_angular_position_from_image_position(TOP, position)
+
+    def get_img_pos_from_ang_pos(self, angles: Sequence[float]) -> list[float]:
+        """As `getImagePositionFromAngularPosition` of the top camera, its former name."""
+        return self.get_image_position_from_angular_position(TOP, angles)
+
+    def get_ang_size_from_img_size(self, size: Sequence[float]) -> list[float]:
+        """As `getAngularSizeFromImageSize` of the top camera, its former name."""
+        return self.get_angular_size_from_image_size(TOP, size)
+
+    def get_img_size_from_ang_size(self, size: Sequence[float]) -> list[float]:
+        """As `getImageSizeFromAngularSize` of the top camera, its former name."""
+        return self.get_image_size_from_angular_size(TOP, size)
+
     def resolution_to_sizes(self, resolution: int) -> list[int]:
         """Returns width and height of a resolution [pixels]."""
         if resolution not in RESOLUTIONS:

@@ -114,20 +114,31 @@ class ClientObject:
         self._methods = tuple(methods)
 
     async def call(self, method: str, *arguments: Any) -> Any:
-        """Calls a method there; see `RemoteObject`."""
-        fitting = [m for m in self._methods if m.name == method]
-        exact = [m for m in fitting if _arity(m.parameters) == len(arguments)]
-        if not exact:
+        """Calls a method there; see `RemoteObject`.
+
+        The overload that takes most of the arguments gets as many as it takes: NAOqi's modules
+        in Python may leave out an event's last arguments, or take all as `*arguments`.
+        """
+        taken = {m: _taken(m.parameters, len(arguments)) for m in self._methods if m.name == method}
+        found = max(taken, key=lambda m: taken[m], default=None)
+        if found is None or taken[found] < 0:
             raise ServiceError(f"the client's object has no {method} of {len(arguments)} arguments")
-        found = exact[0]
         return await self._connection.call_client(
-            self._service, self._object, found.uid, found.parameters, arguments, found.returns
+            self._service,
+            self._object,
+            found.uid,
+            found.parameters,
+            arguments[: taken[found]],
+            found.returns,
         )
 
 
-def _arity(parameters: str) -> int:
+def _taken(parameters: str, given: int) -> int:
+    """Returns how many of the given arguments a method takes; -1 where it needs more."""
     parsed: Signature = parse_signature(parameters)
-    return len(parsed.items)
+    if parsed.letter == "m":  # Any number, sent as a tuple in one dynamic value.
+        return given
+    return len(parsed.items) if len(parsed.items) <= given else -1
 
 
 def remote_methods(meta: tuple[Any, ...]) -> list[RemoteMethod]:

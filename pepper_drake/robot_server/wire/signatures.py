@@ -105,7 +105,8 @@ def with_caller(handler: F) -> F:
 
 def python_name(name: str) -> str:
     """Returns the Python name of a NAOqi method: get_horizontal_fov for getHorizontalFOV."""
-    parts = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name.lstrip("_"))
+    # An s after capitals is their plural, as in listLEDs.
+    parts = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-rt-z])", "_", name.lstrip("_"))
     return parts.lower()
 
 
