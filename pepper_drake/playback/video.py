@@ -21,7 +21,7 @@ _SMALL_SIZE = (640, 480)
 _GIF_STRIDE, _GIF_PICTURES = 3, 120
 """Frames of a film between pictures of a GIF, or more, so that it has no more pictures than that.
 """
-_GIF_COLORS, _GIF_PALETTE = 64, 8
+_GIF_COLORS, _GIF_PALETTE = 128, 8
 """Colours of a GIF, and the number of its pictures that they are chosen from."""
 _INK = (48, 39, 29)
 _SHIFT = 4  # Fractional bits of a point that OpenCV draws.
