@@ -465,7 +465,7 @@ class LiveSession:
         mode, state = self.mode, self.simulation.reach_state()
         left = 1000 * self.simulation.goal_distance()
         if mode == Mode.STOPPED:
-            hint = "Move the goal or what is in the way, and Reach again; or Stop, and show another"
+            hint = "Move the goal or what is in the way, then Reach; or Stop, and Record again"
             return f"Stopped: {state.message}. {hint}"
         if mode == Mode.LOOKING:
             seen = self.simulation.goal_is_seen()
