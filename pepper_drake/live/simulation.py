@@ -31,6 +31,7 @@ from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.planning.reach.movement_origin import Origin
+from pepper_drake.planning.reach.planner_wrapper import PlannerWrapper
 from pepper_drake.planning.reach.reach_mode import ReachCommand
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.reach_state import ReachState
@@ -222,6 +223,8 @@ class LiveSimulation:
         """Returns why the arm does not perform what it learned, as a sentence; empty if it does."""
         supervisor, state = self.diagram.reaching.supervisor, self.reach_state()
         planner, seen = supervisor.planner(self._context(supervisor)), state.started_with
+        while isinstance(planner, PlannerWrapper):
+            planner = planner.planner
         origin = Origin.NONE if state.movement is None else state.movement.origin
         if origin == Origin.DETOUR:
             return "something came in the way"
