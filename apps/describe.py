@@ -1,6 +1,6 @@
 """Write Pepper's description for other programs.
 
-    python apps/describe.py --output pepper
+  describe.py --output pepper
 
 The folder gets pepper_standard.urdf (no tags of Drake's), pepper.srdf (groups, postures, pairs of
 links that are not checked), pepper_mjcf.xml (MuJoCo) and pepper_spheres.yaml (collision spheres).

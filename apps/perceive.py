@@ -1,4 +1,4 @@
-"""Perception of goal and obstacles by every camera, compared with the truth.
+"""See goal and obstacles with every camera, and compare with the truth.
 
 Pepper stands where the scene puts it and looks at the goal object. The obstacles are seen by the
 depth camera and by a stereo pair, the marker on the goal object from all around by both colour

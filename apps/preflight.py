@@ -1,8 +1,8 @@
 """Check a robot before it is moved: nothing is moved by this, but the head with --measure.
 
-    python apps/preflight.py --robot tcp://192.168.1.10:9559
-    python apps/preflight.py --robot tcp://192.168.1.10:9559 --measure
-    python apps/preflight.py --robot tcps://192.168.1.10:9503 --password-file nao.txt --arm left
+  preflight.py --robot tcp://192.168.1.10:9559
+  preflight.py --robot tcp://192.168.1.10:9559 --measure
+  preflight.py --robot tcps://192.168.1.10:9503 --password-file nao.txt --arm left
 
 Each line names a check, what was found, and how to fix it. --measure turns the head to and fro by
 17 degrees, if all else is well, and fits how late and how fast it follows. Exit code 0: ready;

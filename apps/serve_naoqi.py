@@ -4,10 +4,10 @@ The robot has dynamics, contacts, cameras with noise and time stamps, and arms t
 clock slows where the machine is too slow. `--extras-port` serves what no robot knows: the truth,
 and what a person does beside it, who leads a hand, touches a sensor, or moves the goal.
 
-    python apps/serve_naoqi.py --scene table
-    python apps/serve_naoqi.py --show reach    an arm that goes limp is led, and the chest pressed
-    python apps/serve_naoqi.py --set station.noise=false     other numbers of the robot
-    python -c 'import qi; s = qi.Session(); s.connect("tcp://127.0.0.1:9559"); ...'
+  serve_naoqi.py --scene table
+  serve_naoqi.py --show reach    an arm that goes limp is led, and the chest pressed
+  serve_naoqi.py --set station.noise=false     other numbers of the robot
+  python -c 'import qi; s = qi.Session(); s.connect("tcp://127.0.0.1:9559"); ...'
 """
 
 import asyncio

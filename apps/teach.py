@@ -338,7 +338,8 @@ def teach(options: Namespace, script: LiveScript | None, page: ViserPage | None)
         )
     show = LiveApp(session, controls)
     if page is not None:
-        print(f"To watch only, open {page.class_url}", flush=True)
+        alone = "" if options.host else " (on this computer; --host 0.0.0.0 lets a class in)"
+        print(f"To watch only, open {page.class_url}{alone}", flush=True)
         if options.seconds is None:
             wait_for_browser(page)
         else:

@@ -101,6 +101,8 @@ def _short(value: Any) -> str:
         return f"array{value.shape}"
     if is_dataclass(value) and not isinstance(value, type):
         return f"{type(value).__name__}(…)"
+    if isinstance(value, float):
+        return f"{value:.6g}"
     text = repr(value)
     if isinstance(value, list | tuple | dict) and len(text) > _LONGEST:
         return f"{type(value).__name__} of {len(value)}"

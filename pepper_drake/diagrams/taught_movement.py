@@ -10,7 +10,8 @@ from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.reach_plan import PlanStatus
+from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
+from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.results.movement_report import ADAPTED, MovementReport
 
 Vector = npt.NDArray[np.float64]
@@ -56,6 +57,27 @@ def taught_path(
     return path.positions
 
 
+def simulate_taught(planner: ReachPlanner, observation: Observation) -> tuple[ReachPlan, str]:
+    """Returns the movement as taught, simulated, and why it was adapted, as a sentence.
+
+    Args:
+        planner: That adapted it.
+        observation: What was known when the movement was planned.
+    """
+    plan, want = planner.simulate_taught(observation), planner.params.clearance.want
+    if plan.status != PlanStatus.CLEAR:
+        return plan, plan.message
+    if plan.clearance < want:
+        return plan, (
+            f"the arm would come within {1000 * plan.clearance:.1f} mm of what was seen, nearer "
+            f"than the {1000 * want:.1f} mm that it keeps where it can"
+        )
+    return plan, (
+        "it was not clear, seen from where the robot stood before (from here it would be: "
+        f"{1000 * plan.clearance:.0f} mm)"
+    )
+
+
 def explain_adaptation(
     report: MovementReport,
     reaching: Reaching,
@@ -74,20 +96,8 @@ def explain_adaptation(
     """
     if report.kind != ADAPTED or observation is None:
         return
-    plan = reaching.planner.simulate_taught(observation)
-    want = reaching.planner.params.clearance.want
+    plan, report.taught_message = simulate_taught(reaching.planner, observation)
     report.taught_clearance = plan.clearance
-    report.taught_message = plan.message
-    if plan.status == PlanStatus.CLEAR:
-        report.taught_message = (
-            f"the arm would come within {1000 * plan.clearance:.1f} mm of what was seen, nearer "
-            f"than the {1000 * want:.1f} mm that it keeps where it can"
-        )
-        if plan.clearance >= want:
-            report.taught_message = (
-                "it was not clear, seen from where the robot stood before (from here it would be: "
-                f"{1000 * plan.clearance:.0f} mm)"
-            )
     if plan.joint_path is None:
         return
     plant = reaching.station.plant

@@ -3,13 +3,13 @@
 _DRAWN = (
     ("#f03060", "⤢", "arrows, rings", "drag them: the hand follows"),
     ("#1ea050", "─", "thin green line", "from the hand to where it is dragged"),
-    ("#141414", "━", "black path", "the last demonstration; those before it are grey"),
-    ("#1ea050", "━", "green path", "prediction: what was learned, to the goal, without obstacles"),
-    ("#73bff2", "■", "pale hand", "ghost: the demonstration that is played back"),
+    ("#141414", "━", "black path", "last demonstration; grey: earlier ones"),
+    ("#1ea050", "━", "green path", "prediction, without obstacles"),
+    ("#73bff2", "■", "pale hand", "playback of the demonstration"),
     ("#1e5ae6", "━", "blue path", "the hand while it reaches"),
-    ("#aa32c8", "━", "violet path", "its path since the goal moved"),
-    ("#e04020", "●", "dots", "obstacles as Pepper sees them: red is near the hand, blue is far"),
-    ("#e6321e", "➜", "red arrow", "coupling: how the obstacles push the hand"),
+    ("#aa32c8", "━", "violet path", "the hand since the goal moved"),
+    ("#e04020", "●", "dots", "obstacles seen; red: near the hand"),
+    ("#e6321e", "➜", "red arrow", "coupling: the push of the obstacles"),
 )
 _KEYS = (
     ("R, Space", "record, stop"),
@@ -18,7 +18,7 @@ _KEYS = (
     ("arrows, PgUp, PgDn", "move the hand as you see it"),
     ("Z X, C V, B N", "turn the hand: roll, pitch, yaw"),
 )
-_CELL = "style='padding:1px 8px 1px 0;vertical-align:top'"
+_CELL = "style='padding:1px 6px 1px 0;vertical-align:top'"
 
 
 def _row(*cells: str) -> str:
@@ -26,9 +26,13 @@ def _row(*cells: str) -> str:
 
 
 LEGEND = (
-    "<div style='font-size:0.85em;padding:0.3em 0.7em;line-height:1.45'><table>"
+    "<div style='font-size:0.82em;padding:0.3em 0.7em;line-height:1.4'><table>"
     + "".join(
-        _row(f"<span style='color:{color}'><b>{sign}</b></span>", f"<b>{name}</b>", meaning)
+        _row(
+            f"<span style='color:{color}'><b>{sign}</b></span>",
+            f"<b style='white-space:nowrap'>{name}</b>",
+            meaning,
+        )
         for color, sign, name, meaning in _DRAWN
     )
     + "</table><p style='margin:0.6em 0'>Drag the goal and the obstacles themselves with the mouse."

@@ -2,6 +2,7 @@
 
 import queue
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -33,8 +34,12 @@ _NEXT = {name: f"Next: {name} ({key.removeprefix('Key')})" for name, key in BUTT
 """Text of the button of the next step: the step and its key."""
 _GROUPS = {"Movement": ("Record", "Stop", "Learn", "Reach"), "Session": ("Undo", "Save")}
 """The buttons as they stand on the page, in rows."""
+_WORDS_STYLE = "padding:0.3em 0.8em 0;line-height:1.35;min-height:7.6em"
+"""High enough for all but the longest status: buttons stay where they are."""
 _SIGNALS_WIDTH = 310
 """Width of the panel with the plots [pixels]."""
+_PUT_BACK_PERIOD = 32
+"""Number of frames after which the hand's rings are sent again, wherever they are."""
 _QUIET: tuple[int, int, int] = (118, 132, 150)
 """Colour of the buttons in the tabs."""
 
@@ -86,11 +91,13 @@ class LivePage:
         """
         self._page, self.server = page, page.server
         self._actions: queue.SimpleQueue[Action] = queue.SimpleQueue()
+        self._frames = 0
         self._status = ""
         gui = self.server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
         gui.set_panel_label("Teach Pepper")
-        self._words = gui.add_markdown("Pepper is starting")
+        self._words = gui.add_html("")
+        self.show_status("starting", "")
         self._next = next(iter(BUTTONS))
         self._next_button = gui.add_button(_NEXT[self._next], color="blue")
         self._next_button.on_click(lambda event: self._press(self._next))
@@ -124,7 +131,7 @@ class LivePage:
                 self._seen = gui.add_markdown(_NO_PICTURE)
         # Beside the controls: signals are watched while other tabs are used.
         signals = gui.add_panel()
-        with signals.add_tab("Signals"):
+        with signals.add_tab("Signals over time [s]"):
             self._add_plots()
         signals.float(x=15, y=-15, width=_SIGNALS_WIDTH)
         self._add_hand()
@@ -230,7 +237,9 @@ class LivePage:
         """Puts the rings to a pose of the hand's guide, which can be led if they are visible."""
         if self._hand.visible != visible:
             self._hand.visible = visible
-        self._hand.position = X_WG.translation()
+        # Who looks on can drag the rings on their own screen: they are put back once in a while.
+        self._frames += 1
+        self._hand.position = X_WG.translation() + 2e-5 * (self._frames // _PUT_BACK_PERIOD % 2)
         self._hand.wxyz = X_WG.rotation().ToQuaternion().wxyz()
 
     def sight(self) -> tuple[Vector, Vector]:
@@ -264,7 +273,10 @@ class LivePage:
         title = mode.capitalize()
         words = words.removeprefix(f"{title}: ").removeprefix(f"{title}, ")
         words = words[:1].upper() + words[1:]
-        status = f"### {title}\n{_escaped(words)}\n\n<small>{_escaped(hint)}</small>"
+        status = (
+            f"<div style='{_WORDS_STYLE}'><b style='font-size:1.4em'>{title}</b><br>"
+            f"{escape(words)}<br><span style='font-size:0.85em'>{escape(hint)}</span></div>"
+        )
         if status != self._status:
             self._status = self._words.content = status
 
@@ -278,6 +290,8 @@ class LivePage:
     def show_demonstrations(self, text: str) -> None:
         """Shows what is known of the demonstrations, as Markdown."""
         self._list.content = text
+        # What is left of a trimmed one is whole. Viser has a setter.
+        self._part.value = (0, 100)  # type: ignore[misc]
 
     def show_progress(self, share: float) -> None:
         """Puts the slider of the playback to a share of the demonstration."""

@@ -20,6 +20,7 @@ from pepper_drake.learning.demonstrations.recording import (
 )
 from pepper_drake.live.session_file import SessionFolder, SessionRecord, Taught
 from pepper_drake.live.simulation import LiveSimulation
+from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.trajectories.joint_trajectories import Retrace
 from pepper_drake.systems.robot.arm_command import ArmMode
@@ -100,7 +101,8 @@ class LiveSession:
         self._writer: RecordingWriter | None = None
         self._retrace: Retrace | None = None
         self._since = self._notice_until = 0.0
-        self._notice = ""
+        self._notice = self._why_adapted = ""
+        self._told_of: Movement | None = None
         self.resumed = ""
         if self._folder is not None and self._folder.exists():
             self._restore(self._folder.taught(simulation.arm), at_once=True)
@@ -185,9 +187,9 @@ class LiveSession:
 
     def learn(self) -> None:
         """Learns one movement from all demonstrations."""
-        if self.mode != Mode.GUIDED:
-            self._notify(f"Pepper is {self.mode}; press Stop before Learn")
-        elif self.demonstration is None:
+        if not self.is_limp_for("Learn"):
+            return
+        if self.demonstration is None:
             self._notify("There is nothing to learn yet; Record a movement first")
         else:
             started = time.perf_counter()
@@ -210,7 +212,7 @@ class LiveSession:
     def reach(self) -> None:
         """Takes the arm back to where the movement starts, and performs it."""
         if self.mode == Mode.RECORDED:
-            self._notify("The arm is being led; press Stop before Reach")
+            self.is_limp_for("Reach")
         elif self.taught.learned is None:
             self._notify("There is nothing to perform yet; Record a movement, then Learn it")
         else:
@@ -221,11 +223,16 @@ class LiveSession:
     def trim(self, start: float, end: float) -> None:
         """Keeps the part of the last demonstration between two times [s]."""
         motion = self.demonstration
-        if self.mode != Mode.GUIDED or motion is None:
-            self._notify("There is nothing to trim; Record a movement, then Stop")
+        if not self.is_limp_for("Trim"):
+            return
+        if motion is None:
+            self._notify("There is nothing to trim yet; Record a movement first")
             return
         part = np.flatnonzero((motion.times >= start) & (motion.times <= end))
         trimmed = motion.selected(part)
+        if len(part) == len(motion.times):
+            self._notify("That keeps all of it; move the ends of Keep, then Trim")
+            return
         if len(part) < _FEWEST or trimmed.path_length < _SHORTEST_WAY:
             self._notify("That would leave no movement; keep more of it")
             return
@@ -238,8 +245,10 @@ class LiveSession:
 
     def discard(self) -> None:
         """Discards the last demonstration."""
-        if self.mode != Mode.GUIDED or not self.shown:
-            self._notify("There is nothing to discard; Record a movement, then Stop")
+        if not self.is_limp_for("Discard"):
+            return
+        if not self.shown:
+            self._notify("There is nothing to discard yet; Record a movement first")
             return
         self._change(shown=self.shown[:-1])
         self._notify("Discarded the last demonstration; Undo brings it back")
@@ -270,8 +279,7 @@ class LiveSession:
             return
         before = self._before[-1]
         objects_only = before.taught_the_same(self.taught)
-        if self.mode != Mode.GUIDED and not objects_only:
-            self._notify(f"Pepper is {self.mode}; press Stop before Undo")
+        if not objects_only and not self.is_limp_for("Undo"):
             return
         self._before.pop()
         self._restore(before)
@@ -281,9 +289,7 @@ class LiveSession:
 
     def start_over(self) -> None:
         """Goes back to what the lesson began with; Undo brings the rest back."""
-        if self.mode != Mode.GUIDED:
-            self._notify(f"Pepper is {self.mode}; press Stop before Start over")
-        elif self._lesson is not None:
+        if self.is_limp_for("Start over") and self._lesson is not None:
             try:
                 start = self._of_lesson(self._lesson)
             except InputError as error:
@@ -343,6 +349,8 @@ class LiveSession:
         """Writes the demonstration's files and `primitive.yaml`, as far as there are any."""
         if self._folder is None:
             self._notify("There is no folder to save in")
+        elif self.demonstration is None and self.mode == Mode.RECORDED:
+            self.is_limp_for("Save")
         elif self.demonstration is None:
             self._notify("There is nothing to save yet; Record a movement first")
         else:
@@ -429,6 +437,13 @@ class LiveSession:
             self.simulation.reach()
             self._doing, self._since = None, self.simulation.time
 
+    def is_limp_for(self, button: str) -> bool:
+        """Tells whether a button of the limp arm makes sense now; if not, the status says why."""
+        if self.mode != Mode.GUIDED:
+            doing = "recording" if self.mode == Mode.RECORDED else self.mode
+            self._notify(f"Pepper is {doing}; press Stop before {button}")
+        return self.mode == Mode.GUIDED
+
     def tell(self, words: str) -> None:
         """Shows the result of something that was done on the page, for some seconds."""
         self._notify(words)
@@ -450,7 +465,8 @@ class LiveSession:
         mode, state = self.mode, self.simulation.reach_state()
         left = 1000 * self.simulation.goal_distance()
         if mode == Mode.STOPPED:
-            return f"Stopped: {state.message}; Reach again, or Stop to lead the hand"
+            hint = "Move the goal or what is in the way, then Reach; or Stop, and Record again"
+            return f"Stopped: {state.message}. {hint}"
         if mode == Mode.LOOKING:
             seen = self.simulation.goal_is_seen()
             return "Pepper looks at the scene" if seen else "Pepper looks for the goal's marker"
@@ -459,8 +475,11 @@ class LiveSession:
         if mode == Mode.WAITING:
             return "Something is in the way; the arm has withdrawn and waits for it to go"
         if mode == Mode.REACHING:
-            bent = " on another path" if self.simulation.is_adapted() else ""
-            return f"Reaching{bent}, {left:.0f} mm to go; move the goal or what is in the way"
+            if state.movement is not self._told_of:
+                self._told_of, self._why_adapted = state.movement, self.simulation.why_adapted()
+            if self._why_adapted:
+                return f"{left:.0f} mm to go. Adapted: {self._why_adapted}"
+            return f"{left:.0f} mm to go; move the goal or what is in the way"
         if not self.simulation.goal_is_seen():
             return f"{left:.0f} mm from the goal, whose marker is hidden; Reach again, or Stop"
         if self.simulation.has_arrived():

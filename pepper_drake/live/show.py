@@ -236,13 +236,16 @@ class LiveApp:
         self.session.trim(start * duration, end * duration)
 
     def _play(self) -> None:
+        if not self.session.is_limp_for("Play"):
+            return
         if self.session.demonstration is None:
             self.session.tell("There is nothing to play yet; Record a movement first")
         else:
             self._play_from = self.session.simulation.time
 
     def _scrub(self, share: float) -> None:
-        self._play_from, self._ghost_share = None, share
+        if self.session.is_limp_for("Playback"):
+            self._play_from, self._ghost_share = None, share
 
     def _turn(self, action: Action) -> None:
         if action.client is not None and self.page is not None:
@@ -353,7 +356,7 @@ class LiveApp:
             frames = (pace.frames - before.frames) / wall
             rate = (pace.simulated_seconds - before.simulated_seconds) / wall
             unit = "frame" if round(frames) == 1 else "frames"
-            self._hint = f"{frames:.0f} {unit} per second, {rate:.2f} of real time"
+            self._hint = f"{frames:.0f} {unit} per second, {rate:.2f} times real time"
             if rate < _SLOW:
                 self._hint += ". Slow: this computer does not keep up"
                 if self.session.simulation.diagram.station.config.cameras:

@@ -17,6 +17,7 @@ from pepper_drake.diagrams.factory import make_coupling, make_primitive
 from pepper_drake.diagrams.live_teaching import LiveTeaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.simulate import simulate
+from pepper_drake.diagrams.taught_movement import simulate_taught
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling
@@ -29,7 +30,10 @@ from pepper_drake.models.objects import GOAL_OBJECT
 from pepper_drake.models.pepper import arm_group
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points
+from pepper_drake.planning.reach.movement_origin import Origin
+from pepper_drake.planning.reach.planner_wrapper import PlannerWrapper
 from pepper_drake.planning.reach.reach_mode import ReachCommand
+from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.systems.robot.arm_command import ArmMode
 
@@ -215,12 +219,18 @@ class LiveSimulation:
         supervisor = self.diagram.reaching.supervisor
         return supervisor.progress(self._context(supervisor))
 
-    def is_adapted(self) -> bool:
-        """Tells whether the arm performs another movement than it learned."""
-        supervisor = self.diagram.reaching.supervisor
-        learned = supervisor.demonstrated(self._context(supervisor)).primitive
-        movement = self.reach_state().movement
-        return movement is not None and movement.primitive is not learned
+    def why_adapted(self) -> str:
+        """Returns why the arm does not perform what it learned, as a sentence; empty if it does."""
+        supervisor, state = self.diagram.reaching.supervisor, self.reach_state()
+        planner, seen = supervisor.planner(self._context(supervisor)), state.started_with
+        while isinstance(planner, PlannerWrapper):
+            planner = planner.planner
+        origin = Origin.NONE if state.movement is None else state.movement.origin
+        if origin == Origin.DETOUR:
+            return "something came in the way"
+        if origin != Origin.ADAPTED or seen is None or not isinstance(planner, ReachPlanner):
+            return ""
+        return f"as taught, {simulate_taught(planner, seen)[1]}"
 
     def is_stopped(self) -> bool:
         """Tells whether the safety monitor has stopped the arm since it was told what to do."""

@@ -18,9 +18,10 @@ Image = npt.NDArray[np.uint8]
 
 _SIZE = (960, 600)
 _SMALL_SIZE = (640, 480)
-_GIF_STRIDE = 3
-"""Video frames per frame of a GIF."""
-_GIF_COLORS = 64
+_GIF_STRIDE, _GIF_FRAMES = 3, 120
+"""Least number of video frames per frame of a GIF, and the largest number of its frames."""
+_GIF_COLORS, _GIF_PALETTE = 128, 8
+"""Colours of a GIF, and the number of its frames that they are chosen from."""
 _INK = (48, 39, 29)
 _SHIFT = 4  # Fractional bits of a point that OpenCV draws.
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -35,7 +36,7 @@ def write_video(runs: Sequence[Frames], path: Path, *, progress: bool = False) -
     Args:
         runs: The motions' frames.
         path: A file that ends in .mp4, or in .gif for web pages: at half the resolution, with a
-            tenth of a second between frames.
+            tenth of a second between frames, or more in a film of over 12 s.
         progress: Whether to show a progress bar.
 
     Raises:
@@ -49,11 +50,12 @@ def write_video(runs: Sequence[Frames], path: Path, *, progress: bool = False) -
     rows = -(-len(runs) // columns)
     path.parent.mkdir(parents=True, exist_ok=True)
     scenes = [_FilmedRun(run, index, size) for index, run in enumerate(runs)]
+    length = max(len(run.times) for run in runs)
     blank = np.full((size[1], size[0], 3), 240, np.uint8)
 
     def pictures(stride: int) -> Iterator[Image]:
         for frame in tqdm(
-            range(0, max(len(run.times) for run in runs), stride),
+            range(0, length, stride),
             desc="filming",
             unit=" frames",
             disable=not progress,
@@ -66,7 +68,8 @@ def write_video(runs: Sequence[Frames], path: Path, *, progress: bool = False) -
             )
 
     if kind == ".gif":
-        _write_gif(pictures(_GIF_STRIDE), path)
+        stride = max(_GIF_STRIDE, -(-length // _GIF_FRAMES))
+        _write_gif(pictures(stride), path, round(1000 * stride / FRAME_RATE))
         return
     film = cv2.VideoWriter(str(path), _CODEC, FRAME_RATE, (size[0] * columns, size[1] * rows), True)
     if not film.isOpened():
@@ -76,19 +79,23 @@ def write_video(runs: Sequence[Frames], path: Path, *, progress: bool = False) -
     film.release()
 
 
-def _write_gif(pictures: Iterator[Image], path: Path) -> None:
-    """Writes pictures (BGR) as a GIF that repeats for ever.
+def _write_gif(pictures: Iterator[Image], path: Path, milliseconds: int) -> None:
+    """Writes pictures (BGR), each shown for a time, as a GIF that repeats for ever.
 
     Raises:
         InputError: The file cannot be written.
     """
-    small = [
-        PIL.Image.fromarray(
-            cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[:, :, ::-1]
-        ).quantize(_GIF_COLORS, dither=PIL.Image.Dither.NONE)
+    half = [
+        cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[:, :, ::-1]
         for picture in pictures
     ]
-    milliseconds = round(1000 * _GIF_STRIDE / FRAME_RATE)
+    # One palette for all: pixels that stay the same take no space.
+    some = PIL.Image.fromarray(np.vstack(half[:: -(-len(half) // _GIF_PALETTE)]))
+    palette = some.quantize(_GIF_COLORS, dither=PIL.Image.Dither.NONE)
+    small = [
+        PIL.Image.fromarray(picture).quantize(palette=palette, dither=PIL.Image.Dither.NONE)
+        for picture in half
+    ]
     # The last picture is shown longer.
     durations = [milliseconds] * (len(small) - 1) + [1500]
     try:

@@ -215,10 +215,10 @@ class ReachSupervisor(LeafSystem):
         """Returns the present state in a context."""
         return context.get_abstract_state(int(self._state)).get_value()
 
-    def demonstrated(self, context: Context) -> Movement:
-        """Returns the movement as demonstrated, with the present primitive."""
-        movement: Movement = self._planner_entry.Eval(context).planner.demonstrated
-        return movement
+    def planner(self, context: Context) -> Planner:
+        """Returns the planner for the present primitive."""
+        planner: Planner = self._planner_entry.Eval(context).planner
+        return planner
 
     def observe(self, context: Context) -> Observation:
         """Returns an observation made from the input ports."""
@@ -297,7 +297,7 @@ class ReachSupervisor(LeafSystem):
 
     def _calc_movement(self, context: Context, output: Value) -> None:
         state = self.progress(context)
-        movement = state.movement or self.demonstrated(context)
+        movement = state.movement or self.planner(context).demonstrated
         output.set_value(movement.numbered(state.active_movement))
 
     def _update(self, context: Context, state: State) -> EventStatus:
@@ -306,7 +306,7 @@ class ReachSupervisor(LeafSystem):
         if command.HasValue(context):
             wanted = ReachCommand(int(command.Eval(context)[0]))
             after = obey(before, wanted, context.get_time())
-        planner = self._planner_entry.Eval(context).planner
+        planner = self.planner(context)
         after = step(after, self.observe(context), planner, self._timing)
         if after is before:
             return EventStatus.DidNothing()

@@ -58,7 +58,7 @@ class Access:
         """Returns the address for the browser, with the token if there is one."""
         host = self.host
         if ip_address(host).is_unspecified:
-            host = socket.gethostname()
+            host = _own_address() if ip_address(host).version == 4 else socket.gethostname()
         if ":" in host:
             host = f"[{host}]"
         query = f"?token={self.token}" if self.token is not None else ""
@@ -86,3 +86,13 @@ class Access:
         if origin is not None and urlsplit(origin).netloc.lower() != host:
             return "Another website may not use this page."
         return None
+
+
+def _own_address() -> str:
+    """Returns the IPv4 address of this computer in its network, where few know it by its name."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # Sends nothing: it tells the way out (RFC 5737).
+        except OSError:
+            return socket.gethostname()
+        return str(probe.getsockname()[0])

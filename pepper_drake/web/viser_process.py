@@ -22,7 +22,15 @@ from pepper_drake.web.viser_messages import checked
 
 _POLICY_VIOLATION, _TRY_AGAIN = 1008, 1013
 _MOST_BROWSERS = 64
-_SCRIPT = Path(__file__).with_name("page_input.js")
+_SCRIPT, _BANNER = (Path(__file__).with_name(f"page_{name}.js") for name in ("input", "banner"))
+_WATCHES = "You are watching; the teacher has the controls. Turn the view with the mouse."
+_STYLE = b"""<title>Pepper</title><style>.banner{position:fixed;left:50%;bottom:12px;z-index:2000;
+width:max-content;max-width:90vw;transform:translateX(-50%);padding:6px 12px;background:#1c3d5a;
+color:#fff;font:14px sans-serif;
+pointer-events:none}.banner[hidden]{display:none}</style>"""
+_NO_CONTROLS = b"""<style>.mantine-Button-root,.mantine-Slider-root,.mantine-Checkbox-root,
+[class^=multi-slider]{opacity:.4;pointer-events:none}</style>"""
+"""Who looks on turns the pages of the controls, and moves none of them."""
 
 
 def _tell(event: dict[str, Any]) -> None:
@@ -140,6 +148,16 @@ class _Input(GuardedHandler, WebSocketHandler):
             _tell({"axes": [], "buttons": []})
 
 
+def _head(banner: str) -> bytes:
+    """Returns what a page has in its head besides viser's own, with what its banner says."""
+    return (
+        _STYLE
+        + f"<script>const PEPPER_BANNER={json.dumps(banner)};".encode()
+        + _BANNER.read_bytes()
+        + b"</script>"
+    )
+
+
 def serve(order: dict[str, Any]) -> int:
     """Starts to serve, and returns the port.
 
@@ -152,26 +170,16 @@ def serve(order: dict[str, Any]) -> int:
     before, head, after = html.partition(b"</head>")
     setting = json.dumps(order["keys"]).encode()
     script = b"<script>const PEPPER_KEYS=" + setting + b";\n" + _SCRIPT.read_bytes() + b"</script>"
-    title = (
-        b"<title>Pepper</title><style>.class-banner{position:fixed;left:50%;bottom:12px;z-index:9;"
-        b"transform:translateX(-50%);padding:6px 12px;background:#1c3d5a;color:#fff;"
-        b"font:14px sans-serif}</style>"
-    )
-    banner = (
-        b"<script>addEventListener('DOMContentLoaded',()=>{const b=document.createElement('div');"
-        b"b.className='class-banner';b.textContent='You are watching; the teacher leads.';"
-        b"document.body.append(b)})</script>"
-    )
     options = {"path": order["socket"]}
     leading = options | {
         "access": lead,
         "leads": True,
-        "html": before + title + script + head + after,
+        "html": before + _head("") + script + head + after,
     }
     looking = options | {
         "access": look,
         "leads": False,
-        "html": before + title + banner + head + after,
+        "html": before + _head(_WATCHES) + _NO_CONTROLS + head + after,
     }
     handlers = [
         (r"/(?:index\.html)?", _Page, leading),

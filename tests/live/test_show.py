@@ -116,9 +116,13 @@ def test_the_hand_follows_the_mouse_and_is_recorded_learned_and_undone(app, say,
 def test_a_demonstration_is_trimmed_discarded_and_brought_back(app, say):
     session = app.session
     app.press("Record")
+    session.trim(0.0, 1.0)
+    assert session.status == "Pepper is recording; press Stop before Trim"
     drag_hand(app, say, [0.08, -0.06, 0.08])
     app.press("Stop")
     whole = session.demonstration
+    session.trim(0.0, whole.duration)
+    assert "keeps all of it" in session.status
     session.trim(0.25 * whole.duration, whole.duration)
     trimmed = session.demonstration
     assert trimmed.duration == pytest.approx(0.75 * whole.duration, abs=0.05)

@@ -183,3 +183,13 @@ def test_it_waits_for_a_browser(page):
     page.events()
     with open_socket(page.url):
         page.wait_for_browser()
+
+
+def test_the_class_is_told_that_it_watches_and_has_no_controls(page):
+    lead, look = (urllib.request.urlopen(url).read() for url in (page.url, page.class_url))
+    for said in (b"You are watching", b".mantine-Button-root"):
+        assert said in look
+        assert (
+            said not in lead.partition(b"</style>")[0] + lead.partition(b"PEPPER_BANNER")[2][:200]
+        )
+    assert b"The program has ended" in lead

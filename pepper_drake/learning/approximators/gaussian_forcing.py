@@ -22,6 +22,7 @@ import numpy.typing as npt
 from pepper_drake.compiled import compiled
 from pepper_drake.files import LARGEST_NUMBER
 from pepper_drake.learning.phase import Array, hold
+from pepper_drake.short_repr import short_repr
 
 FARTHEST_CENTRE = 100.0
 """Largest distance of a basis function's centre from phase 0; the phase falls from 1 to 0."""
@@ -71,6 +72,8 @@ class GaussianBasis:
         slopes: Whether each has a slope beside its constant: twice as many features.
         alpha_x: Decay rate of the phase.
     """
+
+    __repr__ = short_repr
 
     centres: Array
     widths: Array
@@ -151,6 +154,8 @@ def even_basis(
 @dataclass(frozen=True, eq=False)
 class GaussianForcing:
     """A forcing term linear in its weights (K, D): f = basis.features(x) @ weights."""
+
+    __repr__ = short_repr
 
     basis: GaussianBasis
     weights: Array

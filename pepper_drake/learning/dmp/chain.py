@@ -82,6 +82,8 @@ class Leg:
         step: What it performs.
     """
 
+    __repr__ = short_repr
+
     times: Array
     positions: Array
     velocities: Array

@@ -27,6 +27,7 @@ from pepper_drake.learning.dmp.transformation import (
     learn_attractor,
     node_phases,
 )
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -60,6 +61,8 @@ class OrientationAttractor:
         start: (4,) the demonstration's first orientation, w, x, y, z.
         goal: (4,) its last.
     """
+
+    __repr__ = short_repr
 
     attractor: TransformationModel
     mode: str

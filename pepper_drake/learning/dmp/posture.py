@@ -13,6 +13,7 @@ from pepper_drake.learning.approximators.gaussian_forcing import GaussianBasis, 
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.least_squares import ridge_solver
 from pepper_drake.learning.phase import PHASE_RATIO, phase_at
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 
@@ -28,6 +29,8 @@ class PostureProfile:
         names: J joint names.
         weights: (2 B, J): B constants, then B slopes.
     """
+
+    __repr__ = short_repr
 
     names: tuple[str, ...]
     weights: Array

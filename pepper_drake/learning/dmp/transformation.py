@@ -34,6 +34,7 @@ from pepper_drake.learning.spring import (
     node_times,
     unforced_response,
 )
+from pepper_drake.short_repr import short_repr
 
 Array = npt.NDArray[np.float64]
 Scalar = Any  # A float, or an AutoDiffXd for gradients.
@@ -113,6 +114,8 @@ class TransformationModel:
         start_rate: (D,) velocity of the demonstration's start, by relative time.
         alpha_z: Constant of the spring; its damper is critical.
     """
+
+    __repr__ = short_repr
 
     model: ForcingModel
     scaling: str

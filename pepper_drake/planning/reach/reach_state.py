@@ -13,6 +13,7 @@ from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
 from pepper_drake.planning.reach.reach_plan import ReachPlan
 from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.reach.steadiness import Steadiness
+from pepper_drake.short_repr import short_repr
 
 RESTS = (ReachMode.IDLE, ReachMode.DONE, ReachMode.FAILED)
 """Modes in which nothing is decided."""
@@ -96,6 +97,8 @@ class ReachState:
         steadiness: Of what is measured, since the arm started.
         pending: Results of computations that have no effect yet.
     """
+
+    __repr__ = short_repr
 
     mode: ReachMode = ReachMode.LOOKING
     since: float = 0.0
