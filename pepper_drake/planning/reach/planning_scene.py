@@ -76,7 +76,7 @@ class PlanningSceneBuilder:
         self._goal_object = PointCloudDistance(sample_surface(goal_solids), extension=0.0)
         self._goal_radius = max((solid.width for solid in goal_solids), default=0.0)
         self._arm_in_body = body_indices(arm_joints(arm))
-        self._sample_cached = lru_cache(maxsize=32)(self._sample)
+        self._sampled = lru_cache(maxsize=32)(self._sample)
 
     def torso_pose(self, observation: Observation) -> RigidTransform:
         """Returns X_WT of an observation."""
@@ -139,7 +139,7 @@ class PlanningSceneBuilder:
         rounded = np.round(joint_position / 0.05) * 0.05
         rounded[body_indices(["HeadYaw", "HeadPitch"])] = 0.0
         rounded[self._arm_in_body] = 0.0
-        return self._sample_cached(tuple(rounded))
+        return self._sampled(tuple(rounded))
 
     def _sample(self, joint_position: tuple[float, ...]) -> Vector:
         return sample_body(self._arm, self._body.at(np.array(joint_position)))

@@ -193,7 +193,7 @@ class ReachState:
         self, plan: ReachPlan, time: float, suspended_plan: ReachPlan | None = None
     ) -> "ReachState":
         """Returns the state of an arm that switches to another plan."""
-        retreats_again = None not in (suspended_plan, self.suspended_plan)
+        retreats_on = None not in (suspended_plan, self.suspended_plan)
         return replace(
             self,
             plan=plan,
@@ -202,7 +202,7 @@ class ReachState:
             still_since=np.nan,
             speed=1.0,
             performed=0.0,
-            stale=self.stale if retreats_again else StaleSpace(),
+            stale=self.stale if retreats_on else StaleSpace(),
             braking=False,
             suspended_plan=suspended_plan,
             pending=(),

@@ -53,10 +53,10 @@ class ReachReplanner:
         has_waited = self._has_waited(state, time)
         new = self._new_obstacle(state, observation)
         if state.suspended_plan is not None and len(new):
-            # The head watches the obstacle, to see it leave.
+            # The head looks at what the arm waits for: unseen, it would not be seen to leave.
             x, y, z = new.mean(axis=0)
             state = replace(state, look_at=(x, y, z))
-        if has_waited and self._is_stationary(state, observation):
+        if has_waited and self._stands(state, observation):
             # An obstacle that has stood still for the whole wait no longer counts as new.
             known = observation if state.planned_with is None else state.planned_with
             state = replace(state, planned_with=known.with_cloud(observation.obstacles))
@@ -123,8 +123,9 @@ class ReachReplanner:
     ) -> StaleSpace:
         """Returns the distance to new points (N, 3) [m] that a retreat does not move away from.
 
-        A retreat moves at full speed as long as it gains distance. Otherwise it is slowed down like
-        any other movement: the arm often occludes the part of the obstacle nearest to it.
+        A retreat goes back where the arm came from, and no slower than it can as long as it leaves
+        what came. Past it the arm is as slow as on any other movement: the part of it that is
+        nearest to the arm is often hidden by the arm.
         """
         if not len(new):
             return StaleSpace()
@@ -145,7 +146,7 @@ class ReachReplanner:
         last = max(state.since, state.checked)
         return state.suspended_plan is not None and time - last >= self.timing.detour_delay
 
-    def _is_stationary(self, state: ReachState, observation: Observation) -> bool:
+    def _stands(self, state: ReachState, observation: Observation) -> bool:
         """True if the predicted obstacles have not moved since `waits_with`."""
         predicted, before = observation.predicted_cloud, state.waits_with
         if not len(predicted):
@@ -237,10 +238,10 @@ class ReachReplanner:
         if waits and self.is_free(plan, seen):
             return state
         if state.planned_with is not None:
-            # Obstacles may return to where they were.
+            # An obstacle that has left its place may come back to it.
             seen = seen.with_cloud(np.concatenate((seen.cloud, state.planned_with.cloud)))
         retreat = self.planner.plan_retreat(plan, seen)
         rest = self.planner.remaining_clearance(plan, seen)
         if waits and retreat.clearance <= rest.least:
-            return state  # Another retreat would gain no clearance.
+            return state  # There is no better place than where the arm is going.
         return state.later(Pending(due, Effect.MOVEMENT, retreat, suspended_plan=reach))
