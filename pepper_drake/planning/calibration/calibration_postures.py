@@ -164,16 +164,16 @@ def _information_matrices(model: MarkerModel, postures: list[CalibrationPosture]
     zero = np.zeros(len(model.names))
     total = np.zeros((len(postures), len(zero), len(zero)))
     for camera, seen in _in_view(model, postures).items():
-        own = np.flatnonzero(seen)
-        joints = np.array([postures[k].joints for k in own])
-        approach = np.array([postures[k].approach for k in own])
+        visible = np.flatnonzero(seen)
+        joints = np.array([postures[k].joints for k in visible])
+        approach = np.array([postures[k].approach for k in visible])
         corners = model.project(zero, camera, joints, approach)
         columns = [
-            (model.project(step, camera, joints, approach) - corners).reshape(len(own), -1)
+            (model.project(step, camera, joints, approach) - corners).reshape(len(visible), -1)
             for step in np.diag(_STEP * model.prior_sigmas)
         ]
         jacobian = np.stack(columns, axis=-1) / (_STEP * _PIXEL)
-        total[own] += np.swapaxes(jacobian, 1, 2) @ jacobian
+        total[visible] += np.swapaxes(jacobian, 1, 2) @ jacobian
     return total
 
 
@@ -181,12 +181,12 @@ def _most_informative(informations: Vector, count: int) -> list[int]:
     """Selects postures greedily by the determinant of their total information (N, n, n)."""
     chosen: list[int] = []
     total = np.eye(informations.shape[-1])
-    left = np.ones(len(informations), dtype=bool)
+    remaining = np.ones(len(informations), dtype=bool)
     for _ in range(min(count, len(informations))):
         gains = np.linalg.slogdet(total + informations)[1]
-        best = int(np.argmax(np.where(left, gains, -np.inf)))
+        best = int(np.argmax(np.where(remaining, gains, -np.inf)))
         chosen.append(best)
-        left[best] = False
+        remaining[best] = False
         total = total + informations[best]
     return chosen
 
@@ -212,9 +212,9 @@ class _SelfCollisions:
 
     def is_clear_between(self, one: Vector, other: Vector) -> bool:
         """True if the straight path between joints (7,) is free of collisions."""
-        ends = self._start[self._moving]
+        start = self._start[self._moving]
         checker = self._checker
-        if np.array_equal(one, ends) or np.array_equal(other, ends):
+        if np.array_equal(one, start) or np.array_equal(other, start):
             checker = self._unpadded_checker
         return bool(checker.CheckEdgeCollisionFree(self._positions(one), self._positions(other)))
 
@@ -223,20 +223,20 @@ class _SelfCollisions:
 
         Unreachable postures are left out; so are last ones from which the start is unreachable.
         """
-        begin = self._start[self._moving]
-        here, left = begin, list(postures)
+        start = self._start[self._moving]
+        present, remaining = start, list(postures)
         order: list[CalibrationPosture] = []
-        while left and len(order) < count:
-            left.sort(key=lambda posture: float(np.abs(posture.before - here).max()))
-            for posture in left:
-                if self.is_clear_between(here, posture.before):
+        while remaining and len(order) < count:
+            remaining.sort(key=lambda posture: float(np.abs(posture.before - present).max()))
+            for posture in remaining:
+                if self.is_clear_between(present, posture.before):
                     break
             else:
                 break
-            left.remove(posture)
+            remaining.remove(posture)
             order.append(posture)
-            here = posture.joints
-        while order and not self.is_clear_between(order[-1].joints, begin):
+            present = posture.joints
+        while order and not self.is_clear_between(order[-1].joints, start):
             order.pop()
         return order
 

@@ -30,7 +30,7 @@ def damped_least_squares(J: Array, error: Array, damping: float) -> Array:
 def batch_inverse_kinematics(
     kinematics: ArmKinematics,
     limits: CommandLimits,
-    ways: Array,
+    hand_paths: Array,
     nominal: Array,
     time_step: float,
 ) -> Array:
@@ -48,28 +48,27 @@ def batch_inverse_kinematics(
     Args:
         kinematics: Kinematics of the arm.
         limits: Limits of its joints.
-        ways: Hand paths (S, N, 3) in T [m].
+        hand_paths: Hand paths (S, N, 3) in T [m].
         nominal: Nominal joints (S, N, 5), whose first are the start [rad].
         time_step: Time between samples [s].
     """
-    count, steps, _ = ways.shape
+    count, steps, _ = hand_paths.shape
     joints = np.empty((count, steps, 5))
     q = np.clip(nominal[:, 0], limits.position_lower, limits.position_upper)
     joints[:, 0] = q
-    most = limits.velocity * time_step
+    largest = limits.velocity * time_step
     for n in range(1, steps):
         poses = kinematics.poses(q)
         J = poses.hand_jacobian()[:, 3:]
         z = nominal[:, n] - nominal[:, n - 1]
         z = z + _POSTURE_GAIN * time_step * (nominal[:, n] - q)
-        error = ways[:, n] - poses.hand_position - (J @ z[..., None])[..., 0]
+        error = hand_paths[:, n] - poses.hand_position - (J @ z[..., None])[..., 0]
         change = z + damped_least_squares(J, error, _DAMPING)
-        change /= np.maximum(1.0, (np.abs(change) / most).max(axis=1))[:, None]
+        change /= np.maximum(1.0, (np.abs(change) / largest).max(axis=1))[:, None]
         q = np.clip(q + change, limits.position_lower, limits.position_upper)
-        for one in limits.coupled:
-            lower, upper = (
-                np.interp(q[:, one.leader], one.positions, ends) for ends in (one.lower, one.upper)
-            )
-            q[:, one.follower] = np.clip(q[:, one.follower], lower, upper)
+        for pair in limits.coupled:
+            leader = q[:, pair.leader]
+            lower, upper = (np.interp(leader, pair.positions, y) for y in (pair.lower, pair.upper))
+            q[:, pair.follower] = np.clip(q[:, pair.follower], lower, upper)
         joints[:, n] = q
     return joints

@@ -10,7 +10,7 @@ from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 
 Vector = npt.NDArray[np.float64]
 
-_TRIED = np.arange(0.12, -0.081, -0.005)
+_CANDIDATE_DISTANCES = np.arange(0.12, -0.081, -0.005)
 """Distances that the barrier may keep, the greatest first [m]."""
 
 
@@ -53,7 +53,7 @@ def fit_barrier_to_path(
     near_goal = np.exp(-0.5 / coupling.goal_distance**2 * to_goal)
     at_goal = distance[-1] - coupling.goal_margin
     largest = coupling.hand_radius + coupling.margin
-    for rho0 in (largest, *_TRIED[largest > _TRIED]):
+    for rho0 in (largest, *_CANDIDATE_DISTANCES[largest > _CANDIDATE_DISTANCES]):
         rho = rho0 + (min(rho0, at_goal) - rho0) * near_goal
         if np.all(rho <= allowed):
             break

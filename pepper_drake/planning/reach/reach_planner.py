@@ -139,15 +139,15 @@ class ReachPlanner:
         params, space = self.params.unseen, observation.space
         if plan.joint_path is None:
             return StaleSpace()
-        soon = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1]
+        ahead = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1]
         stride = _stride(plan.time_step, params)
         duration = stride * plan.time_step
-        centers = self._evaluator.kinematics.sphere_centers_at(soon[::stride])
+        centers = self._evaluator.kinematics.sphere_centers_at(ahead[::stride])
         place, first = StaleSpace().place, len(centers)
         if space is not None:
             recently = replace(params, oldest=params.recent)
             unseen = self._unseen(
-                soon, plan.time_step, observation, space, recently, duration, movable
+                ahead, plan.time_step, observation, space, recently, duration, movable
             )
             if unseen.regions:
                 first = min(unseen.first)

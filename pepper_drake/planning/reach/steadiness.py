@@ -58,27 +58,27 @@ class Steadiness:
     def advanced(self, observation: Observation, params: SteadinessParams) -> "Steadiness":
         """Returns the means updated with an observation."""
         last, last_cloud = self.last, self.last_cloud
-        following = replace(self, last=observation)
+        updated = replace(self, last=observation)
         if last is not None:
-            share = (observation.time - last.time) / params.memory
+            weight = (observation.time - last.time) / params.memory
             goal = float(np.linalg.norm(observation.p_WO - last.p_WO))
             base = float(np.linalg.norm((observation.base_pose - last.base_pose)[:2]))
-            following = replace(
-                following,
-                goal=_mean(self.goal, min(goal, params.outlier * params.goal), share),
-                base=_mean(self.base, min(base, params.outlier * params.base), share),
+            updated = replace(
+                updated,
+                goal=_mean(self.goal, min(goal, params.outlier * params.goal), weight),
+                base=_mean(self.base, min(base, params.outlier * params.base), weight),
             )
         if last_cloud is not None and observation.cloud_time == last_cloud.cloud_time:
-            return following
+            return updated
         other = 0 if observation.cloud_is_of_map else self.other_clouds + 1
-        following = replace(following, last_cloud=observation, other_clouds=other)
+        updated = replace(updated, last_cloud=observation, other_clouds=other)
         if last_cloud is None or not (len(last_cloud.cloud) and len(observation.cloud)):
-            return following
-        share = (observation.time - last_cloud.time) / params.memory
-        some = observation.cloud[:: max(len(observation.cloud) // _SAMPLE, 1)]
-        jump = float(np.median(last_cloud.cloud_tree.query(some)[0]))
+            return updated
+        weight = (observation.time - last_cloud.time) / params.memory
+        sample = observation.cloud[:: max(len(observation.cloud) // _SAMPLE, 1)]
+        jump = float(np.median(last_cloud.cloud_tree.query(sample)[0]))
         return replace(
-            following, cloud=_mean(self.cloud, min(jump, params.outlier * params.cloud), share)
+            updated, cloud=_mean(self.cloud, min(jump, params.outlier * params.cloud), weight)
         )
 
     def complaint(self, params: SteadinessParams) -> tuple[str, str] | None:
@@ -96,6 +96,6 @@ class Steadiness:
         return None
 
 
-def _mean(mean: float, jump: float, share: float) -> float:
+def _mean(mean: float, jump: float, weight: float) -> float:
     """Returns a running mean updated with one jump."""
-    return mean + min(share, 1.0) * (jump - mean)
+    return mean + min(weight, 1.0) * (jump - mean)

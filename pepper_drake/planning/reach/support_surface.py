@@ -53,15 +53,15 @@ def extrapolate_support_surface(
     Returns:
         (K, 3), empty if no surface was seen.
     """
-    on = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
+    surface = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
     ahead = p_WO[:2] - p_WB[:2]
     distance = np.linalg.norm(ahead)
-    if len(on) < params.least_stripes or distance < 1e-6:
+    if len(surface) < params.least_stripes or distance < 1e-6:
         return np.zeros((0, 3))
     ahead = ahead / distance
     left = np.array([-ahead[1], ahead[0]])
-    along = (on[:, :2] - p_WB[:2]) @ left
-    depth = (on[:, :2] - p_WB[:2]) @ ahead
+    along = (surface[:, :2] - p_WB[:2]) @ left
+    depth = (surface[:, :2] - p_WB[:2]) @ ahead
     stripes = np.floor(along / params.stripe).astype(int)
     numbers, index = np.unique(stripes, return_inverse=True)
     if len(numbers) < params.least_stripes:
@@ -72,11 +72,11 @@ def extrapolate_support_surface(
     behind = depth - (offset + slope * along)
     beyond = np.arange(params.spacing, params.aside, params.spacing)
     rows = []
-    for deep in np.arange(0.0, params.depth, params.spacing):
-        seen = along[np.abs(behind - deep) < params.spacing]
+    for row in np.arange(0.0, params.depth, params.spacing):
+        seen = along[np.abs(behind - row) < params.spacing]
         if len(seen):
             y = np.concatenate((seen.min() - beyond, seen.max() + beyond))
-            x = offset + slope * y + deep
+            x = offset + slope * y + row
             rows.append(p_WB[:2] + x[:, None] * ahead + y[:, None] * left)
     xy = np.concatenate(rows) if rows else np.zeros((0, 2))
     return np.column_stack((xy, np.full(len(xy), p_WO[2])))
@@ -99,8 +99,8 @@ def assumed_support(
         A disc, or none, (0, 3), where something was seen at that height.
     """
     width = radius + params.rim
-    on = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
-    if len(on) and np.linalg.norm(on[:, :2] - p_WO[:2], axis=1).min() < width:
+    surface = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
+    if len(surface) and np.linalg.norm(surface[:, :2] - p_WO[:2], axis=1).min() < width:
         return np.zeros((0, 3))
     steps = params.spacing * np.arange(-np.ceil(width / params.spacing), width / params.spacing + 1)
     x, y = np.meshgrid(steps, steps)

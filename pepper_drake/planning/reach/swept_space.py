@@ -141,12 +141,12 @@ def unseen_space(
     away = distance > radii + params.own_margin
     p_T, index = p_T[away], index[away]
     p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
-    hiding = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
+    spheres = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
     if body is not None:
-        hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
+        spheres = (np.concatenate((spheres[0], body[0])), np.concatenate((spheres[1], body[1])))
     oldest = np.asarray(params.oldest - stride * index, dtype=float)
     return _unseen_places(
-        p_W, index, oldest, X_WT, hiding, space, time, params, params.least_cells, movable
+        p_W, index, oldest, X_WT, spheres, space, time, params, params.least_cells, movable
     )
 
 
@@ -156,7 +156,7 @@ def unseen_drive_space(
     goal: Vector,
     joint_position: Vector,
     X_WT: RigidTransform,
-    hiding: tuple[Vector, Vector],
+    spheres: tuple[Vector, Vector],
     space: SeenSpace,
     time: float,
     params: UnseenSpaceParams,
@@ -169,7 +169,7 @@ def unseen_drive_space(
         goal: Goal of the base (3,).
         joint_position: Joints during the drive (15,) [rad].
         X_WT: Present pose of the torso.
-        hiding: Centres (S, 3) in T and radii (S,) of spheres on the robot, which occlude space
+        spheres: Centres (S, 3) in T and radii (S,) of spheres on the robot, which occlude space
             behind them [m].
         space: Observed space.
         time: Present time [s].
@@ -188,7 +188,7 @@ def unseen_drive_space(
     p_W, index = p_W[away], index[away]
     oldest = np.full(len(p_W), params.oldest)
     return _unseen_places(
-        p_W, index, oldest, X_WT, hiding, space, time, params, params.least_drive_cells
+        p_W, index, oldest, X_WT, spheres, space, time, params, params.least_drive_cells
     )
 
 
@@ -197,7 +197,7 @@ def _unseen_places(
     index: npt.NDArray[np.intp],
     oldest: Vector,
     X_WT: RigidTransform,
-    hiding: tuple[Vector, Vector],
+    spheres: tuple[Vector, Vector],
     space: SeenSpace,
     time: float,
     params: UnseenSpaceParams,
@@ -208,25 +208,25 @@ def _unseen_places(
     unseen = np.flatnonzero(space.unseen(p_W, time, oldest=oldest))
     unseen = unseen[np.unique(voxel_keys(p_W[unseen], params.cell), return_index=True)[1]]
     around = p_W[unseen, None] + params.thickness * np.concatenate((np.eye(3), -np.eye(3)))
-    late = np.repeat(oldest[unseen], 6)
-    sides = space.unseen(around.reshape(-1, 3), time, oldest=late).reshape(-1, 6)
+    limits = np.repeat(oldest[unseen], 6)
+    sides = space.unseen(around.reshape(-1, 3), time, oldest=limits).reshape(-1, 6)
     unseen = unseen[sides.sum(axis=1) >= 5]
     out_of_view = 0.0
     if len(unseen) and params.out_of_view_is_clear:
-        shown = within_possible_view(
+        visible = within_possible_view(
             CAMERA_DEPTH,
             (p_W[unseen] - X_WT.translation()) @ X_WT.rotation().matrix(),
-            hiding,
+            spheres,
             params.projector_baseline,
             border=params.image_border,
             margin=params.hidden_margin,
         )
-        shown &= _is_before_floor(p_W[unseen], X_WT, params.background)
+        visible &= _is_before_floor(p_W[unseen], X_WT, params.background)
         if movable is not None and len(movable):
             near = cKDTree(movable).query(p_W[unseen], distance_upper_bound=params.beside_movable)
-            shown |= np.isfinite(near[0])
-        out_of_view = float(np.count_nonzero(~shown)) * params.cell**3
-        unseen = unseen[shown]
+            visible |= np.isfinite(near[0])
+        out_of_view = float(np.count_nonzero(~visible)) * params.cell**3
+        unseen = unseen[visible]
     regions = [unseen[cells] for cells in _large_regions(p_W[unseen], params.cell, least_cells)]
     return UnseenSpace(
         tuple(p_W[cells] for cells in regions),
