@@ -19,13 +19,13 @@ BLUE, VIOLET, RED = (30, 90, 230), (170, 50, 200), (230, 50, 30)
 
 _FAR = 0.3
 """Distance from the hand at which the cloud's colour saturates at blue [m]."""
-_MOVED = 0.003
+_GOAL_MOVED = 0.003
 """Displacement of the goal below which it has not moved [m]."""
 _ARROW, _LONGEST_ARROW = 0.04, 0.3
 """Length of the coupling's arrow per m/s², and its limit [m]."""
-_OUTSIDE = 0.07
+_ARROW_OFFSET = 0.07
 """Distance of the arrow's tail from the hand's control frame, outside the hand [m]."""
-_PUSHED = 0.2
+_LEAST_COUPLING = 0.2
 """Weakest coupling that is drawn [m/s²]."""
 _POINT_SPACING = 0.005
 _LIMP = (Mode.GUIDED, Mode.RECORDED)
@@ -142,9 +142,9 @@ class LiveDrawing:
 
     def _draw_coupling(self, acceleration_W: Vector, p_WH: Vector) -> None:
         size = float(np.linalg.norm(acceleration_W))
-        if size > _PUSHED:
+        if size > _LEAST_COUPLING:
             direction = acceleration_W / size
-            start = p_WH + _OUTSIDE * direction
+            start = p_WH + _ARROW_OFFSET * direction
             end = start + min(_ARROW * size, _LONGEST_ARROW) * direction
             points = np.array([[start, end]], dtype=np.float32)
             self._scene.add_arrows(
@@ -176,7 +176,7 @@ class LiveDrawing:
             return
         if performs and self._color is not VIOLET:
             moved = np.linalg.norm(session.simulation.goal_position() - self._goal_at_start)
-            if moved > _MOVED:
+            if moved > _GOAL_MOVED:
                 self._add(p_WH)
                 self._end()
                 self._count += 1

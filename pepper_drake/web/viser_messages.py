@@ -95,7 +95,7 @@ _CAMERA: Mapping[str, _Field] = {
     "look_at": _vector(3),
     "up_direction": _vector(3),
 }
-_LEADING: Mapping[str, Mapping[str, _Field]] = {
+_CONTROLLING: Mapping[str, Mapping[str, _Field]] = {
     "GuiUpdateMessage": {"uuid": _text, "updates": _updates},
     "TransformControlsUpdateMessage": {
         "name": _text,
@@ -150,14 +150,14 @@ def checked(data: bytes | str, *, leads: bool) -> bytes | None:
         raise BadMessageError("no type")
     if kind == "ViewerCameraMessage":
         known = _CAMERA
-    elif kind in _LEADING:
-        known = _LEADING[kind]
+    elif kind in _CONTROLLING:
+        known = _CONTROLLING[kind]
     else:
         raise BadMessageError("an unknown type")
     if fields.keys() - known.keys() or known.keys() - fields.keys() - {"owner"}:
         raise BadMessageError("fields that are not the type's")
     message = {name: known[name](value) for name, value in fields.items()}
-    if not leads and kind in _LEADING:
+    if not leads and kind in _CONTROLLING:
         return None
     packed: bytes = msgpack.packb({"type": kind} | message)
     return packed

@@ -29,7 +29,7 @@ class SteadinessParams:
     """Mean jump of the base, which should stand [m]. Measured: 0.0001, and 0.0026 with noise of
     0.1 m/s on its commands."""
     other_clouds: int = 3
-    """Number of successive clouds that differ from the map's at the same image; normally none."""
+    """Number of successive clouds that differ from the map's at the same image; normally 0."""
     cloud: float = 0.004
     """Mean jump of the median point of the cloud [m]. Measured: 0.0001, and 0.013 with noise of
     20 mm."""

@@ -30,7 +30,7 @@ class UnseenSpaceParams:
     """Age up to which an observation of free space is valid [s]: the longest that a look around, a
     drive and its settling take."""
     recent: float = 0.8
-    """The same, when the arm enters the space, for entering it at full speed [s]: a person's arm at
+    """Age of an observation up to which the arm enters a place at full speed [s]: a person's arm at
     0.3 m/s moves by 0.24 m, the extent of what is seen around a place."""
     ahead: float = 1.5
     """Time before the arm enters a place at which the head looks there, if necessary [s]."""
