@@ -104,9 +104,9 @@ class ReachEvaluator:
 
         Args:
             scene: The planning scene.
-            simulated: (K, 5) joints of the movement without adaptation [rad], an additional initial
-                path.
-            plan: Whether to use the path planner if no demonstration can be adapted.
+            simulated: (K, 5) joints of the movement without adaptation [rad], one more path to
+                start from.
+            plan: Whether a path planner is asked where no demonstration can be adapted.
             allowance: By how much the clearance may fall short [m].
         """
         if self.adapter is None:

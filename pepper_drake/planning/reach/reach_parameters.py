@@ -156,7 +156,7 @@ class ReachPlannerParams:
     slowest: float = 1.6
     """Duration relative to the demonstration's up to which a plan is taken without comparison."""
     places_adapted: int = 4
-    """Largest number of base placements for which the movement is adapted."""
+    """Base placements for which the movement is adapted at most."""
     places_searched: int = 40
     """Number of base placements that are ranked if none of the usual ones is good enough."""
 
